@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         Cone,
         Cuboid,
         Earth,
+        LandCover,
         Limits,
         Motion,
         Objective,
@@ -119,7 +120,7 @@ _MODULES = {
     "cocap_opt.planners": ("PLANNERS", "Planner"),
     "cocap_opt.problem": (
         "COVERAGE_VERSION", "NO_RULES", "VERTEX_ONLY", "Actor", "Airspace", "Camera",
-        "CollisionRules", "Cone", "Cuboid", "Earth", "Limits", "Motion", "Objective",
+        "CollisionRules", "Cone", "Cuboid", "Earth", "LandCover", "Limits", "Motion", "Objective",
         "PassConflict", "Plan", "Prism", "Problem", "Robot", "StartArea", "StartStates", "State",
         "SwapConflict", "Take", "TriangulatedCuboid", "VertexConflict", "Views",
     ),

@@ -1,5 +1,6 @@
 """Text of files as it is shown, and words that were meant."""
 
+import unicodedata
 from collections.abc import Iterable, Sequence
 from decimal import ROUND_CEILING, Decimal
 from difflib import get_close_matches
@@ -10,13 +11,17 @@ _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "
 def printable(text: str, kept: str = "") -> str:
     """Returns the text with line breaks, control and other non-printable characters escaped.
 
+    Spaces of any width are plain ones.
+
     Parameters
     ----------
     kept : characters that stay as they are
     """
     return "".join(
-        c if c.isprintable() or c in kept else c.encode("unicode_escape").decode() for c in text
-    )
+        c if c.isprintable() or c in kept
+        else " " if unicodedata.category(c) == "Zs" else c.encode("unicode_escape").decode()
+        for c in text
+    )  # fmt: skip
 
 
 def rounded_up(number: float, digits: int) -> str:

@@ -28,9 +28,11 @@ def _write(last: str) -> Iterator[Path]:
         yield from write_pictures()
     if last == "player":
         with chromium("player.png"):
+            from cocap_opt.experiments.lab.studies.first_flight import write_first_flight
             from cocap_opt.experiments.lab.studies.pictures import write_pictures as write_player
 
             yield from write_player(PICTURES)
+            yield from write_first_flight(PICTURES)
 
 
 def main(words: list[str]) -> int:

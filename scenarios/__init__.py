@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem, State
-from cocap_opt.scenarios.built_in import field, tiny, walled
+from cocap_opt.scenarios.built_in import field, places, tiny, walled
 from cocap_opt.scenarios.formats import NOTHING, Options, conventions, hughes, movingai
 from cocap_opt.scenarios.kinds import JSON, WKT, kind_of
 from cocap_opt.scenarios.site import Site
@@ -27,6 +27,7 @@ SCENES: Mapping[str, Callable[[int], Problem]] = MappingProxyType(
     {
         **walled.SCENES,  # corridor, bottleneck, both also tight, passage, bridge
         **field.SCENES,  # field, field-long, field-large
+        **places.SCENES,  # delft
         **tiny.SCENES,  # tiny-approach and nine others
     }
 )

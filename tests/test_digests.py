@@ -45,7 +45,7 @@ def recipe(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     problem = json.loads(text, parse_float=Number, parse_int=Number)["problem"]
     problem["name"] = ""
-    del problem["earth"]
+    del problem["earth"], problem["land_cover"]
     numbers = {take["name"]: str(k) for k, take in enumerate(problem["takes"])}
     for take in problem["takes"]:
         take["name"] = numbers[take["name"]]

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import Json, Scene, Seed, load_planned
+from cocap_opt.cli.options import Json, Scene, Seed, Verbose, load_planned
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.independent import instance_of
@@ -18,8 +18,9 @@ from cocap_opt.formulations.independent.cocap_check import Instance, Refused
 from cocap_opt.formulations.independent.instance_facts import FormatError
 from cocap_opt.formulations.independent.scene_facts import UnknownError
 from cocap_opt.model import compiled
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import GivenPlan, PlanReader, read_text
-from cocap_opt.output.printing import Record, print_result, print_texts
+from cocap_opt.output.printing import Record, print_texts
 from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.audited import SOME, WHOLE, audited
@@ -60,6 +61,7 @@ def _audit(
         Parameter(help="seed of what is drawn; if not given, one that nobody knows beforehand"),
     ] = None,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Check an exported instance against its scene: exit 0 only if they agree.
 
@@ -105,7 +107,7 @@ def _audit(
     else:
         shown = {key: f"{answer[key]:.1e}" for key in _WIDTHS if key in answer}
         shown["rewards_enclosed"] = "\n".join(f"{a!r} to {b!r}" for a, b in audit.rewards)
-        print_result(answer | shown, json)
+        print_result(answer | shown, json, verbose)
         if differences:
             left = len(differences) - _SHOWN
             more = [f"and {left} more; --json has all"] if left > 0 else []

@@ -13,14 +13,16 @@ from cyclopts import App, CoercionError, CycloptsError, Group, Parameter
 from cocap_opt.cli import (
     audit_command,
     export_command,
-    flight_commands,
+    fly_command,
     front_command,
     gap_command,
     limits_command,
     picture_commands,
     quality_command,
     result_commands,
+    robustness_command,
     scene_commands,
+    sheet_command,
     solver_commands,
     takes_command,
     team_command,
@@ -54,7 +56,7 @@ _NAMES = {
     "Plan": ("scenes", "recipe", "plan", "team", "takes", "front", "limits"),
     "Prove": ("bound", "solve", "verify", "export", "audit", "library"),
     "Look": ("show", "quality", "render", "figure"),
-    "Fly": ("fly", "robustness"),
+    "Fly": ("fly", "sheet", "robustness"),
     "Measure": ("gap", "table", "report", "columns", "study"),
     "This program": ("compile", "completion"),
 }
@@ -87,7 +89,8 @@ for _flag in ("--help", "--version"):
 for _family in (
     scene_commands, export_command, solver_commands, limits_command, verify_command,
     audit_command, quality_command, gap_command, team_command, takes_command, front_command,
-    result_commands, picture_commands, flight_commands,
+    result_commands, picture_commands, fly_command, sheet_command,
+    robustness_command,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(

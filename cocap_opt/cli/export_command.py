@@ -14,10 +14,11 @@ from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.formulations.model_files.endings import CONES, LINEAR, NONLINEAR, ROOT_ERROR
 from cocap_opt.model import Model, compiled
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, save_bytes, save_files
 from cocap_opt.output.graphml import graphml
 from cocap_opt.output.long_tables import TABLES, LongTable
-from cocap_opt.output.printing import Record, print_result
+from cocap_opt.output.printing import Record
 from cocap_opt.problem import Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError

@@ -26,8 +26,8 @@ from cocap_opt.experiments.tables.comparison import profiles
 from cocap_opt.experiments.tables.comparison_tables import profile_records
 from cocap_opt.experiments.tables.layout import TRACES
 from cocap_opt.experiments.tables.teams import load_teams
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, check_output, save_bytes, save_csv
-from cocap_opt.output.printing import print_result
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import PICTURES, picture
 from cocap_opt.run.options import Option, UsageError

@@ -11,8 +11,9 @@ from cyclopts import Parameter
 from cocap_opt.cli.options import Json, Scene, Seed, Whole, load
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder
-from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.output.printing import Listing, Record
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored

@@ -6,15 +6,7 @@ from typing import Annotated, NamedTuple, Self
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import (
-    FLAG,
-    USUAL,
-    Budget,
-    Json,
-    Scene,
-    load,
-    say_narrow_way,
-)
+from cocap_opt.cli.options import FLAG, USUAL, Budget, Json, Scene, Verbose, load, say_narrow_way
 from cocap_opt.cli.workforce import HERE, Workforce
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
@@ -25,8 +17,8 @@ from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.start_sets import print_start_sets
 from cocap_opt.files.documents import FileError, PlanFile, problem_digest
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
-from cocap_opt.output.printing import print_result
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason
 from cocap_opt.run.engine import SOLVERS
@@ -199,6 +191,7 @@ def _gap(
         FLAG(help="try again what has failed in the folder of --out"),
     ] = False,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
 
@@ -234,7 +227,7 @@ def _gap(
     if json:
         print_result({"rows": rows}, json)
     else:
-        print_gap_table(rows)
+        print_gap_table(rows, verbose)
         print_start_sets(choices.groups, rows)
     return 1 if any(row.has_error for row in rows) else 0
 

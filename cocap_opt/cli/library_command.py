@@ -9,6 +9,7 @@ from cyclopts import App, Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output
 from cocap_opt.experiments.library.entries import DATA
+from cocap_opt.experiments.library.judge import TIME_LIMIT
 from cocap_opt.experiments.library.records import Library, Standing
 from cocap_opt.experiments.library.tables import (
     full_rows,
@@ -17,8 +18,9 @@ from cocap_opt.experiments.library.tables import (
     short_rows,
 )
 from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, make_folder, save_bytes, save_files
-from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.output.printing import Listing
 from cocap_opt.run.options import Option, UsageError
 
 app = App(
@@ -121,6 +123,9 @@ def _submit(
     who: Annotated[str, Parameter(help="name that the record is to have")] = "",
     program: Annotated[str, Parameter(help="program that found it; else as the file says")] = "",
     seconds: Annotated[float | None, Parameter(help="that it took; else as the file says")] = None,
+    time_limit: Annotated[
+        float, Parameter(help="seconds for the checker; inf: no limit")
+    ] = TIME_LIMIT,
     sources: _From = None,
     library: _Folder = None,
     json: Json = False,
@@ -133,8 +138,9 @@ def _submit(
     """
     if seconds is not None and not 0 <= seconds < float("inf"):
         raise UsageError(f"--seconds: must be >= 0, not {seconds}")
+    limit = Option("--time-limit").require_limit(time_limit)
     known = Library(library or DATA)
-    record = known.submit(file, who, program, seconds, sources)
+    record = known.submit(file, who, program, seconds, sources, limit)
     standing = known.standing(record.name)
     answer = {"instance": record.name, "accepted": f"{record.kind} {record.value:.6f}"}
     print_result({**answer, **_told(standing)}, json)

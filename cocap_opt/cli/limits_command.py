@@ -12,8 +12,9 @@ from cocap_opt.console.streams import without_warnings
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
-from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import Problem
 from cocap_opt.problem.motion import MOST_MOVED
 from cocap_opt.referee import check

@@ -34,9 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # The reader of our output has gone, as with `| head`.
         discard(sys.stdout)
         code = 0
-    except OSError as error:  # files name themselves; what is left is the output
-        discard(sys.stdout)
-        say(f"standard output: cannot be written: {error.strerror}")
+    except OSError as error:
+        if error.filename is None:  # our files name themselves; what is left is the output
+            discard(sys.stdout)
+            say(f"standard output: cannot be written: {error.strerror}")
+        else:  # the system's, such as /proc where nothing is mounted
+            say(f"{error.filename}: {error.strerror}")
         code = 2
     except KeyboardInterrupt as interrupt:  # a second one, or before any result was available
         say(", ".join(["interrupted", *map(str, interrupt.args)]))

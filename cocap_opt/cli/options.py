@@ -64,6 +64,9 @@ Workers = Annotated[
     ),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
+Verbose = Annotated[
+    bool, FLAG(name="--verbose", help="also print how it was computed: counts, seconds of parts")
+]
 Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from cocap_opt.cli.film_options import FilmOptions
 from cocap_opt.cli.options import (
     Json,
     Output,
@@ -25,6 +26,7 @@ from cocap_opt.data import LARGEST, MOST_PIXELS
 from cocap_opt.files.documents import FileError, problem_digest, read_bytes
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import (
     GivenPlan,
     PlanReader,
@@ -32,20 +34,22 @@ from cocap_opt.output.files import (
     make_folder,
     save_bytes,
 )
-from cocap_opt.output.printing import print_result
+from cocap_opt.player.filming import FILMS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import Site, load_site
 
 if TYPE_CHECKING:
+    from cocap_opt.player.player import Player
     from cocap_opt.player.player_proof import Proof
 
 _log = logging.getLogger(__name__)
 
 _SHOWN = Path("show.html")
 _MOST_STEPS = 100  # in one picture
-SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
+SHOWN = (".html", ".png", ".pdf", ".svg", ".gif", ".webm", ".mp4", ".webp")
+_AS_USUAL = FilmOptions()
 
 
 def _show(
@@ -65,6 +69,7 @@ def _show(
         str | None,
         Parameter(help="steps to draw, e.g. 5 or 0,4,8 (default: last step; GIF: all)"),
     ] = None,
+    film: FilmOptions = _AS_USUAL,
     heights: Annotated[
         str | None,
         Parameter(
@@ -74,9 +79,10 @@ def _show(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Play plans side by side in an HTML file, or draw one from above.
+    """Play plans side by side in an HTML file, film them, or draw one from above.
 
-    The HTML file needs no network and no other file. PNG, PDF and SVG show one step, or several
+    The HTML file needs no network and no other file. A film (WebM, MP4, WebP; GIF with --view)
+    shows what the HTML file plays, and needs Chromium. PNG, PDF and SVG show one step, or several
     side by side, a GIF one after the other. Without a plan they show the map, the people and the
     drones at their starts. If drones choose their starts, or a recipe has no drones or invalid
     starts, they show where drones may start. Without -o the file is show.html.
@@ -85,17 +91,21 @@ def _show(
     """
     output = output or _SHOWN
     suffix = Option("-o").ending(output, SHOWN)
-    if not plan and suffix == ".gif":
+    is_film = suffix in FILMS and (suffix != ".gif" or film.is_asked_for)
+    if not plan and (is_film or suffix == ".gif"):
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
-    if suffix != ".html" and len(plan) > 1:
+    if film.is_asked_for and not is_film:
+        raise UsageError(f"--view, --size, --speed: are of films, such as film.webm, not {suffix}")
+    if suffix != ".html" and not is_film and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
-    if certificate and (suffix != ".html" or not plan):
-        raise UsageError("--certificate: needs a plan, and a file that ends in .html")
-    if steps is not None and (suffix == ".html" or not plan):
-        raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
+    if certificate and not (plan and (suffix == ".html" or is_film)):
+        raise UsageError("--certificate: needs a plan, and a film or a file that ends in .html")
+    if steps is not None and (suffix == ".html" or is_film or not plan):
+        raise UsageError("--steps: needs a plan, and a picture: players and films show all steps")
     if heights is not None and plan:
         raise UsageError("--heights: is for a recipe without a plan, whose drones are to be placed")
     check_output(output, scene, *plan, certificate)
+    filming = film.filming(suffix) if is_film else None
     site = None if plan else load_site(scene, Option("--seed").require_whole(seed))
     if heights is not None and site is None:
         raise UsageError("--heights: needs a recipe, a file that ends in .toml")
@@ -108,21 +118,22 @@ def _show(
     if not plan:
         say_strains(scene, seed, problem)
     say_narrow_way(scene, seed, problem)
-    if suffix == ".html":
+    answer: dict[str, object] = {"scene": problem.name, "seed": seed}
+    if filming or suffix == ".html":
         gaps, proof = list[Explanation](), None
         if certificate:
             gaps = _gaps(problem, plans, certificate)
-            from cocap_opt.player.player_proof import Proof
-
-            typed = (certificate, read_bytes(certificate), scene, seed)
-            proof = Proof.of(*typed, loaded, plan, given)
-        content = _player(problem, given, plan, gaps, proof)
+            proof = _proof(certificate, scene, seed, loaded, plan, given)
+        player = _player(problem, given, plan, gaps, proof)
+        content, told = (
+            film.film(seed, player, filming) if filming else (player.page().encode(), {})
+        )
+        answer |= told
     else:
         chosen = () if steps is None else _steps(problem, steps)
         content = _picture(problem, plans, suffix, chosen)
     save_bytes(output, content)
-    digest = problem_digest(problem)
-    answer = {"scene": problem.name, "seed": seed, "digest": digest, "file": output}
+    answer |= {"digest": problem_digest(problem), "file": output}
     print_result(answer, json)
     return 0
 
@@ -219,6 +230,16 @@ def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanati
         raise FileError(f"{path}: {error}") from error
 
 
+def _proof(
+    path: Path, scene: str, seed: int, loaded: Problem, plans: Sequence[Path],
+    given: Sequence[GivenPlan],
+) -> "Proof":  # fmt: skip
+    """Returns a certificate or a proof as the player offers it."""
+    from cocap_opt.player.player_proof import Proof
+
+    return Proof.of(path, read_bytes(path), scene, seed, loaded, plans, given)
+
+
 def _steps(problem: Problem, text: str) -> tuple[int, ...]:
     """Returns the steps of a list, all of which the scene has."""
     found = Option("--steps").numbers(text)
@@ -235,15 +256,15 @@ def _player(
     paths: Sequence[Path],
     gaps: Sequence[Explanation],
     proof: "Proof | None",
-) -> bytes:
-    """Returns the page that plays plans from files."""
+) -> "Player":
+    """Returns the player of plans from files."""
     from cocap_opt.player.player import Player
 
     titles = PlanReader.titles(paths)
     titled = [(title, given_plan.plan) for title, given_plan in zip(titles, given, strict=True)]
     planners = [given_plan.planner for given_plan in given]
     cut_short = [given_plan.cut_short for given_plan in given]
-    return Player(problem, titled, gaps, planners, cut_short, proof).page().encode()
+    return Player(problem, titled, gaps, planners, cut_short, proof)
 
 
 def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:

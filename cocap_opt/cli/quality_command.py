@@ -16,6 +16,7 @@ from cocap_opt.data import ProblemError, within
 from cocap_opt.files.documents import encode
 from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.footage.summary import OfPerson, whole_percent
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import (
     GivenPlan,
     PlanReader,
@@ -24,7 +25,7 @@ from cocap_opt.output.files import (
     save_bytes,
     save_files,
 )
-from cocap_opt.output.printing import Listing, Record, print_result, rounded
+from cocap_opt.output.printing import Listing, Record, line_width, rounded
 from cocap_opt.referee import check
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.quality_bound import QualityBound
@@ -149,14 +150,15 @@ def _quality(
         last = {} if limits is None else {"bound": _bound_record(limits, found, obeys_rules)}
         print_result({**first, **answer, "assumptions": numbers, "file": csv, **last}, json)
     else:
-        sys.stdout.write(f"{printable(str(found), chr(10))}\n\n")
+        width = min(line_width(), _WIDTH)
+        sys.stdout.write(f"{printable(found.words(width), chr(10))}\n\n")
         if rows := take_rows(given.problem, given.plan):
             by_take = ", ".join(f"{row['take']} {rounded(row['reward'])}" for row in rows)
-            words = textwrap.fill(f"J take by take: {by_take}", _WIDTH)
+            words = textwrap.fill(f"J take by take: {by_take}", width)
             sys.stdout.write(f"{printable(words, chr(10))}\n\n")
         if limits is not None:
             for words in limits.sentences(found, obeys_rules):
-                sys.stdout.write(f"{textwrap.fill(words, _WIDTH)}\n")
+                sys.stdout.write(f"{textwrap.fill(words, width)}\n")
             sys.stdout.write("\n")
         _people(found).print()
     return 0

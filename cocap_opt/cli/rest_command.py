@@ -19,8 +19,9 @@ from cocap_opt.files.documents import FileError, PlanFile, SceneFile, problem_di
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.method import Method
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
-from cocap_opt.output.printing import Record, print_result
+from cocap_opt.output.printing import Record
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
@@ -120,6 +121,7 @@ def replan(
     allowance: Allowance,
     output: Path | None,
     json: bool,
+    verbose: bool,
 ) -> int:
     """Plans the rest of a mission, writes it, bounds it, and prints both.
 
@@ -149,7 +151,7 @@ def replan(
     answer |= _of_the_mission(replanning, bounded)
     if not json:
         answer["drones"] = " ".join(map(str, rest.drones))
-    print_result(in_order(answer, bounded.result.plan is not None), json)
+    print_result(in_order(answer, bounded.result.plan is not None), json, verbose)
     return 0
 
 

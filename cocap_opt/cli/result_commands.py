@@ -27,8 +27,9 @@ from cocap_opt.experiments.tables.comparison_tables import (
 )
 from cocap_opt.experiments.tables.rows import COLUMNS, GapRow
 from cocap_opt.experiments.tables.tables import AGAINST, DOCUMENTS, Tables
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, save_bytes, save_csv
-from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.output.printing import Listing
 from cocap_opt.run.options import Option, UsageError
 
 _log = logging.getLogger(__name__)

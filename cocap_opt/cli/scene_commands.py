@@ -2,13 +2,20 @@
 
 import os
 import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from cocap_opt.cli.options import Json
 from cocap_opt.compiling import ALL_SECONDS, CompilingError, Kernel, is_there
 from cocap_opt.console.progress import Watch
+from cocap_opt.output.answer import print_result
+from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.output.known_scenes import known_scenes
-from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.output.printing import Listing
 from cocap_opt.run.options import UsageError
+from cocap_opt.scenarios.built_in import places
 from cocap_opt.stop import Clock
 
 
@@ -29,11 +36,40 @@ def _scenes(*, json: Json = False) -> int:
     return 0
 
 
-def _recipe(*, json: Json = False) -> int:
+def _recipe(
+    place: Annotated[
+        str | None,
+        Parameter(help="a built-in real place, e.g. delft, to copy its recipe and all its files"),
+    ] = None,
+    /,
+    *,
+    output: Annotated[
+        Path | None, Parameter(name=["--output", "-o"], help="folder for the files of a place")
+    ] = None,
+    json: Json = False,
+) -> int:
     """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
+
+    Of a built-in place it copies the recipe and the maps into a folder, for you to change.
 
     Example: cocap-opt recipe > scene.toml
     """
+    if place is None:
+        if output is not None:
+            raise UsageError(f"--output: needs a PLACE, one of {', '.join(places.SCENES)}")
+        return _print_example(json)
+    if place not in places.SCENES:
+        raise UsageError(f"PLACE: must be one of {', '.join(places.SCENES)}, not {place}")
+    if output is None:
+        raise UsageError(f"--output: must name a folder for the files of {place}")
+    make_folder(output)
+    copies = {output / name: content for name, content in places.files(place).items()}
+    save_files(copies)
+    print_result({"recipe": output / f"{place}.toml", "files": list(copies)}, json)
+    return 0
+
+
+def _print_example(json: bool) -> int:
     from cocap_opt.scenarios.recipe import EXAMPLE  # its readers are slow to import
 
     if json:

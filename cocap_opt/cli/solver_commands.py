@@ -18,6 +18,7 @@ from cocap_opt.cli.options import (
     Output,
     Scene,
     Seed,
+    Verbose,
     load,
     load_planned,
     say_narrow_way,
@@ -29,11 +30,12 @@ from cocap_opt.experiments.tables.rows import OWN_STARTS, PlanRow
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import (
     PlanReader,
     save_bytes,
 )
-from cocap_opt.output.printing import Record, counted, print_result
+from cocap_opt.output.printing import Record, counted
 from cocap_opt.output.trace import Trace
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
@@ -74,6 +76,7 @@ def _plan(
     rest: RestOptions = WHOLE,
     output: Output = None,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Plan a scene, check the plan, and write it to a file.
 
@@ -88,7 +91,7 @@ def _plan(
     method = planner_named(Option("--planner"), planner)
     allowance = budget.allowance
     if rest.asked:
-        return replan(rest, scene, seed, free, (planner, method), allowance, output, json)
+        return replan(rest, scene, seed, free, (planner, method), allowance, output, json, verbose)
     check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
@@ -117,7 +120,7 @@ def _plan(
         answer["violations"] = judged.verdict.conflicts
     answer |= _chosen_starts(problem, judged.result.plan)
     answer |= _take_by_take(problem, judged)
-    print_result(in_order(answer, judged.result.plan is not None), json)
+    print_result(in_order(answer, judged.result.plan is not None), json, verbose)
     return 0
 
 
@@ -135,6 +138,7 @@ def _bound(
     output: Output = None,
     trace: _TraceFile = None,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Compute an upper bound on J and the certificate that proves it.
 
@@ -148,7 +152,7 @@ def _bound(
         answer = task.answer(method, judged)
         say(answer, task.surpassed(judged))
         save(answer, "certificate", {"file": (output, judged.result.certificate)})
-    print_result(in_order({**answer, **judged.result.statistics}), json)
+    print_result(in_order({**answer, **judged.result.statistics}), json, verbose)
     return 0
 
 
@@ -175,6 +179,7 @@ def _solve(
     certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
     trace: _TraceFile = None,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Find the best plan and prove that no other is better by more than the gap.
 
@@ -200,7 +205,7 @@ def _solve(
         made = output, judged.plan_file(task.problem, method, allowance)
         save(answer, "plan", {"file": made, "certificate": proof})
     has_plan = judged.result.plan is not None
-    print_result(in_order({**answer, **judged.result.statistics}, has_plan), json)
+    print_result(in_order({**answer, **judged.result.statistics}, has_plan), json, verbose)
     return 0
 
 

@@ -11,8 +11,9 @@ from cocap_opt.cli.options import Json, Scene, Seed, Whole, load
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import PlanFile, SceneFile, encode
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder, save_files
-from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import Problem
 from cocap_opt.run.drawn_takes import with_drawn_takes
 from cocap_opt.run.options import Option, UsageError

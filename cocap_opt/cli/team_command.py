@@ -12,7 +12,8 @@ from cocap_opt.cli.options import FLAG, Json, Scene, Seed, Whole, Work, load
 from cocap_opt.cli.workforce import HERE, Workforce
 from cocap_opt.experiments.sweeps.teams import Asked, compare_teams, team_settings
 from cocap_opt.experiments.tables.teams import records, sentences, teams_table
-from cocap_opt.output.printing import line_width, print_result
+from cocap_opt.output.answer import print_result
+from cocap_opt.output.printing import line_width
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import CAMERAS
 

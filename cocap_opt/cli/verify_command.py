@@ -16,6 +16,7 @@ from cocap_opt.cli.options import (
     Json,
     Scene,
     Seed,
+    Verbose,
     load_planned,
     say_narrow_way,
 )
@@ -27,17 +28,13 @@ from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, read_claim
-from cocap_opt.output.printing import (
-    Record,
-    line_width,
-    print_result,
-    print_texts,
-)
+from cocap_opt.output.printing import Record, line_width, print_texts
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.run.explained import Explained
 from cocap_opt.run.explained_tables import explained_tables
-from cocap_opt.run.explained_words import explained_sentences
+from cocap_opt.run.explained_words import explained_sentences, in_three_sentences
 from cocap_opt.run.forecast import warn_of_checking
 from cocap_opt.run.judged import Judged, finite
 from cocap_opt.run.options import Option, UsageError
@@ -64,7 +61,11 @@ def _verify(
     free: Free = False,
     explain: Annotated[
         bool,
-        FLAG(name="--explain", help="say what the gap is made of; the terms add up to it"),
+        FLAG(name="--explain", help="say in three sentences what the gap is made of"),
+    ] = False,
+    all_terms: Annotated[
+        bool,
+        FLAG(name="--all", help="with --explain: all sentences, and tables that add up to the gap"),
     ] = False,
     networkx: Annotated[
         bool,
@@ -84,6 +85,7 @@ def _verify(
         ),
     ] = _USUAL_LIMIT,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Independently verify plans, certificates and proofs: exit 0 only if all claims hold.
 
@@ -106,6 +108,8 @@ def _verify(
     claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
+    if all_terms and not explain:
+        raise UsageError("--all: is for explanations; add --explain")
     if networkx and not claims.bounds:
         raise UsageError("--networkx: name a certificate or a proof")
     if plain and not claims.bounds:
@@ -130,9 +134,13 @@ def _verify(
         answer["message"] = "; ".join(filter(None, (answer.get("message", ""), words)))
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None
-    print_result(answer if json else answer | claims.by_person(verified), json)
     if explained and not json:
+        print_texts([], [*in_three_sentences(explained), ""])
+    print_result(answer if json else answer | claims.by_person(verified), json, verbose)
+    if explained and not json and all_terms:
         print_texts(explained_tables(explained, line_width()), explained_sentences(explained))
+    elif explained and not json:
+        print_texts([], ["--all adds the other sentences, and tables that add up to the gap."])
     return 1 if verified.violations else 0
 
 

@@ -89,7 +89,7 @@ class Watch:
 
     def _say(self) -> None:
         self._due = self._clock.seconds + SECONDS_BETWEEN_LINES
-        say(": ".join(filter(None, (self._head(), self._status))))
+        say(": ".join(self._texts()))
 
     def counter(self, noun: str) -> Callable[[int, int], None]:
         """Returns a function that is told how many of some things are done, and of how many."""
@@ -116,12 +116,17 @@ class Watch:
 
     def lines(self) -> RenderableType:
         """Returns the lines that a terminal shows."""
-        texts = (printable(text) for text in (self._head(), self._status))
-        lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text]
+        texts = map(printable, self._texts())
+        lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts]
         if self._parts is None:
             return Group(*lines)
         # A bar ends without a line break.
         return Group(*lines, ProgressBar(self._parts, self._finished, width=_BAR_WIDTH))
+
+    def _texts(self) -> list[str]:
+        """Returns the task and its status, unless the task has it in its name."""
+        is_told = not self._status or self._status in self._task
+        return [self._head()] if is_told else [self._head(), self._status]
 
     def _head(self) -> str:
         passed = self._clock.seconds
@@ -163,6 +168,4 @@ def _words(snapshot: Snapshot) -> str:
     )
     # The node that is being solved may already be below the best plan.
     gap = f"{100 * max(snapshot.gap, 0.0):.4f} %" if math.isfinite(snapshot.gap) else "-"
-    return (
-        f"value {value} bound {bound} gap {gap} columns {snapshot.columns} nodes {snapshot.nodes}"
-    )
+    return f"J {value}, bound {bound}, gap {gap}"

@@ -254,9 +254,9 @@ def read_bytes(path: Path) -> bytes:
 def problem_digest(problem: Problem) -> str:
     """Digest of all that J, and what a plan may do, depend on.
 
-    Names, places on the Earth, homes, numbers, when tracks begin and the share of views that is
-    asked for have no part in that. The page on files has the recipe, by which anybody can compute
-    the digest.
+    Names, places on the Earth, land cover, homes, numbers, when tracks begin and the share of views
+    that is asked for have no part in that. The page on files has the recipe, by which anybody can
+    compute the digest.
     """
     numbers = {take.name: str(k) for k, take in enumerate(problem.takes)}
     actors = tuple(
@@ -264,11 +264,11 @@ def problem_digest(problem: Problem) -> str:
         for actor in problem.actors
     )
     takes = tuple(take.replace(name=numbers[take.name]) for take in problem.takes)
-    nameless = problem.replace(name="", actors=actors, earth=None, takes=takes)
+    nameless = problem.replace(name="", actors=actors, earth=None, takes=takes, land_cover=())
     fields = msgspec.to_builtins(_read_back(nameless), enc_hook=_encode_array)
     # Newer fields than files whose digests hold are left out where nothing is in them.
     for holder in (fields, *fields["robots"], *fields["actors"]):
-        for name in ("step", "earth", "limits", "name", "begin", "take", "takes"):
+        for name in ("step", "earth", "limits", "name", "begin", "take", "takes", "land_cover"):
             if name in holder and holder[name] in (None, [], ()):
                 del holder[name]
     for robot in fields["robots"]:

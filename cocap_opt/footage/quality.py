@@ -19,7 +19,7 @@ from cocap_opt.footage.rays import widest_angle
 from cocap_opt.footage.shares import visible_shares
 from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import OfPerson, Summary
-from cocap_opt.footage.words import quality_words
+from cocap_opt.footage.words import USUAL_WIDTH, quality_words
 from cocap_opt.problem import Camera, Plan, Problem, Take
 from cocap_opt.vision.seen import are_seen
 
@@ -217,10 +217,14 @@ class Quality:
         return draw_strip(ax, self.people, self.views, self.counts, self.times)
 
     def __str__(self) -> str:
+        return self.words(USUAL_WIDTH)
+
+    def words(self, width: int) -> str:
+        """Returns the summary, the worst moments and what was assumed, in lines of some width."""
         blurred = None if self.blur is None else self.blur.swapaxes(1, 2)[self.counts]
         takes = [(take.name, found) for take, found in zip(self.takes, self.by_take, strict=True)]
         return quality_words(
-            self.summary, self.worst, blurred, self.has_pictures, self.assumptions, takes
+            self.summary, self.worst, blurred, self.has_pictures, self.assumptions, takes, width
         )
 
     def __repr__(self) -> str:

@@ -3,6 +3,7 @@
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from cocap_opt.footage.assumptions import Assumptions
 from cocap_opt.footage.moments import APART
 from cocap_opt.footage.summary import Summary, share
 
-_WIDTH = 80  # characters of a line
+USUAL_WIDTH = 80  # characters of a line
 _LABEL = 32  # characters before a number
 _SHARP = 0.5  # px of blur
 
@@ -23,6 +24,7 @@ def quality_words(
     has_pictures: BoolArray,
     had: Assumptions,
     takes: Sequence[tuple[str, Summary]] = (),
+    width: int = USUAL_WIDTH,
 ) -> str:
     """Returns the summary of a plan's quality, its worst moments, and what was assumed.
 
@@ -33,25 +35,30 @@ def quality_words(
         has no picture. None if the scene defines no step length
     has_pictures : [R] true for the drones with a pinhole camera
     takes : names of the ways in which people may walk, and the summary of each
+    width : characters of a line at most
     """
     if not found.person_steps:
         return "Quality of a plan: nobody has any weight, so that no person-step counts"
+    line = partial(_line, width=min(width, USUAL_WIDTH))
     lines = [
         f"Quality of a plan: {_counted(found.person_steps, 'person-step')} that "
         f"{'counts' if found.person_steps == 1 else 'count'}, "
         f"{_counted(len(has_pictures), 'drone')}",
-        _line("seen by two drones or more", _percent(found.by_two)),
-        _line("seen by three or more", _percent(found.by_three)),
-        _line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
-        _line("error of a point, RMS", _told_errors(found, has_pictures)),
-        _line("blur", _told_blur(blur)),
-        _line("drones in others' pictures", _told_intruders(found)),
+        line("seen by two drones or more", _percent(found.by_two)),
+        line("seen by three or more", _percent(found.by_three)),
+        line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
+        line("error of a point, RMS", _told_errors(found, has_pictures)),
+        line("blur", _told_blur(blur)),
+        line("drones in others' pictures", _told_intruders(found)),
         *(
-            _line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
+            line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
             for k, (name, of) in enumerate(takes)
         ),
-        *(_line("" if k else "worst moments", words) for k, words in enumerate(worst)),
-        *(textwrap.fill(words, _WIDTH) for words in _notes(had, blur is not None, has_pictures)),
+        *(line("" if k else "worst moments", words) for k, words in enumerate(worst)),
+        *(
+            textwrap.fill(words, min(width, USUAL_WIDTH))
+            for words in _notes(had, blur is not None, has_pictures)
+        ),
     ]
     return "\n".join(lines)
 
@@ -114,10 +121,10 @@ def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterato
         )
 
 
-def _line(label: str, words: str) -> str:
+def _line(label: str, words: str, width: int) -> str:
     """Returns a label and what it stands for, folded below each other."""
     return textwrap.fill(
-        words, _WIDTH, initial_indent=f"{label:{_LABEL}}", subsequent_indent=" " * _LABEL
+        words, width, initial_indent=f"{label:{_LABEL}}", subsequent_indent=" " * _LABEL
     )
 
 

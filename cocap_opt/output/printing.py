@@ -1,24 +1,19 @@
-"""Results on standard output: tables, or one JSON object and nothing else."""
+"""Tables and sentences on standard output, which fit the terminal."""
 
 import html
 import os
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from json import dumps
-from math import fsum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from cocap_opt.output.conflicts import grouped_conflicts
-from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
@@ -31,72 +26,17 @@ _USUAL = 80  # characters of a line of a terminal
 _BREAK = "\n"
 _FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where each begins
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
-# Names of statistics, as people read them; JSON has the keys.
 # Numbers as tables have them: marks, a sign, digits, a unit; several; a share of something; a note.
 _ONE = r"[*\\]*(?:&lt;|[<~±+-])?\s?\d[\d.,:]*(?:e[+-]?\d+)?(?:\s?[^\s\d(,.]{1,5})?[*\\]*"
 _NUMBER = re.compile(rf"{_ONE}(?:(?:,\s| ± | to | of |\.\.){_ONE})*(?: \([^()]*\))?[*\\]*")
 _NO_NUMBER = ("none", "no plan", "unknown", "above 100", "inf", "nan")  # cells among numbers
 
-_LABELS = {
-    "cut_short": "attention",
-    "plain": "checked without compiled code",
-    "generated": "tree: nodes made",
-    "expanded": "tree: nodes expanded",
-    "depth": "tree: depth of the plan",
-    "evaluated": "single views evaluated",
-    "leaves": "leaves of the proof",
-    "iterations": "pricing rounds",
-    "columns": "columns (paths) made",
-    "rows": "collision rows",
-    "cuts": "envelope cuts",
-    "stages": "stages of step envelopes",
-    "paths_above": "J above which all plans were tried",
-    "step": "seconds of a step",
-    "duration": "seconds of the flight",
-    "deviation": "most from the straight flight at any moment (m)",
-    "least_distance": "least distance of two drones at any moment (m)",
-    "people_distance": "least distance to a person at any moment, from above (m)",
-    "delay_tolerance": "delay tolerance: drones may be apart in time by less than (s)",
-    "delay_tolerance_to_people": "delay tolerance to people: drones may be ahead or behind by (s)",
-    "from_step": "the rest begins at step",
-    "drones": "drones that fly it",
-    "flown_reward": "J of what was flown",
-    "whole_reward": "J of the whole mission",
-    "old_reward": "J of the old rest",
-    "bound_seconds": "seconds of the bound",
-    "items": "items of the longest mission",
-    "late": "late at the end at most, for legs that cannot be flown in time (s)",
-    "slowed": "steps at which a drone passes more slowly, to be safe",
-    "shortened": "steps at which a drone changes speed in less time, to be safe",
-    "reward_straight": "J, straight, between the steps too",
-    "reward_smooth": "J, smooth, between the steps too",
-    "takes": "take by take",
-    "smoothing_cost": "J of the smooth flight against that of the straight one",
-    "states_reached": "states at steps that drones reach",
-    "states_that_see": "of these, states that see anything",
-    "near_people_undecided": "places and moves too near to a least distance to be decided",
-    "draw": "seed of what is drawn (--draw)",
-    "views_enclosed": "states at steps whose coverage is enclosed",
-    "numbers_enclosed": "numbers of them that are not 0 on both sides",
-    "numbers_undecided": "numbers whose enclosure is too wide to decide",
-    "widest_share": "widest of the other enclosures, as a share",
-    "widest_pixels": "widest of the other enclosures (px/m2)",
-    "rewards_enclosed": "J of each plan, by the scene alone",
-    "agrees": "the instance is the scene's",
-    "accuracy": "latitudes and longitudes may be off by (m)",
-}
 # Methods of bounds whose names say little; JSON has the names.
 _METHODS = {
     "step-envelopes": "column-generation, with step envelopes",
     "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
     "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
-# Lists of rewards: what each is of, and the number of the first.
-_SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
-_FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
-# Values that say nothing, by their keys; JSON has them.
-_SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0, "late": 0.0}
-_ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
@@ -105,7 +45,7 @@ class _Output(Console):
         raise BrokenPipeError  # rich would exit with 1, which here means a false claim
 
 
-def _console(least: int = 0) -> Console:
+def terminal(least: int = 0) -> Console:
     """Returns standard output, at least so wide; text that is too long goes on in the next line."""
     known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
     console = _Output() if known else _Output(width=_WIDE)
@@ -123,71 +63,20 @@ def rounded(amount: float) -> str:
     return f"{round(amount, 2) + 0.0:,.2f}"
 
 
-def print_result(row: Record, json: bool) -> None:
-    """Prints the answer of a command: a line per key, or one JSON object on one line.
-
-    Infinite numbers are null in JSON; what is no text, or would steer a terminal, is escaped.
-    """
-    if json:
-        sys.stdout.write(_harmless(msgspec.json.encode(row, enc_hook=_path_text).decode()) + "\n")
-        return
-    table = Table(show_header=False, box=None)
-    table.add_column()
-    table.add_column(overflow="fold")  # nothing is cut off: names of files are to be copied
-    for key, value in row.items():
-        silent = value is None or value == "" or _SILENT.get(key) == value
-        if not silent and key not in _ONLY_JSON:
-            table.add_row(_LABELS.get(key, key), escape(_shown(key, value)))
-    _console().print(table)
-
-
-def _shown(key: str, value: Any) -> str:
-    """Returns a value as people read it: conflicts in groups, and long lists summed up."""
-    if key == "smoothing_cost":  # which is below 0 where smoothness gains
-        return f"{-100 * value:+.3f} %"
-    if key == "takes":
-        return told_takes(value)
-    if key == "violations":
-        return _text(key, grouped_conflicts(value))
-    if key in _SERIES and len(value) > _FEW:
-        return _summary(value, *_SERIES[key])
-    return _text(key, value)
-
-
-def told_takes(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Returns J and the quality of a plan in each take, a line each."""
-    return _BREAK.join(
-        "; ".join(filter(None, [
-            f"{row['take']} ({100 * row['probability']:.3g} %): J {rounded(row['reward'])}",
-            row["cameras"],
-        ]))
-        for row in rows
-    )  # fmt: skip
-
-
-def _summary(rewards: Sequence[float], noun: str, first: int) -> str:
-    """Returns the mean of rewards, and which is the least and which the largest."""
-    least, most = (rewards.index(end(rewards)) for end in (min, max))
-    return "\n".join([
-        f"mean {fsum(rewards) / len(rewards):,.2f} over {len(rewards)}; --json has all",
-        f"least {rewards[least]:,.2f}, {noun} {least + first}",
-        f"most {rewards[most]:,.2f}, {noun} {most + first}",
-    ])  # fmt: skip
-
-
 def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
-    """Prints tables as they are, and sentences below each other."""
-    console = _console()
+    """Prints tables as they are, and below them sentences, each on a line of its own."""
+    console = terminal()
     for text in tables:
         console.print(f"\n{printable(text, _BREAK)}", markup=False, highlight=False, soft_wrap=True)
-    console.print()
+    if tables:
+        console.print()
     for text in sentences:
         console.print(printable(text, _BREAK), markup=False, highlight=False)
 
 
 def line_width() -> int:
     """Returns the characters of a line of a terminal; of a usual one where there is none."""
-    console = _console()
+    console = terminal()
     return _USUAL if console.width == _WIDE and not console.is_terminal else console.width
 
 
@@ -227,9 +116,10 @@ class Listing(NamedTuple):
     notes: Sequence[str] = ()
 
     def print(self) -> None:
-        """Prints it on standard output."""
-        _console(self._least_width).print(self._table())
-        console = _console()
+        """Prints it on standard output; on a terminal that is too narrow as several tables."""
+        for part in self._folded() if sys.stdout.isatty() else [self]:
+            terminal(part._least_width).print(part._table())
+        console = terminal()
         if len(self.notes) <= _FEW_NOTES:
             for words in self.notes:
                 console.print(printable(words, _BREAK), markup=False)
@@ -251,7 +141,7 @@ class Listing(NamedTuple):
         note = f"{what}: {number} of {len(self.rows)}; --json has all"
         return self._replace(rows=self.rows[:number], notes=[note, *self.notes])
 
-    def fitted(self, spare: Sequence[str], whole: str = "") -> "Listing":
+    def fitted(self, spare: Sequence[str], whole: str = "a wider one") -> "Listing":
         """Returns it without as many of some columns, the first first, as a terminal is too narrow.
 
         A note names them. Where standard output is no terminal, it is whole.
@@ -262,7 +152,7 @@ class Listing(NamedTuple):
         """
         listing, gone = self, []
         for key in spare if sys.stdout.isatty() and self.rows else ():
-            if listing._least_width <= _console().width:
+            if listing._least_width <= terminal().width:
                 break
             if key in listing.rows[0]:
                 gone.append(key)
@@ -271,31 +161,59 @@ class Listing(NamedTuple):
         if not gone:
             return self
         words = f"Hidden (terminal too narrow): {', '.join(k for k in self.rows[0] if k in gone)}"
-        note = f"{words}; {whole} shows all columns." if whole else f"{words}."
-        return listing._replace(notes=[note, *listing.notes])
+        return listing._replace(notes=[f"{words}; {whole} shows all columns.", *listing.notes])
+
+    def _folded(self) -> "list[Listing]":
+        """Returns it in parts, each as wide as the terminal if its columns are not wider.
+
+        The names that rows begin with are in all parts, unless they take more than half the width.
+        """
+        keys, width = list(self.rows[0]) if self.rows else [], terminal().width
+        count = next((k for k, key in enumerate(keys) if k and not self._has_names(key)), len(keys))
+        if self._only(keys[:count])._least_width > width / 2:
+            count = 1
+        parts, shown = list[Listing](), keys[:count]
+        for key in keys[count:]:
+            if len(shown) > count and self._only([*shown, key])._least_width > width:
+                parts.append(self._only(shown))
+                shown = keys[:count]
+            shown.append(key)
+        first, *others = [*parts, self._only(shown)]
+        return [first, *(other._replace(title="") for other in others)]
+
+    def _has_names(self, key: str) -> bool:
+        """Returns True for a column of short words, or of seeds, which tell rows apart."""
+        is_name = key == "seed" or all(_is_name(row[key]) for row in self.rows)
+        return is_name and key not in _WRAPPED[1:]
+
+    def _only(self, keys: Sequence[str]) -> "Listing":
+        """Returns it with some of its columns, without notes."""
+        rows = [{key: row[key] for key in keys} for row in self.rows]
+        return self._replace(rows=rows, notes=())
 
     @property
     def _least_width(self) -> int:
         """The number of characters in a line, at least."""
-        console = _console()
+        console = terminal()
         unbounded = console.options.update(max_width=_UNBOUNDED)  # else clamped to the terminal
         return console.measure(self._table(), options=unbounded).minimum
 
     def _table(self) -> Table:
-        table = Table(title=escape(printable(self.title)), title_justify="left", box=SIMPLE_HEAD,
-                      pad_edge=False, collapse_padding=True)  # fmt: skip
+        title = escape(printable(self.title)) or None
+        table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
+                      collapse_padding=True)  # fmt: skip
         for key, value in self.rows[0].items() if self.rows else ():
             wraps, widest = key in _WRAPPED, self._widest(key)
             table.add_column(key, justify="left" if _is_name(value) else "right",
                              no_wrap=not wraps, overflow="fold",
                              min_width=min(_FOLDED, widest) if wraps else widest)  # fmt: skip
         for row in self.rows:
-            table.add_row(*(escape(_text(key, value)) for key, value in row.items()))
+            table.add_row(*(escape(cell_text(key, value)) for key, value in row.items()))
         return table
 
     def _widest(self, key: str) -> int:
         """Returns the number of characters that a column needs."""
-        texts = [key, *(_text(key, row[key]) for row in self.rows)]
+        texts = [key, *(cell_text(key, row[key]) for row in self.rows)]
         return max(len(part) for text in texts for part in (text.splitlines() or [""]))
 
     @property
@@ -304,7 +222,8 @@ class Listing(NamedTuple):
         if not self.rows:
             return ""
         cells = [
-            {key: self.cell(_text(key, value)) for key, value in row.items()} for row in self.rows
+            {key: self.cell(cell_text(key, value)) for key, value in row.items()}
+            for row in self.rows
         ]
         return markdown_table(cells) + "\n"
 
@@ -327,21 +246,18 @@ class Marked(NamedTuple):
     mark: str
 
 
-def _harmless(json: str) -> str:
-    """Returns JSON whose characters that are no text are escaped, as JSON escapes them."""
-    return "".join(c if c.isprintable() else dumps(c)[1:-1] for c in json)
-
-
-def _path_text(value: object) -> str:
+def path_text(value: object) -> str:
+    """Returns the name of a file; what would steer a terminal is escaped."""
     assert isinstance(value, Path), f"{value!r} is nothing that can be printed"
     return printable(str(value))
 
 
-def _text(key: str, value: Any) -> str:
+def cell_text(key: str, value: Any) -> str:
+    """Returns a value as people read it, by its key."""
     if isinstance(value, Path):
-        return _path_text(value)
+        return path_text(value)
     if isinstance(value, Marked):
-        return _text(key, value.value) + value.mark
+        return cell_text(key, value.value) + value.mark
     if value is None:
         return "-"
     if key == "method":
@@ -357,5 +273,5 @@ def _text(key: str, value: Any) -> str:
     if isinstance(value, (list, tuple)):
         if value and all(isinstance(item, float) for item in value):
             return "  ".join(f"{item:,.2f}" for item in value)
-        return "\n".join(_text("", item) for item in value) or "none"
+        return "\n".join(cell_text("", item) for item in value) or "none"
     return shortened(printable(value)) if key == "scene" else printable(str(value))

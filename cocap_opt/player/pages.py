@@ -1,7 +1,6 @@
 """HTML pages put together from the files in the folder `page`."""
 
 import json
-import re
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
@@ -22,8 +21,3 @@ def inert(data: Mapping[str, Any]) -> str:
     """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def without_comments(script: str) -> str:
-    """Returns a script without comments and indents, which would be a fifth of the page."""
-    return re.sub(r"^\s*(?://.*)?\n|^ +", "", script, flags=re.MULTILINE)

@@ -12,19 +12,14 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.heights import over_datum
-from cocap_opt.player.pages import inert, page_text, without_comments
+from cocap_opt.player.pages import inert, page_text
 from cocap_opt.player.player_filmed import filmed
 from cocap_opt.player.player_plan import PlayerPlan, digits
 from cocap_opt.player.player_proof import Proof
 from cocap_opt.player.player_scene import PlayerScene
+from cocap_opt.player.scripts import bundled
 from cocap_opt.problem import Cone, Plan, Problem
 
-_SCRIPTS = (
-    "colours.js", "numbers.js", "geometry.js", "blocks.js", "raster.js", "rays.js", "light.js",
-    "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
-    "view.js", "eye.js", "chart.js", "strip.js", "fleet.js", "proof.js", "panel.js", "steer.js",
-    "keys.js", "legend.js", "video.js", "player.js",
-)  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 
 Data = dict[str, Any]
@@ -72,11 +67,16 @@ class Player:
         self._proof = proof
         self._judged = problem if plans else _without_distance_to_people(self._problem)
 
+    @property
+    def scene(self) -> str:
+        """Name of the scene."""
+        return self._problem.name
+
     def page(self) -> str:
         """Returns the text of the HTML file."""
         parts = {
             "style": page_text("player.css"),
-            "script": without_comments("\n".join(page_text(name) for name in _SCRIPTS)),
+            "script": bundled("player"),
             "data": inert(self.data()),
         }
         return page_text("player.html", parts)

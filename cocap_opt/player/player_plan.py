@@ -7,16 +7,18 @@ to each other). Steps at which nothing counts have a reward of 0.
 import math
 from collections.abc import Container, Iterator
 from functools import cached_property
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.data import FloatArray
+from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.output.conflicts import told_conflict
+from cocap_opt.player.player_approaches import Approaches
+from cocap_opt.player.player_flight import knots, smooth_flight
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
 from cocap_opt.referee import check
@@ -24,7 +26,6 @@ from cocap_opt.referee import check
 _DIGITS = 5  # of px/m2 and shares as they are shown; rewards have all digits
 _COSTLIEST = 5  # moves that are marked
 _LEAST = 5e-6  # of the bound, a loss to speak of
-_ROUNDING = 1e-6  # of distances
 
 Data = dict[str, Any]
 
@@ -86,8 +87,12 @@ class PlayerPlan:
         step's reward would be less without a drone, empty where pixels add up over time.
         `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
         at which two drones come close, `besidePeople` says where one comes too near to somebody.
+        `knots` are those of the smooth flight (`player_flight`), None where drones fly straight.
         """
         reward, moves, rewards, is_valid = self._rewards()
+        flown = self._flown()
+        approaches = Approaches(self._problem, self._plan, self._there, flown)
+        closest = approaches.closest()
         counted = self.seen[self._problem.first_step :]
         return {
             "reward": reward,
@@ -103,9 +108,10 @@ class PlayerPlan:
             "conflicts": [
                 self._conflict(conflict) for conflict in self._plan.conflicts(self._problem)
             ],
-            "near": self._near(),
-            "closest": self._closest(),
+            "near": approaches.near(),
+            "closest": None if closest is None else digits(closest),
             "besidePeople": [*self._beside_people()],
+            "knots": None if flown is None else knots(self._scene, flown),
             "gap": None if self._gap is None else _gap(self._problem, self._gap, is_valid),
         } | self._flight()
 
@@ -147,6 +153,12 @@ class PlayerPlan:
                 share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1])[0])
                 x, y, _ = (1 - share) * ways[t] + share * ways[t + 1]
                 yield t + share, math.hypot(x, y), j
+
+    def _flown(self) -> Trajectory | None:
+        """Returns the smooth flight, None where drones fly straight or stay."""
+        paths = self._plan.paths
+        stay = len(self._there) < len(paths) or all(len(set(path)) == 1 for path in paths)
+        return None if stay else smooth_flight(self._problem, self._plan)
 
     def _flight(self) -> Data:
         scene, robots = self._scene, self._problem.robots
@@ -196,58 +208,6 @@ class PlayerPlan:
             "between": not isinstance(conflict, VertexConflict),
             "words": told_conflict(self._problem, conflict),
         }
-
-    def _near(self) -> list[Data]:
-        """Returns the nearest that two drones come in each step, where that is close.
-
-        Close is nearer than half a cell, in scenes whose rules have no separation; who keeps one
-        is far enough. Pairs in conflict are not told.
-        """
-        cell = self._problem.height_map.resolution
-        if not self._pairs or self._problem.rules.separation:
-            return []
-        shares, distances = self._nearest
-        apart = np.where(self._in_conflict(), np.inf, distances)
-        close = cell / 2 * (1 - _ROUNDING)
-        return [
-            self._approach(self._pairs[k], t + float(shares[k, t]), float(apart[k, t]))
-            for t, k in enumerate(apart.argmin(axis=0).tolist())
-            if apart[k, t] < close
-        ]
-
-    @staticmethod
-    def _approach(pair: tuple[int, int], time: float, apart: float) -> Data:
-        words = f"drones {pair[0]} and {pair[1]} come within {apart:.2g} m of each other"
-        return {"time": round(time, 3), "robots": list(pair), "words": words}
-
-    def _closest(self) -> float | None:
-        return digits(float(self._nearest[1].min())) if self._pairs else None
-
-    @cached_property
-    def _nearest(self) -> tuple[FloatArray, FloatArray]:
-        """When pairs are nearest in each step, as shares of it, and how near (m): [P, T] each."""
-        return self._problem.rules.closest(self._ways[:, :-1], self._ways[:, 1:])
-
-    @cached_property
-    def _pairs(self) -> list[tuple[int, int]]:
-        return list(combinations(self._there, 2))
-
-    @cached_property
-    def _ways(self) -> FloatArray:
-        """The ways [P, T+1, 3] (m) from one drone of each pair to the other."""
-        flights = zip(self._problem.robots, self._plan.paths, strict=True)
-        at = np.array([self._scene.path(robot, path)[:, :3] for robot, path in flights])
-        first, second = np.array(self._pairs).T
-        ways: FloatArray = at[second] - at[first]
-        return ways
-
-    def _in_conflict(self) -> BoolArray:
-        """Returns an array [P, T], true for pairs in conflict in a step, or at its ends."""
-        found = np.zeros((len(self._pairs), self._problem.horizon), dtype=np.bool_)
-        for conflict in self._plan.conflicts(self._problem):
-            first = max(conflict.t - 1, 0) if isinstance(conflict, VertexConflict) else conflict.t
-            found[self._pairs.index(conflict.robots), first : conflict.t + 1] = True
-        return found
 
 
 def _heights(robot: Robot, path: tuple[State, ...]) -> list[float]:

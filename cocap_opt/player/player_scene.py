@@ -21,7 +21,8 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.problem.pictures import STARTABLE, take_colour
+from cocap_opt.problem.land_cover import LANDS, in_cells
+from cocap_opt.problem.pictures import LAND_COLOURS, STARTABLE, take_colour
 from cocap_opt.problem.start_ground import StartGround
 from cocap_opt.problem.takes import told_take
 from cocap_opt.world.workspace import Mesh, Workspace
@@ -94,7 +95,38 @@ class PlayerScene:
             "heights": self.rounded(heights.ravel() - self._corner[2]),
             "grounds": self.rounded(np.minimum(ground, heights).ravel() - self._corner[2]),
             "kinds": "".join(str(int(kind)) for kind in kinds.ravel()),
+            "land": self._land(),
         }
+
+    def _land(self) -> Data | None:
+        """Returns the land cover at the middles of cells as they are drawn, and its names.
+
+        `cells` has for each a digit, that of the colour, or `-` where nothing is known; None where
+        nothing is known of any.
+        """
+        areas, height_map = self.problem.land_cover, self.problem.height_map
+        if not areas:
+            return None
+        middles = (
+            np.minimum(np.arange(0, count, self._block) + self._block // 2, count - 1)
+            for count in height_map.shape
+        )
+        found = in_cells(areas, height_map)[np.ix_(*middles)]
+        return {
+            "colours": [LAND_COLOURS[land] for land in LANDS],
+            "cells": "".join("-" if kind < 0 else str(kind) for kind in found.ravel().tolist()),
+            "names": [
+                {"name": area.name, "at": self._on_ground(*area.label)}
+                for area in areas
+                if area.name is not None
+            ],
+        }
+
+    def _on_ground(self, x: float, y: float) -> list[float]:
+        """Returns a point (m) of the map, on the ground there, in the player's coordinates."""
+        ground = float(self.problem.height_map.ground[self.problem.height_map.cell_of(x, y)])
+        point: list[float] = self.rounded(self.local(np.array([x, y, ground])))
+        return point
 
     @property
     def _ceiling(self) -> float:

@@ -12,7 +12,8 @@ import numpy as np
 
 from cocap_opt.output.heights import over_datum
 from cocap_opt.pictures.start_map import COLOURS, Level, levels
-from cocap_opt.player.pages import inert, page_text, without_comments
+from cocap_opt.player.pages import inert, page_text
+from cocap_opt.player.scripts import bundled
 from cocap_opt.problem import StartArea, State
 from cocap_opt.scenarios import Site
 
@@ -30,7 +31,7 @@ def start_page(site: Site, heights: Sequence[float] = ()) -> str:
     """
     parts = {
         "style": page_text("starts.css"),
-        "script": without_comments(page_text("starts.js")),
+        "script": bundled("starts"),
         "data": inert(start_data(site, levels(site, heights))),
     }
     return page_text("starts.html", parts)

@@ -6,6 +6,7 @@ The names below are the vocabulary of all other modules: `from cocap_opt.problem
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
+from cocap_opt.problem.land_cover import LandCover
 from cocap_opt.problem.motion import Cell, Motion, State, Stride
 from cocap_opt.problem.objective import COVERAGE_VERSION, Objective, Views, require_visible_share
 from cocap_opt.problem.plan import (
@@ -41,6 +42,7 @@ __all__ = [
     "Cuboid",
     "Earth",
     "Ending",
+    "LandCover",
     "Limits",
     "Motion",
     "Objective",

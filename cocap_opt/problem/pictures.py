@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem.land_cover import Land, LandCover
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.motion import State
 from cocap_opt.problem.scene import SceneData
@@ -35,7 +36,14 @@ if TYPE_CHECKING:
             """The figure."""
 
 
-GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#c3cda6", "#d1495b"
+GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#c3cda6", "#d0021b40"
+PERSON = "#d1495b"
+# What the land is, as maps show it; drones, people and obstacles stand out from all of it.
+LAND_COLOURS: Mapping[Land, str] = {
+    "water": "#b5d3e8", "green": "#cfe0b4", "street": "#d3d2d0", "footway": "#e8e5df",
+    "paved": "#dfd8cb", "yard": "#eee6c8", "building": "#d9c3b0", "other": "#d8d3c8",
+}  # fmt: skip
+NAME = "#4f5a66"  # of the land, as it is written there
 # Colours of drones, whatever style of matplotlib is in use; red is kept for people.
 DRONE_COLOURS = (
     "#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf", "#8c564b", "#bcbd22", "#e377c2",
@@ -94,7 +102,8 @@ class HasPaths(Protocol):
 class TopView(NamedTuple):
     """A scene from above, and flights over it if there are any."""
 
-    kinds: IntArray  # [X, Y] 0 ground, 1 something above that does not block, 2 blocks, 3 lower
+    # [X, Y] 0 ground, 1 something above that does not block, 2 blocks, 3 lower, 4 closed airspace
+    kinds: IntArray
     corner: tuple[float, float]  # m, of cell (0, 0)
     cell: float  # m, edge of a cell
     height: float  # m, at which cells block
@@ -105,6 +114,7 @@ class TopView(NamedTuple):
     flights: Mapping[int, FloatArray]
     areas: Sequence[StartGround]  # where the other drones may start
     frame: MapFrame  # the part that is drawn
+    land: Sequence[LandCover] = ()  # shown where nothing stands
 
     @classmethod
     def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
@@ -119,10 +129,11 @@ class TopView(NamedTuple):
         altitude = scene.height_map.altitudes((lowest,))
         columns = scene.workspace.columns
         blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
-        blocked |= scene.workspace.forbidden.solid(altitude, altitude)[0]
+        closed = scene.workspace.forbidden.solid(altitude, altitude)[0]
         covered = np.isfinite(columns.low[1:]).any(axis=0)
         kinds = np.where(scene.height_map.stands_out, 3, 0)
         kinds[covered] = 1
+        kinds[closed] = 4
         kinds[blocked] = 2
         if plan is None:
             placed = (i for i in range(len(scene.robots)) if i not in scene.open_starts)
@@ -131,7 +142,8 @@ class TopView(NamedTuple):
             paths = dict(enumerate(plan.paths))
         flights = {i: _flight(scene, i, path) for i, path in paths.items()}
         areas = StartGround.all_of(scene) if plan is None else []
-        view = cls.of_map(scene, kinds, lowest)._replace(flights=flights, areas=areas)
+        view = cls.of_map(scene, kinds, lowest)
+        view = view._replace(flights=flights, areas=areas, land=scene.land_cover)
         return view._replace(frame=MapFrame.around(scene.height_map, view._places()))
 
     @classmethod
@@ -227,7 +239,9 @@ class TopView(NamedTuple):
             ax.plot(*walk[0], marker="x", color=colour, ms=6, zorder=3)
             _draw_numbered_disc(ax, walk[-1], colour, number)
 
-    def draw_map(self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW)) -> None:
+    def draw_map(
+        self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW, CLOSED)
+    ) -> None:
         """Draw the cells of a scene, in axes of world coordinates.
 
         Parameters
@@ -239,8 +253,10 @@ class TopView(NamedTuple):
 
         (x, y), (width, depth) = self.corner, self.kinds.shape
         extent = (x, x + width * self.cell, y, y + depth * self.cell)
+        shown = np.ma.masked_equal(self.kinds, 0) if self.land else self.kinds
+        self._draw_land(ax)
         ax.imshow(
-            self.kinds.T, origin="lower", extent=extent, vmin=0, vmax=len(colours) - 1,
+            shown.T, origin="lower", extent=extent, vmin=0, vmax=len(colours) - 1,
             interpolation="nearest", cmap=ListedColormap(list(colours)), zorder=0,
         )  # fmt: skip
         ax.set_aspect("equal")
@@ -253,6 +269,25 @@ class TopView(NamedTuple):
             shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
             axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
+
+    def _draw_land(self, ax: Axes) -> None:
+        """Draw the areas of the land, the first below all others, and their names."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
+        from matplotlib.patheffects import withStroke
+
+        if self.land:
+            ax.set_facecolor(GROUND)
+        for area in self.land:
+            rims = [np.concatenate([rim, rim[:1]]) for rim in (area.outline, *area.holes)]
+            path = Path.make_compound_path(*(Path(rim, closed=True) for rim in rims))
+            ax.add_patch(PathPatch(path, facecolor=LAND_COLOURS[area.kind], lw=0, zorder=-1))
+            if area.name is not None:
+                ax.text(
+                    *area.label, area.name, fontsize=_SMALL, style="italic", color=NAME,
+                    ha="center", va="center", zorder=1, clip_on=True,
+                    path_effects=[withStroke(linewidth=2, foreground="white", alpha=0.7)],
+                ).set_in_layout(False)  # fmt: skip
 
     def _handles(self) -> dict[str, _Marks]:
         """Returns the lines of the legend: what they say, and the marks before it."""
@@ -282,6 +317,7 @@ class TopView(NamedTuple):
             1: (COVERED, "something above"),
             2: (WALL, f"blocks flight at {self.height:g} m"),
             3: (LOW, "lower obstacle"),
+            4: (CLOSED, f"no-fly zone or ceiling at {self.height:g} m"),
         }
         for kind, (colour, label) in kinds.items():
             if (self.kinds == kind).any():

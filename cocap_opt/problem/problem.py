@@ -52,6 +52,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     earth : where the scene is on the Earth; None if unknown
     takes : ways in which people may walk, whose probabilities sum to 1; a person who is in none of
         them becomes a copy in each. None: people walk as they do
+    land_cover : areas of the ground that pictures show: water, streets and the like
 
     Raises
     ------

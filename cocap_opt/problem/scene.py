@@ -23,6 +23,7 @@ from cocap_opt.data import (
 )
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
+from cocap_opt.problem.land_cover import LandCover
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.placement import UndecidedError, places_apart
@@ -87,6 +88,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     step: float | None = None
     earth: Earth | None = None
     takes: tuple[Take, ...] = ()
+    land_cover: tuple[LandCover, ...] = ()
 
     @property
     def workspace(self) -> Workspace:

@@ -161,19 +161,21 @@ def _table(
     width: int,
     note: str = "",
     spare: Sequence[str] = (),
+    hidden: Sequence[str] = (),
 ) -> str:
     """Returns a table as text: the first column to the left, the others to the right.
 
     Parameters
     ----------
     spare : columns that go where it is too wide, the first first
+    hidden : those that are gone, which a line below the table names
     """
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     widths[1:] = [max(most, _WIDTH) for most in widths[1:]]
     if spare and sum(widths) + 2 * (len(widths) - 1) > width:
         gone = head.index(spare[0])
         fewer = [line[:gone] + line[gone + 1 :] for line in (head, *rows)]
-        return _table(title, fewer[0], fewer[1:], width, note, spare[1:])
+        return _table(title, fewer[0], fewer[1:], width, note, spare[1:], [*hidden, spare[0]])
     lines = [
         "  ".join(
             [line[0].ljust(widths[0])]
@@ -181,7 +183,8 @@ def _table(
         )
         for line in (head, *rows)
     ]
-    return "\n".join([*wrap(title, width), *lines, *wrap(note, width)])
+    absent = f"Hidden (terminal too narrow): {', '.join(hidden)}; --json has all." if hidden else ""
+    return "\n".join([*wrap(title, width), *lines, *wrap(note, width), *wrap(absent, width)])
 
 
 def _step(step: int | None) -> str:

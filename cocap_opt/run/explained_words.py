@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Term
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.graph.choke_points import ChokePoint
 from cocap_opt.output.conflicts import told_conflict
 from cocap_opt.output.printing import counted, rounded
@@ -18,8 +19,7 @@ _WANTED = "cells with a view of somebody at the last step"
 
 def explained_sentences(explained: Explained) -> list[str]:
     """Returns plain sentences: what is broken, what costs most, the leaf, and the way back."""
-    found = explained.explanation
-    broken = sorted((term for term in found.terms if term.is_broken), key=lambda x: x.amount)
+    broken = _broken(explained)
     costly = _costly(explained)
     nothing = f"no single term is above {100 * SHOWN:g} % of the bound"
     told = [_told(explained, term) for term in broken[:_TOLD]]
@@ -33,6 +33,37 @@ def explained_sentences(explained: Explained) -> list[str]:
     told = [*(told or [nothing]), *_told_leaves(explained), *_told_queue(explained)]
     told += _told_replans(explained)
     return [f"{words[0].upper()}{words[1:]}." for words in told]
+
+
+def in_three_sentences(explained: Explained) -> list[str]:
+    """Returns the gap, its largest part, and the largest gain by planning a drone again."""
+    costliest_term = next(iter(_broken(explained) or _costly(explained)), None)
+    name, amount = max(explained.parts().items(), key=lambda part: part[1])
+    largest = f"the largest part of it: {name}, {_amount(explained, amount)}"
+    if costliest_term is not None:
+        largest += f"; the largest single term: {_told(explained, costliest_term)}"
+    told = [_told_gap(explained), largest, next(iter(_told_replans(explained)))]
+    return [f"{words[0].upper()}{words[1:]}." for words in told]
+
+
+def _told_gap(explained: Explained) -> str:
+    """Returns the difference between the bound and J, and its meaning."""
+    found = explained.explanation
+    conflicts = [*explained.plan.conflicts(explained.problem)]
+    if conflicts:
+        return (
+            f"the plan has {counted(len(conflicts), 'conflict')}, so that its J may exceed the "
+            f"bound; bound - J is {_amount(explained, found.gap)}"
+        )
+    if found.share(found.gap) <= OPTIMALITY:
+        return "no plan is better: J of this one is the bound, but for rounding"
+    return f"the plan is at most {_amount(explained, found.gap)} below the best plan"
+
+
+def _broken(explained: Explained) -> list[Term]:
+    """Returns the rules with a price that the plan breaks, the largest first."""
+    broken = (term for term in explained.explanation.terms if term.is_broken)
+    return sorted(broken, key=lambda term: term.amount)
 
 
 def _costly(explained: Explained) -> list[Term]:

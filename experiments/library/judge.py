@@ -1,20 +1,22 @@
 """Statements that files prove, in the words of `cocap-check` and of nobody else.
 
-The checker is called as its page describes it: by its command, with files, an exit code and a line.
+The checker is called as its page describes it: by its command, with files, an exit code and a line;
+and in a process of its own, which a file that was made to keep it busy cannot outlast.
 """
 
-import io
 import math
 import re
+import subprocess
+import sys
 import tempfile
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from cocap_opt.files.documents import FileError
-from cocap_opt.formulations.independent.cocap_check import main as cocap_check
+from cocap_opt.formulations.independent import cocap_check
 
 PLAN, BOUND = "plan", "bound"
+TIME_LIMIT = 3600.0  # seconds for a file
 NO_PLAN = -math.inf  # bound where the checker says so in words
 
 _NUMBER = r"(-?\d+\.\d+)"
@@ -24,6 +26,7 @@ _SAYS = (
     (BOUND, re.compile("(there is no plan)")),
 )
 _HOLDS, _BY_SEARCH = 0, 3
+_CHECKER = Path(cocap_check.__file__)
 
 
 class Proved(NamedTuple):
@@ -39,7 +42,7 @@ class Proved(NamedTuple):
     value: float
 
 
-def proved(instance: Path, content: bytes, name: str) -> Proved:
+def proved(instance: Path, content: bytes, name: str, time_limit: float = TIME_LIMIT) -> Proved:
     """Has `cocap-check` judge a plan, a certificate or a proof.
 
     Parameters
@@ -47,19 +50,27 @@ def proved(instance: Path, content: bytes, name: str) -> Proved:
     instance : file of the instance
     content : of the file
     name : of the file, for messages
+    time_limit : seconds; inf: none
 
     Raises
     ------
     FileError
-        If the checker refuses it, or leaves a part of its claim to a search; one line.
+        If the checker refuses it, leaves a part of its claim to a search, or takes longer; one
+        line.
     """
-    said = io.StringIO()
     with tempfile.TemporaryDirectory() as folder:
         claim = Path(folder) / "claim"
         claim.write_bytes(content)
-        with redirect_stdout(said):
-            code = cocap_check([str(instance), str(claim)])
-        lines = said.getvalue().splitlines()
+        command = [sys.executable, str(_CHECKER), str(instance), str(claim)]
+        limit = None if time_limit == math.inf else time_limit
+        try:
+            said = subprocess.run(
+                command, capture_output=True, text=True, timeout=limit, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            words = f"refused: `cocap-check` did not end within {time_limit:g} s"
+            raise FileError(f"{name}: {words}; --time-limit allows more") from error
+        code, lines = said.returncode, said.stdout.splitlines()
         words = "".join(line.removeprefix(f"{claim}: ") for line in lines[1:])
     if code == _BY_SEARCH:
         raise FileError(f"{name}: refused: a part of its claim rests on a search")

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 
 from cocap_opt.experiments.library.entries import DATA, Entry, read_list
-from cocap_opt.experiments.library.judge import PLAN, Proved, proved
+from cocap_opt.experiments.library.judge import PLAN, TIME_LIMIT, Proved, proved
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import (
     FileError,
@@ -43,6 +43,7 @@ if sys.platform != "win32":
 
 RECORDS, DIGESTS, FILES = "records.csv", "digests.csv", "files"
 SOLVED = 1e-6  # of the bound, and of LEAST where the bound is less
+ROUNDED = 1e-6  # units of J, of numbers in records
 LEAST = 10.0  # units of J: numbers have six decimals, which are rounded
 MOST_BYTES = 1_000_000  # of a file, compressed
 _ONLY_TEXT = 80  # characters of a name that anybody gives
@@ -156,12 +157,21 @@ class Library:
         return [row for row in rows if name in (None, row.name)]
 
     def standings(self) -> list[Standing]:
-        """Returns the best plan and the best bound of each instance."""
+        """Returns the best plan and the best bound of each instance.
+
+        Raises
+        ------
+        FileError
+            If a plan has more J than a bound allows, of which one must be wrong then.
+        """
         digests, plans, bounds = self.digests(), dict[str, Record](), dict[str, Record]()
         for row in self.records():
             best = plans if row.kind == PLAN else bounds
             if row.name not in best or _improves(row, best[row.name].value):
                 best[row.name] = row
+        for plan in plans.values():
+            if told := _contradiction(plan, bounds.get(plan.name)):
+                raise FileError(f"{self.folder / RECORDS}: {plan.name}: {told}")
         return [
             Standing(e, digests.get(e.name), plans.get(e.name), bounds.get(e.name))
             for e in self.entries
@@ -258,6 +268,7 @@ class Library:
         program: str = "",
         seconds: float | None = None,
         folder: Path | None = None,
+        time_limit: float = TIME_LIMIT,
     ) -> Record:
         """Accepts a plan, a certificate or a proof that `cocap-check` accepts and that improves.
 
@@ -267,16 +278,17 @@ class Library:
         program : that found it; empty: as the file says
         seconds : that it took; None: as the file says
         folder : with the files of an instance by reference
+        time_limit : seconds for the checker; inf: none
 
         Raises
         ------
         FileError
-            If it is refused; one line. The library is as it was, then.
+            If it is refused, or contradicts a record; one line. The library is as it was, then.
         """
         content = read_bytes(path)
         told = _told(content, path)
         entry = self._of_digest(str(told.get("digest")), path)
-        found = proved(self.instance(entry, folder), content, str(path))
+        found = proved(self.instance(entry, folder), content, str(path), time_limit)
         # Fields on which nothing depends must be readable, too, by those who get the file.
         decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
         packed = gzip.compress(content, 9, mtime=0)
@@ -323,8 +335,12 @@ class Library:
 
     def _require_better(self, entry: Entry, found: Proved, path: Path) -> None:
         standing = self.standing(entry.name)
-        best = standing.plan if found.kind == PLAN else standing.bound
+        is_plan = found.kind == PLAN
+        best = standing.plan if is_plan else standing.bound
         if best is None or _improves(found, best.value):
+            pair = (found, standing.bound) if is_plan else (standing.plan, found)
+            if wrong := _contradiction(*pair):
+                raise FileError(f"{path}: refused: {entry.name}: {wrong}")
             return
         told = f"{found.value:.6f} is no better than {best.value:.6f}"
         raise FileError(f"{path}: refused: {entry.name} has a {found.kind} as good: {told}")
@@ -345,6 +361,15 @@ class Library:
 
 def _improves(found: Proved | Record, best: float) -> bool:
     return found.value > best if found.kind == PLAN else found.value < best
+
+
+def _contradiction(plan: Proved | Record | None, bound: Proved | Record | None) -> str | None:
+    """Returns words for a plan of more J than a bound allows; None where there is nothing wrong."""
+    if plan is None or bound is None or plan.value <= bound.value + ROUNDED:
+        return None
+    return (
+        f"a plan has J {plan.value:.6f}, and a bound allows {bound.value:.6f}: one of them is wrong"
+    )
 
 
 def _kept(entry: Entry) -> Path:

@@ -22,6 +22,7 @@ _MISSING = {  # why there is no bound
     "exceeded": "its search took longer than a cell may",
     "died": "the process of its search died",
 }
+_DONE = (Reason.FINISHED, Reason.OPTIMAL)
 _UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
 _NAMED = 3  # cases that are named in a sentence
 # What a narrow terminal does without, the least useful first.
@@ -38,9 +39,14 @@ _SEEN = (
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 
-def print_gap_table(rows: Sequence[GapRow]) -> None:
-    """Prints the gap table and, where there are several seeds, means over them."""
-    _print_rows(rows)
+def print_gap_table(rows: Sequence[GapRow], verbose: bool = False) -> None:
+    """Prints the gap table and, where there are several seeds, means over them.
+
+    Parameters
+    ----------
+    verbose : with the seconds of coverage, and why planners ended where all have finished
+    """
+    _print_rows(rows, verbose)
     means = _means(rows)
     if len(rows) > len(means):
         Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
@@ -50,14 +56,16 @@ def print_gap_table(rows: Sequence[GapRow]) -> None:
         listing._replace(notes=[*listing.notes, *_SEEN]).print()
 
 
-def _print_rows(rows: Sequence[GapRow]) -> None:
+def _print_rows(rows: Sequence[GapRow], verbose: bool) -> None:
     keys = ["scene", "seed", "planner", "reward"]
     keys += ["reward_rendered"] if any(r.reward_rendered is not UNSET for r in rows) else []
-    keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
+    keys += ["bound", "gap", "gap_free", "conflicts"]
+    if verbose or any(row.reason not in _DONE for row in rows):
+        keys.append("reason")
     if any(row.limit != NO_LIMIT for row in rows):
         keys.append("limit")
     keys.append("seconds")
-    if any(row.coverage_seconds is not None for row in rows):
+    if verbose and any(row.coverage_seconds is not None for row in rows):
         keys.append("coverage_seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
     listing = Listing(_title(rows), table).fitted(_spare(rows, table), "--json or --out DIR")
@@ -87,7 +95,7 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
     ]
     if late:
         yield f"{_LATE} Longer than the time limit allows: {_first(late)}."
-    if any(row.coverage_seconds is not None for row in rows):
+    if any("coverage_seconds" in shown for shown in table):
         yield (
             "Coverage was computed once per scene and seed before any time limit began, and is "
             "charged to nobody."

@@ -41,8 +41,8 @@ Below both, the trusted core, about 6,000 lines:
 
 Importing the room loads these as well, on which no number depends:
 
-- `problem`: `open_areas`, `placement`; the places that are proposed for refused starts, and a first
-  choice of starts, where drones have one.
+- `problem`: `land_cover`, `open_areas`, `placement`; the map that pictures show, the places that
+  are proposed for refused starts, and a first choice of starts, where drones have one.
 - `model`: `coverage_estimate`; what coverage will cost.
 - `files`: `atomic_write`, `messages`, `users_folder`; how and where files are written, and errors
   worded.

@@ -259,6 +259,10 @@ class EnvelopeParameters(Section):
         likewise, not compiled
     few_nodes : nodes
         of such a search at most
+    first_nodes : nodes
+        of a search of a step that is tried first; longer ones wait for what it closes
+    next_times : times
+        as many nodes for those that have not ended
     nodes_of_stage : nodes
         of searches after which better prices of some steps are a stage of their own
     least_of_stage : share
@@ -288,6 +292,8 @@ class EnvelopeParameters(Section):
     few_work: int = 100_000
     few_plain_work: int = 10_000
     few_nodes: int = 2_000
+    first_nodes: int = 1_000
+    next_times: int = 3
     nodes_of_stage: int = 2_000
     least_of_stage: Share = 0.03
     responses: int = 10

@@ -3,7 +3,11 @@
 Here are the names of systems, and if two texts mean the same one.
 """
 
+import re
+
 _SHOWN = 60  # letters of a system in a message
+# The code of a whole system, at the end of its WKT.
+_CODE = re.compile(r'(?:ID|AUTHORITY)\s*\[\s*"(\w+)"\s*,\s*"?(\d+)"?\s*\]\s*\]\s*$')
 
 
 def short_name(crs: str) -> str:
@@ -14,7 +18,7 @@ def short_name(crs: str) -> str:
 def same_system(crs: str, other: str) -> bool:
     """Returns True if two texts mean the same reference system."""
     crs, other = (text.strip().partition("+")[0] for text in (crs, other))  # heights left out
-    if crs.upper() == other.upper():
+    if _coded(crs).upper() == _coded(other).upper():
         return True
     try:
         import rasterio
@@ -27,6 +31,12 @@ def same_system(crs: str, other: str) -> bool:
             return bool(CRS.from_user_input(crs) == CRS.from_user_input(other))
     except CRSError:
         return False
+
+
+def _coded(crs: str) -> str:
+    """Returns the code that WKT ends with; any other text as it is."""
+    found = _CODE.search(crs)
+    return f"{found[1]}:{found[2]}" if found else crs
 
 
 def utm(longitude: float, latitude: float) -> str:

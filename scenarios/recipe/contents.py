@@ -1,4 +1,4 @@
-"""The contents of a recipe's map: its place on the Earth, meshes, walls, and people."""
+"""The contents of a recipe's map: its place on the Earth, meshes, walls, land, and people."""
 
 import logging
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem import Actor, Earth
+from cocap_opt.problem import Actor, Earth, LandCover
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
@@ -44,6 +44,20 @@ def meshes_of(
             walls = plan.meshes(folder, float(terrain.ground.min()), projection)
             require_on_map(walls, terrain.height_map, _ways_to_walls(recipe, walls))
         yield from walls
+
+
+def land_cover_of(
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
+) -> Iterator[LandCover]:
+    """Yields the areas of land that files have, those of the first file below all others."""
+    for k, given in enumerate(recipe.land_cover):
+        with naming(f"land_cover[{k}]"):
+            areas = given.areas(folder, terrain.height_map, projection)
+            if not areas:
+                raise ProblemError(
+                    f"must have areas on the map, {rectangle(*terrain.height_map.ends)}"
+                )
+        yield from areas
 
 
 def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:

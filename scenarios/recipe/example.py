@@ -29,6 +29,13 @@ file = "trees.tif"          # unit, band, nodata, lowest and heights as in [map]
 trunks = 4.0                # m above the ground up to which crowns leave room for drones and for
                             # sight, stems aside; left out: solid down to the ground, the safe side
 
+[[land_cover]]              # drawn on the ground; nothing is computed with it
+file = "land.geojson"       # polygons whose property `kind` is water, green, street, footway,
+                            # paved, yard, building or other; a `name` is written on the ground
+property = "surface"        # that says the kind; left out: kind
+kinds = { grass = "green" } # of words of the file that are no kinds
+# unit = "m"                # as in [[walls]]
+
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
 unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"

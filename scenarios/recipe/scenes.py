@@ -8,14 +8,20 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem import Actor, Earth, Motion, Objective, Problem, Robot
+from cocap_opt.problem import Actor, Earth, LandCover, Motion, Objective, Problem, Robot
 from cocap_opt.problem.refusals import refused_starts
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.takes import PeopleInTakes, in_all_takes, least_chance
 from cocap_opt.scenarios.earth.place import MapProjection, require_likely
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.cameras import say_photos
-from cocap_opt.scenarios.recipe.contents import earth_of, meshes_of, people_of, require_on_map
+from cocap_opt.scenarios.recipe.contents import (
+    earth_of,
+    land_cover_of,
+    meshes_of,
+    people_of,
+    require_on_map,
+)
 from cocap_opt.scenarios.recipe.drones import Surroundings, say_moved
 from cocap_opt.scenarios.recipe.names import DroneName, names_in_table, names_of, renamed
 from cocap_opt.scenarios.recipe.schema import Recipe, decoded
@@ -101,6 +107,7 @@ class _Place(NamedTuple):
     name: str
     terrain: Terrain
     solid: tuple[Mesh, ...]
+    land: tuple[LandCover, ...]
     people: Sequence[tuple[Actor, float | None]]
     filmed: PeopleInTakes
     earth: Earth | None
@@ -120,6 +127,7 @@ class _Place(NamedTuple):
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
         recipe, terrain, stray = _flyable(recipe, terrain)
         solid = (*crowns, *meshes_of(recipe, path.parent, terrain, projection))
+        land = tuple(land_cover_of(recipe, path.parent, terrain, projection))
         people = list(people_of(recipe, path.parent, terrain, projection))
         given = tuple(actor for actor, _ in people)
         with naming("rules"):
@@ -138,7 +146,8 @@ class _Place(NamedTuple):
             recipe.take, recipe.spread, given, workspace, recipe.steps, recipe.step
         )
         around = Surroundings(workspace, filmed.actors, recipe.steps, rules, airspace)
-        return cls(recipe, recipe.name or path.stem, terrain, solid, people, filmed, earth, around)
+        name = recipe.name or path.stem
+        return cls(recipe, name, terrain, solid, land, people, filmed, earth, around)
 
     def team(self, rng: np.random.Generator) -> list[Robot]:
         """Returns the drones of all tables, each of which keeps away from those before."""
@@ -167,6 +176,7 @@ class _Place(NamedTuple):
             "name": self.name,
             "height_map": self.terrain.height_map,
             "meshes": self.solid,
+            "land_cover": self.land,
             "robots": tuple(team),
             "actors": self.around.actors,
             "takes": self.filmed.takes,

@@ -10,6 +10,7 @@ from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.scenarios.earth.place import EarthTable
 from cocap_opt.scenarios.kinds import JSON
+from cocap_opt.scenarios.maps.land_cover import LandCoverTable
 from cocap_opt.scenarios.maps.layers import LayerTable
 from cocap_opt.scenarios.maps.terrain import MapTable
 from cocap_opt.scenarios.maps.walls import WallsTable
@@ -36,6 +37,7 @@ class Recipe(Table):
     flight: Flight | None = None  # None: above the ground, and level where that is too steep
     flown: Literal["smooth", "straight"] = "smooth"
     layer: tuple[LayerTable, ...] = ()
+    land_cover: tuple[LandCoverTable, ...] = ()
     mesh: tuple[MeshTable, ...] = ()
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()

@@ -29,7 +29,8 @@ from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
-from cocap_opt.output.printing import print_result
+from cocap_opt.output.answer import print_result
+from cocap_opt.output.printing import Listing
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.run.engine import SOLVERS
@@ -299,12 +300,13 @@ def test_rows_of_an_explanation_name_their_drones(
     plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
     Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
     Run(capsys, "bound", "corridor-tight", "-o", bound)
-    text = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain").out
+    text = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain", "--all").out
     assert "which drones" in text
     assert re.search(r"^[^\n]+ \d+ +(drone \d|drones \d, \d|none) +[\d.,]+ ", text, re.MULTILINE)
     monkeypatch.setenv("COLUMNS", "60")
-    narrow = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain").out
+    narrow = Run(capsys, "verify", "corridor-tight", plan, bound, "--explain", "--all").out
     assert "drones leave the best paths" in narrow
+    assert re.search(r"Hidden \(terminal too narrow\): .*price.*; --json has all\.", narrow)
     assert max(len(line.rstrip()) for line in narrow.splitlines()) <= 60
 
 
@@ -365,12 +367,33 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
     assert json.loads(capsys.readouterr().out)["reward_per_step"] == list(many)
 
 
+def test_answers_come_first_and_internals_on_request(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """J, the gap in words, the cameras and the file; --verbose and JSON have the rest."""
+    plan = tmp_path / "plan.json"
+    words = "solve", "corridor-tight", "-o", plan
+    short = Run(capsys, *words).out.splitlines()
+    keys = [line.split()[0] for line in short]
+    assert keys[:5] == ["J", "bound", "gap", "cameras", "file"]
+    assert "0.000 %: proved, no plan is better" in short[2]
+    assert "more lines with --verbose" in short[-1]
+    full = [line.split()[0] for line in Run(capsys, *words, "--verbose").out.splitlines()]
+    assert set(keys[:-1]) < set(full) and "with --verbose" not in "".join(full)
+    for key in ("coverage_seconds", "nodes", "proof"):
+        assert key in full and key not in keys
+    answer = Run(capsys, *words, "--json").json
+    assert {"reward", "coverage_seconds", "nodes", "iterations"} <= set(answer)
+    worse = Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan).out
+    assert [line.split()[0] for line in worse.splitlines()[:2]] == ["J", "cameras"]
+
+
 def test_verify_tells_rewards_by_person(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """People read what each person gets, which adds up to J; JSON has it face by face."""
     plan = tmp_path / "plan.json"
     Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
     answer = Run(capsys, "verify", "corridor-tight", plan, "--json").json
-    text = Run(capsys, "verify", "corridor-tight", plan).out
+    text = Run(capsys, "verify", "corridor-tight", plan, "--verbose").out
     told = next(line for line in text.splitlines() if "reward_per_person" in line)
     first, second = (float(word.replace(",", "")) for word in told.split()[1:])
     faces = answer["reward_per_face"]
@@ -428,8 +451,7 @@ def test_a_bound_that_is_missing_is_not_said_to_be_certified(
 
 
 @pytest.mark.parametrize(("width", "left"), [
-    (60, "gap_free, reason, seconds; --json or --out"), (70, "gap_free, seconds; --json or --out"),
-    (140, None),
+    (60, "gap_free, seconds; --json or --out"), (66, "gap_free; --json or --out"), (140, None),
 ])  # fmt: skip
 def test_narrow_terminals_get_the_columns_that_matter(
     width: int, left: str | None, monkeypatch: pytest.MonkeyPatch,
@@ -448,10 +470,32 @@ def test_narrow_terminals_get_the_columns_that_matter(
     head = next(line.split() for line in out.splitlines() if "planner" in line)
     assert {"scene", "seed", "planner", "bound", "gap", "conflicts"} <= set(head)
     if left is None:
-        assert {"seconds", "reason", "gap_free"} <= set(head) and "Left out" not in told
+        assert {"seconds", "gap_free"} <= set(head) and "Hidden" not in told
     else:
         assert f"Hidden (terminal too narrow): {left}" in told
         assert not set(left.split(";")[0].split(", ")) & set(head)
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_wide_tables_are_folded(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No column is lost, and no line is broken; the names of rows are in each part."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    rows = [
+        {"date": "2026-05-01", "kind": kind} | {f"column {k}": float(k) for k in range(12)}
+        for kind in ("plan", "bound")
+    ]
+    Listing("title", rows).print()  # to a pipe
+    assert "column 0  column 1  " in capsys.readouterr().out
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    Listing("title", rows).print()
+    lines = re.sub("\x1b[^m]*m", "", capsys.readouterr().out).splitlines()
+    assert max(map(len, lines)) <= width
+    heads = [line for line in lines if "date" in line]
+    assert " ".join(heads).count("column ") == 12 and len(heads) > 1
+    assert all("kind" in head for head in heads)
+    assert sum("title" in line for line in lines) == 1
 
 
 def test_a_marked_bound_stays_in_narrow_terminals(
@@ -928,7 +972,26 @@ def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert told["difference"] == pytest.approx(answer["bound"] - answer["reward"])
     assert {"path", "face", "stages", "rounding"} <= {term["kind"] for term in told["terms"]}
     assert {one["robot"] for one in told["replans"]} <= {0, 1}
-    text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain").out
+    short = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain").out
+    first, second, third, blank, *rest = short.splitlines()
+    assert first == "No plan is better: J of this one is the bound, but for rounding."
+    assert second.startswith("The largest part of it: ") and not blank.strip()
+    assert third in told["sentences"] and "replanning" in third.lower()
+    assert "valid" in rest[0] and "--all" in rest[-1] and "What the gap is" not in short
+    Run(
+        capsys,
+        "plan",
+        "corridor-tight",
+        "--planner",
+        "sequential",
+        "-o",
+        worse := tmp_path / "w.json",
+    )
+    words = Run(capsys, "verify", "corridor-tight", worse, proof, "--explain").out.splitlines()
+    assert re.fullmatch(
+        r"The plan is at most \d\.\d+ % of the bound \([\d.,]+\) below the best plan.", words[0]
+    )
+    text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--all").out
     total, difference = re.findall(r"^(?:sum|bound - J) +([\d,.]+)", text, re.MULTILINE)
     assert total == difference
     words = " ".join(text.split())
@@ -965,7 +1028,7 @@ def test_progress_is_a_plain_line_now_and_then(
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     run = Run(capsys, "solve", "tiny-queue", "--json")
     assert run.json["reason"] == "optimal"
-    line = r"cocap-opt: tiny-queue seed 0, \d+ s: value .* bound .* gap .* columns .* nodes \d+"
+    line = r"cocap-opt: tiny-queue seed 0, \d+ s: J .*, bound .*, gap .* %"
     assert any(re.fullmatch(line, said) for said in run.err.splitlines())
     run = Run(capsys, "gap", "tiny-queue", "tiny-share", "--json")
     assert re.search(r"tiny-share seed 0, cocap, 9 of 14 done, \d+ s, about \d+ s left", run.err)
@@ -1239,7 +1302,7 @@ def test_narrow_ways_are_said_where_they_help(
     plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
     Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", plan)
     Run(capsys, "bound", "tiny-queue", "--method", "alone", "-o", bound)
-    assert said in Run(capsys, "verify", "tiny-queue", plan, bound, "--explain").out
+    assert said in Run(capsys, "verify", "tiny-queue", plan, bound, "--explain", "--all").out
     assert "must pass" not in caplog.text
     for words in (
         ("show", "tiny-queue", "-o", tmp_path / "starts.html"),
@@ -1265,7 +1328,7 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     process = start_command("solve", "bottleneck", "--seed", 2, "--time-limit", 600, "-o", plan,
                             "--certificate", proof, "--json", talkative=True)  # fmt: skip
     assert process.stderr is not None
-    has_both = re.compile(r"cocap-opt: bottleneck seed 2, .* value [\d,.]+ bound [\d,.]+ gap ")
+    has_both = re.compile(r"cocap-opt: bottleneck seed 2, .* J [\d,.]+, bound [\d,.]+, gap ")
     assert any(has_both.match(line) for line in process.stderr)  # it waits for such a line
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -1337,6 +1400,20 @@ def test_standard_error_that_takes_nothing(redirection: str) -> None:
         ["bash", "-c", f"{python} {redirection}"], capture_output=True, check=False
     )
     assert (done.returncode, done.stdout) == (2, b"")
+
+
+def test_a_file_of_the_system_that_is_missing_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where /proc is not mounted, it is not standard output that is to blame."""
+
+    def run(arguments: list[str]) -> int:
+        raise FileNotFoundError(2, "No such file or directory", "/proc/meminfo")
+
+    monkeypatch.setattr(commands, "run", run)
+    with pytest.raises(SystemExit, match="2"):
+        main(["scenes"])
+    assert capsys.readouterr().err == "cocap-opt: /proc/meminfo: No such file or directory\n"
 
 
 HOSTILE = "\x1b[2A\x1b[31mvalid\x9b1A\u202e\r\x07|`<b>"

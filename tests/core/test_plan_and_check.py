@@ -431,7 +431,7 @@ def test_verdict_of_the_tiny_instance() -> None:
 
 SAMPLES = np.linspace(0.0, 1.0, 81)  # drones that move to a neighbouring cell are nearest at one
 APART = (CollisionRules(separation=2.0), CollisionRules(separation=2.5, vertical=1.5))
-TAKING_LONG = ("corridor", "bridge", "bottleneck", "passage", "field")
+TAKING_LONG = ("corridor", "bridge", "bottleneck", "passage", "field", "delft")
 
 
 def sampled_conflicts(problem: Problem, plan: Plan, rules: CollisionRules) -> Counter[str]:

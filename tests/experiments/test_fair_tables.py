@@ -177,7 +177,8 @@ def test_tables_of_before_are_read(cold: Path, tmp_path: Path) -> None:
 
 def test_the_table_says_what_coverage_took(capsys: pytest.CaptureFixture[str]) -> None:
     """It is a column of its own, and a line says that nobody pays for it."""
-    assert commands.run(["gap", "tiny-queue", "--planner", "cocap-vs", "--time-limit", "9"]) == 0
+    words = ["gap", "tiny-queue", "--planner", "cocap-vs", "--time-limit", "9", "--verbose"]
+    assert commands.run(words) == 0
     printed = capsys.readouterr().out
     assert "coverage_seconds" in printed and "charged to nobody" in printed
     assert "coverage_seconds" in TIMES

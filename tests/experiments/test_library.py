@@ -192,18 +192,39 @@ def test_only_what_is_better_is_accepted(empty: Library) -> None:
 
 
 def test_a_claim_that_rests_on_a_search_is_refused(
-    empty: Library, monkeypatch: pytest.MonkeyPatch
+    empty: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The checker's exit code 3 is no acceptance."""
-
-    def by_search(arguments: list[str]) -> int:
-        print("instance of sha256 0")  # noqa: T201
-        print(f"{arguments[1]}: no plan has more than 1.000000, by its multipliers; ..")  # noqa: T201
-        return 3
-
-    monkeypatch.setattr("cocap_opt.experiments.library.judge.cocap_check", by_search)
+    checker = tmp_path / "checker.py"
+    says = "no plan has more than 1.000000, by its multipliers; .."
+    checker.write_text(f"import sys; print('instance'); print(f'{{sys.argv[2]}}: {says}'); exit(3)")
+    monkeypatch.setattr("cocap_opt.experiments.library.judge._CHECKER", checker)
     with pytest.raises(FileError, match="rests on a search"):
         empty.submit(empty.folder / GOOD[1])
+
+
+def test_a_file_that_keeps_the_checker_busy_is_refused(
+    empty: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The checker is ended at the limit, and the library is as it was."""
+    checker = tmp_path / "checker.py"
+    checker.write_text("while True: pass")
+    monkeypatch.setattr("cocap_opt.experiments.library.judge._CHECKER", checker)
+    with pytest.raises(FileError, match=r"refused: `cocap-check` did not end within 0.2 s"):
+        empty.submit(empty.folder / GOOD[1], time_limit=0.2)
+    assert not empty.records()
+
+
+def test_a_plan_above_a_bound_is_told(empty: Library) -> None:
+    """Records changed by hand that contradict each other are no solved instance."""
+    empty.submit(empty.folder / GOOD[0])
+    record = empty.submit(empty.folder / GOOD[1])
+    path = empty.folder / "records.csv"
+    told = path.read_text()
+    path.write_text(told.replace(f",{record.value},", f",{record.value - 0.5},"))
+    assert path.read_text() != told
+    with pytest.raises(FileError, match=r"records.csv: trap-0: a plan has J .* one of them is wr"):
+        empty.standings()
 
 
 @pytest.mark.parametrize("renamed", [0, 1])

@@ -3,21 +3,30 @@ import json
 import re
 import shutil
 import subprocess
+from base64 import b64decode
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from io import BytesIO
 from pathlib import Path
+from threading import Thread
 from typing import Any
+from urllib.parse import unquote, urlparse
 
 import numpy as np
 import pytest
 from browser import value
+from PIL import Image
 from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
+from scipy.interpolate import BPoly
 from strategies import tiny
 
 from cocap_opt.experiments.lab.studies.pictures import Browser
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
+from cocap_opt.player.scripts import bundled
 from cocap_opt.problem import CollisionRules, Plan, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
@@ -63,6 +72,51 @@ INKED = """(() => {
 })()"""
 
 
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files without a word."""
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[str]:
+    """Address of a folder of this test, which a server on this machine has."""
+    handler = partial(Quiet, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.slow
+def test_the_script_is_its_modules(player: Any, served: str, tmp_path: Path) -> None:
+    """A page that loads them as modules, as browsers do, shows the same."""
+    player.go_to(6)
+    shown, before = value(player, PICTURES), player.current_url
+    folder = ROOT / "cocap_opt" / "player" / "page"
+    for script in folder.glob("*.js"):
+        shutil.copy(script, tmp_path)
+    page = Path(unquote(urlparse(before).path)).read_text("utf-8")
+    page, count = re.subn(r"<script>.*</script>", '<script type="module" src="player.js"></script>',
+                          page.replace("default-src 'none'; script-src", "script-src 'self'"),
+                          flags=re.DOTALL)  # fmt: skip
+    assert count == 1 and "Camera" not in page
+    (tmp_path / "plans.html").write_text(page, "utf-8")
+    player.get(f"{served}/plans.html")
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
+    player.go_to(6)
+    assert value(player, PICTURES) == shown
+    assert player.get_log("browser") == []
+    player.get(before)
+
+
+# All pictures of the page.
+PICTURES = "[...document.querySelectorAll('canvas')].map((canvas) => canvas.toDataURL())"
+
+
 @pytest.mark.slow
 def test_two_plans_stand_side_by_side(player: Any) -> None:
     """Each has a panel with its name, a picture and a chart, at one height."""
@@ -78,10 +132,10 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
         assert value(player, INKED % ("chart", panel)) > 0.05
 
 
-def scripts(*names: str) -> str:
-    """Scripts of the page, one after the other."""
-    folder = ROOT / "cocap_opt" / "player" / "page"
-    return "\n".join((folder / f"{name}.js").read_text("utf-8") for name in names)
+def scripts(**names: str) -> str:
+    """Modules of the page, of which these names are taken (`rays="Rays"`)."""
+    taken = [f"const {{ {some} }} = ${module};" for module, some in names.items()]
+    return "\n".join((bundled(*names), *taken, ""))
 
 
 # Where the camera puts all people and drones at first, as shares of a picture so wide and high.
@@ -106,13 +160,49 @@ return [...people, ...drones].map((point) => {
 def test_people_and_drones_fill_the_opening_picture(player: Any) -> None:
     """All of them are in it at all steps, and reach its margins along one axis, in any shape."""
     data = told(player.page_source)
-    script = scripts("geometry", "blocks", "rays", "camera") + FRAMED
+    script = scripts(geometry="dot, minus", blocks="Blocks", rays="Rays", camera="Camera") + FRAMED
     for wide, tall in ((1400, 500), (600, 600), (370, 700)):
         places = np.array(player.execute_script(script, data, wide, tall))
         assert (places > 0).all() and (places < 1).all()
         assert max(np.ptp(places, axis=0) / (1 - 68 / wide, 1 - 86 / tall)) == pytest.approx(
             1, abs=0.02
         )
+
+
+@pytest.mark.slow
+def test_drones_fly_smoothly_from_step_to_step(player: Any) -> None:
+    """On the polynomials of the page's rows; tracks bend with them, and meet the steps."""
+    problem = load_scene("bottleneck", 0)
+    ((_, plan),) = planned(problem, "cocap")
+    (told_plan,) = Player(problem, [("", plan)]).data()["plans"]
+    fly = (
+        scripts(flights="Flight")
+        + """const [plan, times] = arguments;
+        const flights = plan.paths.map((_, i) => new Flight(plan, i));
+        const wayOf = (flight, step) => flight.way(step).map((pose) => pose.slice(0, 3));
+        return flights.map((flight) => [times.map((time) => flight.at(time)),
+          plan.paths[0].slice(1).map((_, step) => wayOf(flight, step))])
+        """
+    )
+    times = np.linspace(0, problem.horizon, 7 * problem.horizon + 1)
+    found = player.execute_script(fly, told_plan, times.tolist())
+    for rows, path, (poses, ways) in zip(
+        told_plan["knots"], told_plan["paths"], found, strict=True
+    ):
+        table = np.array(rows)
+        smooth = BPoly.from_derivatives(table[:, 0], table[:, 1:].reshape(-1, 3, 5))
+        np.testing.assert_allclose(poses, smooth(times), atol=1e-6)
+        for step, way in enumerate(ways):
+            assert way[0] == path[step][:3] and way[-1] == path[step + 1][:3]
+            along = smooth(np.linspace(step, step + 1, 61))[:, :3]
+            apart = np.linalg.norm(along[:, None] - np.array(way), axis=2)
+            assert len(way) == 2 or apart.min(axis=0).max() < 1e-6
+    assert max(len(way) for _, ways in found for way in ways) > 2
+    straight = told_plan | {"knots": None}
+    for (poses, _), path in zip(
+        player.execute_script(fly, straight, [0.5]), told_plan["paths"], strict=True
+    ):
+        np.testing.assert_allclose(poses[0][:3], np.mean(path[:2], axis=0)[:3], atol=1e-9)
 
 
 # Numbers of blocks of a scene, where they are cut off, and which of them rays meet.
@@ -151,7 +241,7 @@ def test_what_stands_before_the_action_is_cut_off_as_a_whole(player: Any) -> Non
         ((4.2, 0.2, 1), (0, 0, 1), 9),
         ((0.5, 0.5, 1), (0, 0, 1), 4),
     ]
-    script = scripts("geometry", "blocks", "rays")
+    script = scripts(blocks="Blocks", rays="Rays")
     count, numbers, cuts, met = player.execute_script(script + BLOCKS, scene, rays)
     assert count == 6
     assert numbers == [[-1, 0, 0, 1, -1, -1], [2, 2, 3], [4, 4, 5]]
@@ -293,7 +383,7 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
 @pytest.mark.slow
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     """They are apart, cover no name, and are left out where there is no room near the drone."""
-    script = (ROOT / "cocap_opt" / "player" / "page" / "labels.js").read_text()
+    script = scripts(labels="freePlace")
     crowd = "const put = []; for (let i = 0; i < 64; i++) {"
     crowd += "const place = freePlace(5, 7, put, []); if (place) put.push(place); }"
     places = player.execute_script(f"{script}; {crowd} return put")
@@ -308,7 +398,7 @@ def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
 @pytest.mark.slow
 def test_labels_begin_with_the_name(player: Any) -> None:
     """The number and the take stand behind it; what is long is cut at the end of each."""
-    script = (ROOT / "cocap_opt" / "player" / "page" / "labels.js").read_text()
+    script = scripts(labels="labelOf")
     for name, take, label in (
         ("Carla", "as given", "Carla (5, as given)"),
         ("Carla", None, "Carla (5)"),
@@ -399,7 +489,7 @@ def test_a_picked_drone_shows_what_it_sees_and_is_followed(player: Any) -> None:
     for step in (4, 9):
         player.go_to(step)
         caption = value(player, "document.querySelector('figcaption').textContent")
-        assert caption.startswith(f"adds {plan['adds'][2][step]:,.2f} ")
+        assert caption.startswith(f"adds {plan['adds'][2][step]:,.2f} to J ")
         disc = value(player, COLOUR % (0.5, 0.5, -26))
         assert "#{:02x}{:02x}{:02x}".format(*disc) == colour
     press(player, "\ue00c")
@@ -468,8 +558,7 @@ def test_a_drones_picture_is_what_the_renderer_sees(player: Any, tmp_path: Path)
 @pytest.mark.slow
 def test_view_cones_end_where_something_stands(player: Any) -> None:
     """Rays meet ground, walls, meshes and what fine meshes fill, and go on above them."""
-    folder = ROOT / "cocap_opt" / "player" / "page"
-    script = "".join((folder / name).read_text() for name in ("geometry.js", "rays.js"))
+    script = scripts(rays="Rays")
     scene = {
         "terrain": {"cell": 2, "cells": [5, 1], "heights": [0, 0, 0, 5, 0]},
         "meshes": [{"vertices": [4, 0, 3, 4, 2, 3, 4, 1, 9], "triangles": [0, 1, 2]}],
@@ -554,6 +643,28 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
     assert angle is None or f", {angle:.0f}°" in value(player, words)
     ActionChains(player).click().perform()
     wait_until(player, "document.getElementById('step').textContent.startsWith('step 7 ')")
+
+
+@pytest.mark.slow
+def test_keys_tell_what_is_seen_of_each_side_of_a_person(player: Any) -> None:
+    """What a pointer finds under it, without one: S tells it of the person whom P and O pick."""
+    player.refresh()  # nobody is picked
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
+    player.go_to(6)
+    (plan, _) = told(player.page_source)["plans"]
+    for person in (0, 1):
+        press(player, "s" if person == 0 else "p")
+        said = value(player, "document.querySelector('.sides').textContent")
+        names = ["front", "left", "back", "right", "top"]
+        assert said.startswith(f"person {person}, px/m²: ")
+        for name, pixels in zip(names, plan["seen"][6][5 * person :], strict=False):
+            assert f"{name} {f'{pixels:,.0f}' if pixels else 'not seen'}" in said
+        assert value(player, "document.querySelector('.sides').classList.contains('on')")
+        if person == 0:
+            for key in "op":  # around to the last, and on to the first
+                press(player, key)
+    press(player, "s")
+    assert not value(player, "document.querySelector('.sides').classList.contains('on')")
 
 
 @pytest.mark.slow
@@ -672,7 +783,9 @@ def test_the_picture_is_recorded_as_a_video(player: Any) -> None:
     """From the first step to the last; the file has a name, and begins as WebM does."""
     player.refresh()
     wait_until(player, "document.documentElement.dataset.ready === 'yes'")
-    player.execute_script("""
+    pressed = "document.getElementById('film').getAttribute('aria-pressed')"
+    begun = player.execute_script(
+        """
         window.videos = [];
         URL.createObjectURL = (blob) => {
           blob.arrayBuffer().then((bytes) => videos.push([...new Uint8Array(bytes)]));
@@ -683,9 +796,10 @@ def test_the_picture_is_recorded_as_a_video(player: Any) -> None:
         speed.value = "16";
         speed.dispatchEvent(new Event("change"));
         document.getElementById("film").click();
-    """)
-    pressed = "document.getElementById('film').getAttribute('aria-pressed')"
-    assert value(player, pressed) == "true"
+        return """
+        + pressed
+    )
+    assert begun == "true"
     wait_until(player, "window.videos.length === 1")
     assert value(player, pressed) == "false" and step_of(player) == 11
     assert value(player, "window.named") == "bottleneck greedy 16 steps per second.webm"
@@ -727,7 +841,7 @@ def test_a_crowd_has_the_colours_of_its_kinds_and_numbers_on_demand(
           .map((options) => labels.isNamed(3, 0, options))"""
     crowd = {"paths": [[0]] * 15, "conflicts": [], "near": []}
     near = crowd | {"near": [{"time": 0, "robots": [3, 5]}]}
-    script = scripts("geometry", "labels") + named
+    script = scripts(labels="Labels") + named
     assert player.execute_script(script, crowd) == [False, True, True, False]
     assert player.execute_script(script, near) == [True] * 4
     assert player.execute_script(script, crowd | {"paths": [[0]] * 14}) == [True] * 4
@@ -851,6 +965,111 @@ def test_closed_airspace_is_drawn_and_can_be_switched_off(player: Any, tmp_path:
     assert shown > 0.015 + 2 * value(player, red)
     assert player.get_log("browser") == []
     player.get(before)
+
+
+def pictures(player: Any) -> list[Any]:
+    """Pictures of the page as arrays [H, W, 3], but for those that are not shown."""
+    urls = value(
+        player,
+        """[...document.querySelectorAll("canvas.view, .inset canvas")]
+        .filter((canvas) => canvas.clientWidth).map((canvas) => canvas.toDataURL())""",
+    )
+    return [
+        np.asarray(Image.open(BytesIO(b64decode(url.split(",")[1]))).convert("RGB")).astype(int)
+        for url in urls
+    ]
+
+
+def unlike(one: Any, other: Any) -> float:
+    """Share of the samples of two pictures whose colours differ by more than can be overlooked."""
+    assert one.shape == other.shape
+    return float((np.abs(one - other).max(axis=2) > 12).mean())
+
+
+@pytest.mark.slow(seconds=9)
+def test_a_graphics_card_draws_the_same(tmp_path: Path) -> None:
+    """WebGL, in software here, and the raster: walls cut off, closed airspace, cones, cameras.
+
+    Pictures differ along some edges only, by day and by night, and in each view.
+    """
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    closed, bottleneck = shut_in(), load_scene("bottleneck", 0)
+    stay = Plan(paths=tuple((robot.start,) * 3 for robot in closed.robots))
+    for name, scene, plan in (
+        ("bottleneck", bottleneck, planned(bottleneck, "cocap")[0][1]), ("closed", closed, stay),
+    ):  # fmt: skip
+        Player(scene, [(name, plan)]).save(tmp_path / f"{name}.html")
+    for name, mode in (("bottleneck", "light"), ("bottleneck", "dark"), ("closed", "light")):
+        page, drawn = (tmp_path / f"{name}.html").as_uri(), {}
+        for renderer in ("raster", "webgl"):
+            with Browser.opened(f"{page}?renderer={renderer}", (900, 700)) as driver:
+                screen = [{"name": "prefers-color-scheme", "value": mode}]
+                driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": screen})
+                assert value(driver, "document.documentElement.dataset.renderer") == renderer
+                drawn[renderer] = []
+                for keys in ("d", "t", "f", "b"):
+                    press(driver, keys)
+                    driver.go_to(2)
+                    drawn[renderer] += pictures(driver)
+        assert len(drawn["raster"]) == 8
+        for one, other in zip(drawn["raster"], drawn["webgl"], strict=True):
+            assert len(np.unique(one.reshape(-1, 3), axis=0)) > 50  # something is there
+            assert unlike(one, other) < 0.01
+        assert unlike(drawn["raster"][0], drawn["webgl"][2]) > 0.05  # the view from above
+
+
+# Keeps the page's WebGL contexts, so that they can be lost.
+CONTEXTS = """window.contexts = [];
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (...how) {
+  const context = getContext.apply(this, how);
+  if (how[0] === "webgl2" && context) window.contexts.push(context);
+  return context;
+};"""
+
+
+@pytest.mark.slow
+def test_pictures_of_a_lost_graphics_card_are_drawn_by_the_processor(player: Any) -> None:
+    """At once, and the same; software that poses as a card is not asked unless the page says so."""
+    before = player.current_url
+    shown = "document.documentElement.dataset.renderer"
+    assert value(player, shown) == "raster"
+    kept = player.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": CONTEXTS})
+    player.get(f"{before}?renderer=webgl")
+    player.go_to(4)
+    drawn = pictures(player)
+    assert value(player, shown) == "webgl" and value(player, "contexts.length") == 1
+    value(player, "contexts[0].getExtension('WEBGL_lose_context').loseContext()")
+    wait_until(player, f"{shown} === 'raster'")
+    player.go_to(4)
+    for one, other in zip(drawn, pictures(player), strict=True):
+        assert unlike(one, other) < 0.01
+    player.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", kept)
+    player.get(before)
+    player.get_log("browser")  # software says that it is slow
+
+
+# Whether rays to the eye are blocked.
+BLOCKED = """
+const [scene, rays, opened] = arguments, all = new Rays(scene, new Blocks(scene));
+return rays.map(([from, way, most]) => all.isBlocked(from, way, most, opened));
+"""
+
+
+@pytest.mark.slow
+def test_what_stands_before_a_drone_hides_it(player: Any) -> None:
+    """A block that is not cut off does, and a hill; what is cut off, or too far away, does not."""
+    scene = {
+        "terrain": {"cell": 1, "cells": [6, 1], "grounds": [0, 0, 0, 0, 3, 0],
+                    "heights": [0, 5, 0, 0, 3, 0]},
+        "meshes": [], "boxes": [],
+    }  # fmt: skip
+    rays = [((0.5, 0.5, 1), (1, 0, 0), 2), ((0.5, 0.5, 1), (1, 0, 0), 0.4),
+            ((0.5, 0.5, 6), (1, 0, 0), 5), ((2.5, 0.5, 1), (1, 0, 0), 3)]  # fmt: skip
+    script = scripts(blocks="Blocks", rays="Rays") + BLOCKED
+    assert player.execute_script(script, scene, rays, [0]) == [True, False, False, True]
+    assert player.execute_script(script, scene, rays, [1]) == [False, False, False, True]
 
 
 @pytest.mark.slow

@@ -27,7 +27,8 @@ def press(page: Any, x: float, y: float) -> None:
     value(
         page,
         f"""(() => {{
-          const box = view.getBoundingClientRect(), [px, py] = screen([ox + {x}, oy + {y}]);
+          const view = document.getElementById("view"), box = view.getBoundingClientRect();
+          const [px, py] = $starts.screen([505000 + {x}, 4790000 + {y}]);
           view.dispatchEvent(new MouseEvent("click", {{
             clientX: box.left + px, clientY: box.top + py, bubbles: true }}));
         }})()""",

@@ -12,7 +12,7 @@ import pytest
 from test_cli import Run
 
 import cocap_opt as co
-from cocap_opt.cli import flight_commands
+from cocap_opt.cli import fly_command
 from cocap_opt.data import FieldError
 from cocap_opt.flight import flights
 from cocap_opt.flight.safety import Danger
@@ -322,8 +322,8 @@ def test_of_many_drones_the_tightest_are_shown(
     co.save(plan, co.plan(co.load(scene), "sequential"))
     every = ("fly", scene, plan, "-o", tmp_path / "f.csv")
     assert "--json has all" not in Run(capsys, *every).out
-    monkeypatch.setattr(flight_commands, "_MANY", 1)
-    monkeypatch.setattr(flight_commands, "_FEW", 1)
+    monkeypatch.setattr(fly_command, "_MANY", 1)
+    monkeypatch.setattr(fly_command, "_FEW", 1)
     rows = Run(capsys, *every, "--json").json["drones"]
     assert len(rows) == 2
     first = max(rows, key=lambda row: row["value"])

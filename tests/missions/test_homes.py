@@ -5,12 +5,14 @@ import re
 from pathlib import Path
 
 import pytest
+from test_sheet import clock_of, text_of
 
 import cocap_opt as co
 from cocap_opt.cli.commands import run
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions.briefing import briefing
+from cocap_opt.missions.sheet.clock import phases_of
+from cocap_opt.missions.sheet.words import running_order, unchecked
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.recipe import read
@@ -94,20 +96,31 @@ def test_missions_do_not_hold_the_ways(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
-    """Order, seconds, points; what is not checked then are people on the ways."""
-    sections = dict(briefing(flight(read(recipe(tmp_path))), None))
-    assert "Take-off and landing (a suggestion)" not in sections
-    lines = sections["From home and back"]
-    rows = [line.split() for line in lines if line.startswith("0..6")]
-    assert [(row[1], row[-2]) for row in rows] == [("0", "60"), ("1", "60")]
+    """Order, seconds, points, a map of the ways; what is not checked then are people on them."""
+    flown = flight(read(recipe(tmp_path)))
+    clock = clock_of(flown)
+    found = text_of(flown)
+    assert "Take-off and landing (a suggestion)" not in found
+    rows = [line.split() for line in found["From home and back"] if line.startswith("0..6")]
+    assert [(row[1], row[-1]) for row in rows] == [("0", "60"), ("1", "60")]
     for row in rows:
         assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
-    assert sum(line.startswith("Drones take off in this order: ") for line in lines) == 1
-    assert sections["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
-    assert "- people on the ways from and to home" in sections["Not checked"]
-    parted = dict(briefing(flight(read(recipe(tmp_path, endurance=29))), None))
-    assert parted["From home and back"][0].startswith("ATTENTION: batteries do not last for the")
-    assert "Ways of steps 0..6" not in parted
+    assert found["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
+    assert "people on the ways from and to home" in unchecked(flown, True)
+    order = running_order(flown, clock).rows
+    assert [row[2].split(",")[0] for row in order if row[1].startswith("drone ")] == [
+        "takes off", "takes off", "flies home", "flies home"
+    ]  # fmt: skip
+    (part,) = clock.parts
+    first = max(part.drones, key=lambda drone: drone.out.waits)
+    assert order[0][:2] == (clock.at(-first.out.waits - first.out.seconds), f"drone {first.drone}")
+    assert [phase.kind for phase in phases_of(flown, clock.parts)] == ["out", "take", "back"]
+    parted = flight(read(recipe(tmp_path, endurance=29)))
+    clock = clock_of(parted)
+    assert len(clock.parts) > 1 and "Ways of steps 0..6" not in text_of(parted)
+    pause = clock.parts[0].last * 2.0
+    assert clock.at(pause, 1) == "T2+0:00" and clock.at(pause, 0) == f"T+0:{pause:02.0f}"
+    assert any(row[1] == "crew" for row in running_order(parted, clock).rows)
 
 
 @pytest.mark.parametrize(("homes", "words"), [

@@ -1,7 +1,6 @@
 import re
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -9,26 +8,53 @@ import pyproj
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from strategies import examples
 from test_cli import Run
 from test_gltf import scene
 
 import cocap_opt as co
-from cocap_opt.data import ProblemError
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.missions import FORMATS
-from cocap_opt.missions.briefing import briefing
+from cocap_opt.missions.sheet import pages_of
+from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
+from cocap_opt.missions.sheet.clock import TAKE, Clock, phases_of
+from cocap_opt.missions.sheet.filmed import quality_of, quality_table, who_films_whom
+from cocap_opt.missions.sheet.fonts import USUAL, families_of
+from cocap_opt.missions.sheet.labels import placed
+from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
+from cocap_opt.missions.sheet.maps import draw, draw_legend, ground_of
+from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
+from cocap_opt.missions.sheet.words import attention, running_order, sections, unchecked
 from cocap_opt.problem import Limits
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
-# The package's name `sheet` is the writer.
-sheet_module = import_module("cocap_opt.missions.sheet")
+
+def clock_of(flight: Flight) -> Clock:
+    """The clock of a flight."""
+    problem = flight.flown.problem
+    parts = parts_of_take(problem, flight.plan) if has_homes(problem) else ()
+    return Clock(flight.start, parts, flight.flown.step)
 
 
 def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
-    """The lines of a sheet by their titles."""
-    return dict(briefing(flight, every))
+    """The lines of a sheet by their titles; cells of tables are parted by spaces."""
+    clock = clock_of(flight)
+    found = {}
+    for title, blocks in sections(flight, clock, every):
+        rows = [[block] if isinstance(block, str) else map(" ".join, [block.heads, *block.rows])
+                for block in blocks]  # fmt: skip
+        found[title] = [line for lines in rows for line in lines]
+    return found
+
+
+def cards_of(flight: Flight) -> list[dict[str, str]]:
+    """The facts of the drones' cards."""
+    cards = drone_cards(flight, clock_of(flight), quality_of(flight))
+    return [dict(card.facts) for card in cards]
 
 
 def numbers(line: str) -> list[float]:
@@ -36,8 +62,8 @@ def numbers(line: str) -> list[float]:
     return [float(word) for word in re.findall(r"-?\d+\.?\d*", line)]
 
 
-def test_a_battery_is_what_the_scene_knows() -> None:
-    """Each drone has its own row, with what it is; what nobody knows is a blank to be filled in."""
+def test_a_card_has_what_the_scene_knows_of_its_drone() -> None:
+    """Camera, airframe, battery with reserve; what nobody knows is a blank to be filled in."""
     problem, plan = scene()
     kinds = (
         (CAMERAS["skydio-2"], AIRFRAMES["skydio-2"]),
@@ -47,63 +73,82 @@ def test_a_battery_is_what_the_scene_knows() -> None:
         robot.replace(camera=camera.replace(tilts=robot.camera.tilts), limits=limits)
         for robot, (camera, limits) in zip(problem.robots, kinds, strict=True)
     )
-    lines = text_of(Flight.of(problem.replace(robots=robots), plan, False))["Drones"]
-    assert lines[1].split() == ["0", "skydio-2", "skydio-2", "23.0", "min"]
-    assert lines[2].split() == ["1", "__________", "__________", "20.0", "min"]
+    flight = Flight.of(problem.replace(robots=robots), plan, False)
+    known, unknown = cards_of(flight)
+    assert (known["camera"], known["airframe"]) == ("skydio-2", "skydio-2")
+    assert (unknown["camera"], unknown["airframe"], unknown["pilot"]) == ("", "", "")
+    # 5 m up at 1 m/s, 10 s for all to wait, and 1.5 s, rounded up; the reserve is rounded down.
+    assert known["battery"] == (
+        "23:00 min by the maker; in the air 0:17 min, plus the way down; reserve 22:43 min (99 %)"
+    )
+    assert unknown["battery"].startswith("20:00 min by the maker; ")
+    bare = robots[0].replace(limits=None)
+    flight = Flight.of(problem.replace(robots=(bare, robots[1])), plan, False)
+    assert cards_of(flight)[0]["battery"].startswith("__________ min; in the air 0:17 min")
 
 
 def test_a_plan_that_was_cut_short_says_so_first() -> None:
-    """At the top of the first page, and not once more among what was not checked."""
+    """In the frame on the first page, and not once more among what was not checked."""
     problem, plan = scene()
     words = "cut short: 1 of 2 drones stays at its start"
     flight = Flight.of(problem, plan, False)._replace(cut_short=words)
-    sections = briefing(flight, None)
-    assert sections[0][1][0] == f"ATTENTION: {words}."
-    assert sum(words in line for _, lines in sections for line in lines) == 1
+    assert [*attention(flight)] == [f"ATTENTION: {words}."]
+    assert words not in unchecked(flight, False)
 
 
-def test_the_crew_is_told_who_is_filmed_badly() -> None:
-    """A line per person who counts, with the worst moment in seconds; nothing where nobody does."""
+def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
+    """A row per person who counts, with the worst moment in seconds; nothing where nobody does."""
     problem, plan = scene()
     first, *others = problem.actors
     people = (first.replace(name="A" + 60 * "x"), *others)
     problem = problem.replace(actors=people)
     flight = Flight.of(problem, plan, False)
-    lines = text_of(flight)["How people are filmed"]
-    found = co.quality(problem, plan)
-    assert lines[0] == f"Cameras: {found.summary.line}."
-    for person, line in zip(found.by_person, lines[4:], strict=False):
-        assert line.startswith(person.person[:5]) and line.endswith(person.worst or "none")
-        assert numbers(line[24:])[0] == pytest.approx(100 * person.by_two, abs=0.5)
-        assert len(line) <= 104
+    found = quality_of(flight)
+    assert found is not None
+    clock, names = clock_of(flight), ["P0 Ax"]
+    (row,) = quality_table(found, names).rows
+    (person,) = co.quality(problem, plan).by_person
+    assert (row[0], row[-1]) == ("P0 Ax", person.worst or "none")
+    assert numbers(row[1])[0] == pytest.approx(100 * person.by_two, abs=0.5)
+    ((_, drones),) = who_films_whom(found, names, phases_of(flight, ()), clock).rows
+    shares = found.seen[:, :, 0].mean(axis=0)
+    often = [int(number) for number in re.findall(r"\d+", drones.partition("(")[0])]
+    assert often == np.flatnonzero(shares >= 0.5).tolist()
+    for drone, card in enumerate(cards_of(flight)):
+        counted = found.seen[found.counts[:, 0], drone, 0].mean()
+        assert (card["films"] == "nobody") == (counted == 0)
     hidden = [actor.replace(importance=(0.0,) * len(actor.poses)) for actor in people]
-    nobody = Flight.of(problem.replace(actors=tuple(hidden)), plan, False)
-    assert "How people are filmed" not in text_of(nobody)
+    assert quality_of(Flight.of(problem.replace(actors=tuple(hidden)), plan, False)) is None
 
 
 def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
-    """They have a colour of their own, which the map's legend names."""
+    """They have a hatch of their own, which the legend names; houses have none."""
     problem, plan = scene()
     assert problem.airspace.no_fly
     for airspace, count in ((problem.airspace, len(problem.airspace.no_fly)), (co.Airspace(), 0)):
-        ax = Figure().add_subplot()
-        sheet_module._draw_map(ax, Flight.of(problem.replace(airspace=airspace), plan, False))
-        assert len(ax.patches) == count
-        legend = ax.get_legend()
-        assert legend is not None
-        words = [text.get_text() for text in legend.get_texts()]
+        flight = Flight.of(problem.replace(airspace=airspace), plan, False)
+        figure = Figure()
+        ax, legend = figure.subplots(1, 2)
+        (phase,) = phases_of(flight, ())
+        draw(ax, flight, phase, ground_of(flight))
+        assert sum(patch.get_hatch() is not None for patch in ax.patches) == count
+        draw_legend(legend, flight, False, ground_of(flight))
+        box = legend.get_legend()
+        assert box is not None
+        words = [text.get_text() for text in box.get_texts()]
         assert ("no-fly zone" in words) == bool(count)
-        assert {"end", "0, 1, ..: drone, start", "P0, P1, ..: person, start"} <= set(words)
+        assert "obstacle as high as drones fly" not in words  # houses are lower here
+        assert {"lower obstacle", "walk"} <= set(words)
 
 
 def test_names_stay_as_they_are() -> None:
-    """A person's table has her name over it as the scene writes it."""
+    """A person's card has her name over it as the scene writes it, beside the number on maps."""
     problem, plan = scene()
     (actor,) = problem.actors
-    for name, title in ((None, "Person 0"), ("Ada LOVELACE", "Person 0 (Ada LOVELACE)"),
-                        ("ada", "Person 0 (ada)")):  # fmt: skip
-        named = problem.replace(actors=(actor.replace(name=name),))
-        assert title in text_of(Flight.of(named, plan, False))
+    for name, title in ((None, "P0"), ("Ada LOVELACE", "P0 Ada LOVELACE"), ("ada", "P0 ada")):
+        flight = Flight.of(problem.replace(actors=(actor.replace(name=name),)), plan, False)
+        (card,) = people_cards(flight, clock_of(flight))
+        assert card.title == title
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -114,14 +159,16 @@ def test_a_battery_has_to_last_for_the_way_up_and_the_wait(smooth: bool) -> None
     heights = flight.columns(flight.flown.seconds)
     rise = heights["above_takeoff"][heights["t"] == 0].max()
     seconds = rise + (0 if smooth else 10) + flight.flown.seconds
-    for endurance, lasts in ((seconds - 0.1, False), (seconds + 0.1, True)):
+    for endurance, words in (
+        (seconds - 0.1, "THE BATTERY OF DRONE 1 DOES NOT LAST"),
+        (seconds / 0.81, "Drone 1 has 19 % of its battery in reserve"),
+        (seconds / 0.79, ""),
+    ):
         limits = Limits(endurance=endurance)
         robots = (problem.robots[0], problem.robots[1].replace(limits=limits))
-        lines = text_of(Flight.of(problem.replace(robots=robots), plan, smooth))["Drones"]
-        (told,) = [line for line in lines if line.startswith("In the air:")]
-        assert numbers(told)[0] == pytest.approx(seconds, abs=0.06)
-        assert any("BATTERY OF DRONE 1 DOES NOT LAST" in line for line in lines) != lasts
-        assert not any("DRONE 0" in line for line in lines)
+        other = Flight.of(problem.replace(robots=robots), plan, smooth)
+        found = [*battery_warnings(other, clock_of(other))]
+        assert [line.startswith(words) for line in found] == [True] * bool(words)
 
 
 def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:
@@ -150,7 +197,7 @@ def test_the_crew_reads_where_in_their_tracks_people_begin() -> None:
     (actor,) = problem.actors
     for begin, count in ((None, 0), (15.5, 1)):
         own = problem.replace(actors=(actor.replace(begin=begin),))
-        lines = text_of(Flight.of(own, plan, False))["Flight"]
+        lines = text_of(Flight.of(own, plan, False))["Places and heights"]
         assert (
             sum("Step 0 is at 15.5 s of the tracks of person 0." in line for line in lines) == count
         )
@@ -163,21 +210,6 @@ def test_a_margin_is_told_beside_what_the_scene_asks_for() -> None:
     for asked, count in ((None, 0), (problem.airspace.replace(people_aside=9.0), 1)):
         lines = text_of(flight._replace(asked=asked))["Distances and limits"]
         assert sum("The scene asks for 9 m from people" in line for line in lines) == count
-
-
-@pytest.mark.parametrize("smooth", [False, True])
-def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
-    """Each person has a table, the signal a time, and the distance to people its tolerance."""
-    problem, plan = scene()
-    problem = problem.replace(airspace=problem.airspace.replace(people_aside=1.0))
-    flight = Flight.of(problem, plan, smooth)
-    sections = text_of(flight)
-    walk = problem.actors[0].poses[:4, :2]
-    rows = [numbers(line) for line in sections["Person 0"][1:]]
-    assert rows == [pytest.approx([0.5 * t, *walk[t]], abs=0.006) for t in range(4)]
-    (signal,) = [line for line in sections["Flight"] if "signal" in line]
-    assert ("15 s after starting the missions" in signal) == (not smooth)
-    assert any("drones keep 1 m from people" in line for line in sections["Late drones and people"])
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -205,25 +237,6 @@ def test_least_distances_are_those_of_dense_samples(smooth: bool) -> None:
     assert "1 no-fly zone" in airspace
 
 
-def test_tables_have_the_places_of_the_flight() -> None:
-    """Rows are the trajectory's, to the digits that are printed; a step is at most one row."""
-    flight = Flight.of(*scene(), True)
-    sections = text_of(flight, 0.75)
-    for i in range(2):
-        rows = [numbers(line) for line in sections[f"Drone {i}"][2 - i :]]
-        found = flight.flown.at(np.array([0, 0.75, 1.5]))
-        own = found.drone == i
-        np.testing.assert_allclose([row[0] for row in rows], [0, 0.75, 1.5])
-        np.testing.assert_allclose([row[1:4] for row in rows], found.place[own], atol=0.006)
-        yaw = np.degrees(found.yaw[own]) % 360
-        np.testing.assert_allclose([row[-2] for row in rows], yaw, atol=0.06)
-    legs = [numbers(line) for line in sections["Take-off and landing (a suggestion)"][4:]]
-    assert [leg[-3:] for leg in legs[:2]] == [[0, 5, 5], [0, 8, 8]]
-    assert "__" in sections["Flight"][1]  # nobody says when it starts
-    with pytest.raises(ProblemError, match="every: must make at most 10000 rows on paper"):
-        briefing(flight, 1e-4)
-
-
 def test_legs_end_on_a_deck_where_the_flight_is_above_it() -> None:
     """The surface below is the highest matter that is not over the drone."""
     heights, deck = np.zeros((4, 3)), co.Mesh.box((0.0, 0.0, 2.0), (4.0, 1.0, 3.0))
@@ -239,19 +252,164 @@ def test_legs_end_on_a_deck_where_the_flight_is_above_it() -> None:
     assert numbers(over)[-3:] == [3, 6, 3]
 
 
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
+    """Each person has cues, the signal a time, and the distance to people its tolerance."""
+    problem, plan = scene()
+    problem = problem.replace(airspace=problem.airspace.replace(people_aside=1.0))
+    flight = Flight.of(problem, plan, smooth)
+    clock = clock_of(flight)
+    (card,) = people_cards(flight, clock)
+    assert card.table is not None
+    walk = problem.actors[0].poses[:4, :2]
+    places = [[float(cell) for cell in row[1:3]] for row in card.table.rows]
+    np.testing.assert_allclose(places, walk, atol=0.06)
+    assert [row[0] for row in card.table.rows] == ["T+0:00", "T+0:00.5", "T+0:01", "T+0:01.5"]
+    assert [row[3] for row in card.table.rows] == ["2.0 m/s"] * 3 + ["end"]  # 1 m in half a second
+    rows = running_order(flight, clock).rows
+    assert ("T+0:00", "all people", "SIGNAL: set out (step 0 of the plan)") in rows
+    # Both drones are 5 m above their take-offs, and have 10 s left there.
+    assert (rows[0][0] == "T-0:15") == (not smooth)
+    assert any(
+        "drones keep 1 m from people" in line for line in text_of(flight)["Late drones and people"]
+    )
+
+
+def test_tables_have_the_places_of_the_flight() -> None:
+    """Rows are the trajectory's, to the digits that are printed; a step is at most one row."""
+    flight = Flight.of(*scene(), True)
+    sections = text_of(flight, 0.75)
+    for i in range(2):
+        rows = [numbers(line) for line in sections[f"Places of drone {i}"][1:]]
+        found = flight.flown.at(np.array([0, 0.75, 1.5]))
+        own = found.drone == i
+        np.testing.assert_allclose([row[0] for row in rows], [0, 0.75, 1.5])
+        np.testing.assert_allclose([row[1:4] for row in rows], found.place[own], atol=0.006)
+        yaw = np.degrees(found.yaw[own]) % 360
+        np.testing.assert_allclose([row[-2] for row in rows], yaw, atol=0.06)
+    assert "Places of person 0" in sections
+    assert "Places of drone 0" not in text_of(flight)  # nobody asked for them
+    legs = [numbers(line) for line in sections["Take-off and landing (a suggestion)"][3:]]
+    assert [leg[-3:] for leg in legs[:2]] == [[0, 5, 5], [0, 8, 8]]
+    with pytest.raises(ProblemError, match="every: must make at most 10000 rows on paper"):
+        text_of(flight, 1e-4)
+
+
+def test_cues_are_by_the_clock() -> None:
+    """With its offset and in UTC at the top; from step 0 if nobody knows when that is."""
+    start = datetime(2026, 5, 1, 10, tzinfo=timezone(timedelta(hours=2)))
+    clock = Clock(start, (), 0.5)
+    assert clock.step_0 == "2026-05-01 10:00:00+02:00, which is 2026-05-01 08:00:00 UTC"
+    assert clock.date == "Friday 2026-05-01"
+    assert [clock.at(t) for t in (-0.5, 0.0, 3661.04)] == ["09:59:59.5", "10:00:00", "11:01:01"]
+    unknown = Clock(None, (), 0.5)
+    assert (unknown.step_0, unknown.date) == ("", "")
+    assert [unknown.at(t) for t in (-61.5, 0.0, 75)] == ["T-1:01.5", "T+0:00", "T+1:15"]
+
+
 @examples(50)
-@given(st.lists(st.integers(1, 150), min_size=1, max_size=6), st.floats(0.3, 0.9))
-def test_pages_have_all_lines_in_order(sizes: list[int], top: float) -> None:
-    """None is lost or runs off its page, and what fits on a page is on one."""
-    sections = [[(f"{k}.{line}", not line) for line in range(n)] for k, n in enumerate(sizes)]
-    pages = sheet_module._paged(sections, top)
-    assert [line for page in pages for line in page] == [line for s in sections for line in s]
-    room = [(edge - sheet_module._BOTTOM) / sheet_module._LINE for edge in (top, sheet_module._TOP)]
-    for k, page in enumerate(pages):
-        assert len(page) <= room[min(k, 1)]
-    for section in sections:
-        on = [k for k, page in enumerate(pages) if section[0] in page or section[-1] in page]
-        assert len(on) == 1 or len(section) > int(room[1])
+@given(st.integers(1, 200))
+def test_phases_are_the_whole_take(steps: int) -> None:
+    """Each begins where the one before ends; there are few."""
+    problem, plan = scene()
+    flight = Flight.of(problem, plan, False)
+    longer = replace(flight.flown, problem=_lasting(problem, steps))
+    phases = phases_of(flight._replace(flown=longer), ())
+    assert [phases[0].first, *(phase.last for phase in phases)] == [
+        *(phase.first for phase in phases), steps
+    ]  # fmt: skip
+    assert all(phase.kind == TAKE and phase.first < phase.last for phase in phases)
+    assert len(phases) <= 4
+
+
+def _lasting(problem: co.Problem, steps: int) -> co.Problem:
+    """A scene without people that has so many steps."""
+    return problem.replace(actors=(), horizon=steps)
+
+
+@examples(50)
+@given(st.lists(st.tuples(st.floats(0, 150), st.floats(0, 100)), min_size=1, max_size=18))
+def test_labels_never_hide_each_other(points: list[tuple[float, float]]) -> None:
+    """Nor do they leave the map, or lie on its scale bar, even if all drones start in one place."""
+    sizes = np.full((len(points), 2), 4.0)
+    taken = np.array([[[20.0, 5.0], [40.0, 10.0]]])
+    middles = placed(np.array(points), sizes, (150.0, 100.0), np.zeros((0, 2)), taken)
+    assert (middles >= 2 - 1e-9).all() and (middles <= np.array([148.0, 98.0]) + 1e-9).all()
+    boxes = np.concatenate([taken, np.stack([middles, sizes], axis=1)])
+    for k, (middle, size) in enumerate(boxes):
+        apart = np.abs(boxes[:k, 0] - middle) - (boxes[:k, 1] + size) / 2
+        assert (apart.max(axis=1, initial=1.0) > -1e-9).all()
+
+
+@examples(100)
+@given(
+    st.text(st.characters(max_codepoint=0x24F, exclude_categories=("C", "Z")), max_size=40),
+    st.floats(8, 60),
+)
+def test_lines_have_all_letters_and_fit(words: str, width: float) -> None:
+    """Words that are wider than a line are parted."""
+    lines = wrapped(words, width, BODY, (USUAL,))
+    assert "".join(lines) == words
+    assert all(len(line) <= 1 or wide(line, BODY, (USUAL,)) <= width + 0.02 for line in lines)
+
+
+def extents(figure: Figure) -> FloatArray:
+    """The boxes [n, 4] (mm) of all texts of a page, without those in pictures."""
+    FigureCanvasAgg(figure)
+    scale = 25.4 / figure.dpi
+    boxes = [text.get_window_extent() for text in figure.texts if text.get_text().strip()]
+    return np.array([[box.x0, box.y0, box.x1, box.y1] for box in boxes]) * scale
+
+
+def require_apart(pages: Pages) -> None:
+    """Nothing is cut at the edge of a page, and no text lies on another."""
+    for figure in pages.figures:
+        found = extents(figure)
+        assert (found[:, :2] > 5.0).all()
+        assert (found[:, 2:] < np.array([WIDTH, HEIGHT]) - 5.0).all()
+        low, high = found[:, None], found[None]
+        across = np.minimum(low[..., 2:], high[..., 2:]) - np.maximum(low[..., :2], high[..., :2])
+        np.fill_diagonal(across[..., 0], -1.0)
+        # Lines may touch where letters reach below the line.
+        worst = np.minimum(across[..., 0], across[..., 1]).max()
+        assert worst < 0.7, worst
+
+
+@pytest.mark.slow
+def test_texts_do_not_overlap_nor_leave_the_page() -> None:
+    """With a name that is longer than a line, and tables that need several pages."""
+    problem, plan = scene()
+    named = problem.actors[0].replace(name="Wolfeschlegelsteinhausenbergerdorff " * 4)
+    problem = problem.replace(actors=(named,), name=80 * "x")
+    pages = pages_of(Flight.of(problem, plan, False), 0.01, [USUAL])
+    assert len(pages.figures) > 5
+    require_apart(pages)
+
+
+@pytest.mark.slow
+def test_a_card_is_on_one_page() -> None:
+    """However full the page before it is; a table that a page holds is not parted either."""
+    rows = [(str(k), "y") for k in range(9)]
+    for before in range(0, 60, 7):
+        pages = Pages([USUAL])
+        for k in range(before):
+            pages.sentence(f"line {k}")
+        pages.cards("cards", [Card("card", [("who", "z")], Table(("top", "end"), rows))])
+        pages.section("title", [Table(("head", "foot"), rows)])
+        for first, last in (("card", "8"), ("title", "8"), ("cards", "card")):
+            on = [
+                k for k, figure in enumerate(pages.figures)
+                if {first, last} <= {text.get_text() for text in figure.texts}
+            ]  # fmt: skip
+            assert on, (before, first)
+        require_apart(pages)
+
+
+def test_letters_of_other_scripts_have_fonts_or_are_told() -> None:
+    """Latin, Greek and Cyrillic need no other font; a private letter has none anywhere."""
+    assert families_of(["Ñandú Ωmega Жук"]) == ([USUAL], "")
+    families, missing = families_of(["a\uf8ff\U000f0000"])
+    assert families[0] == USUAL and "\U000f0000" not in missing  # it cannot be printed, so escaped
 
 
 @pytest.mark.slow
@@ -272,22 +430,44 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     page = (tmp_path / "sheet.pdf").read_bytes()
     flight = Flight.of(problem, plan, False)
     start = datetime(2026, 5, 1, 10, tzinfo=timezone(timedelta(hours=2)))
-    for base, words in ((0.0, "z: height above the sea"), (-7.5, "z + -7.5 m is the height")):
+    for base, told in ((0.0, "z: height above the sea"), (-7.5, "z + -7.5 m is the height")):
         above = problem.replace(earth=co.Earth(crs="EPSG:2154", heights="sea", base=base))
         other = flight._replace(flown=replace(flight.flown, problem=above))
-        assert words in text_of(other)["Flight"][-1]
-    assert (
-        "2026-05-01 10:00:00+02:00, which is 2026-05-01 08:00:00 UTC"
-        in text_of(flight._replace(start=start))["Flight"][1]
-    )
+        assert any(told in line for line in text_of(other)["Places and heights"])
     assert FORMATS[".pdf"].writer()(flight._replace(start=start), None).files[""] == page
     (box,) = set(re.findall(rb"/MediaBox \[([\d. ]+)\]", page))
     assert [float(side) for side in box.split()] == pytest.approx([0, 0, 595.28, 841.89], abs=0.01)
     ax = Figure().add_subplot()
-    sheet_module._draw_north(ax, flight)
-    (arrow,) = ax.texts
+    (phase,) = phases_of(flight, ())
+    draw(ax, flight, phase, ground_of(flight))
+    (arrow,) = [text for text in ax.texts if text.get_text() == "N"]
     x, y = arrow.get_position()
     # The grid's north is west of the true one here, so that the arrow leans to the right.
     convergence = pyproj.Proj("EPSG:2154").get_factors(-3.5, 48.85).meridian_convergence
-    assert np.degrees(np.arctan2(-x, -y)) == pytest.approx(-convergence, abs=0.01)
+    assert np.degrees(np.arctan2(x, y)) == pytest.approx(-convergence, abs=0.01)
     assert convergence < -4
+
+
+def test_the_command_names_the_file_after_the_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The answer is the file; what cannot be is one line that names the option."""
+    problem, plan = scene()
+    files = tmp_path / "scene.json", tmp_path / "plan.json"
+    co.save(files[0], problem)
+    co.save(files[1], plan, problem)
+    run = Run(capsys, "sheet", *files, "--json")
+    assert run.code == 0, run.err
+    assert run.json["file"] == str(tmp_path / "plan.pdf") and run.json["pages"] > 1
+    assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")
+    for words, told in (
+        (("-o", tmp_path / "sheet.txt"), "-o: name a file that ends in .pdf"),
+        (("--every", "0"), "--every: must be more than 0 seconds"),
+        (("--start", "2026-05-01T10:00:00"), "--start: must be a date and a time with its offset"),
+    ):
+        run = Run(capsys, "sheet", *files, *words)
+        assert run.code == 2 and re.search(told, run.err), run.err
+    co.save(files[0], unknown := problem.replace(step=None))
+    co.save(files[1], plan, unknown)
+    run = Run(capsys, "sheet", *files)
+    assert run.code == 2 and "--step" in run.err

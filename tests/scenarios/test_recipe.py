@@ -99,6 +99,12 @@ def parts(tmp_path: Path) -> Path:
     trimesh.creation.box((4, 1, 20)).export(tmp_path / "bridge.glb")
     walls = {"bottleneck": {"walkable": [[0, 0], [5, 0], [5, 5], [0, 5]], "obstacles": []}}
     (tmp_path / "geometry.json").write_text(json.dumps(walls))
+    ring = [[EAST + x, NORTH + y] for x, y in ((20, 20), (50, 20), (50, 40), (20, 20))]
+    (tmp_path / "land.geojson").write_text(json.dumps({
+        "type": "Feature", "properties": {"surface": "grass", "name": "park"},
+        "crs": {"type": "name", "properties": {"name": "EPSG:25830"}},
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }))  # fmt: skip
     rows = [f"{i} {f} {100 * i + 5 * f} {60 * i} 175" for i in (12, 15, 16) for f in range(1000)]
     (tmp_path / "people.txt").write_text("\n".join(rows))
     return tmp_path
@@ -132,6 +138,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert problem.height_map.datum is not None
     *crowns, bridge, walls = (len(mesh.triangles) for mesh in problem.meshes)
     assert (set(crowns), bridge, walls) == ({12}, 12, 32)
+    assert [(area.kind, area.name) for area in problem.land_cover] == [("green", "park")]
     assert [actor.shape.height for actor in problem.actors] == [1.75, 1.75, 1.75, 1.8, 1.8]
     assert [(take.name, take.probability) for take in problem.takes] == [
         ("rehearsed", 0.75), ("late", 0.25),
@@ -160,7 +167,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 20
+    assert len(tables) == 21
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field

@@ -1,6 +1,9 @@
 // Blocks: buildings, walls and meshes, each as a whole. Those before the action are cut off near
 // their feet, and above that only outlined.
 
+import { triples } from "./geometry.js";
+import { groundAt } from "./rays.js";
+
 const ONE_ROOF = 1; // m, by which the tops of neighbours in one block may differ
 const CUT = 0.4; // m, above the highest ground below a block, where it is cut off
 const HANGS = 1; // m, above the ground, from where on nothing is left of a block that is cut
@@ -25,7 +28,7 @@ class Sets {
 
 // Numbers of the blocks: of each cell, -1 where nothing stands, of each triangle of each mesh, and
 // of each box.
-class Blocks {
+export class Blocks {
   constructor({ terrain, meshes, boxes }) {
     this.count = 0;
     this.ofCell = this.columns(terrain);
@@ -107,7 +110,7 @@ class Blocks {
 }
 
 // Points of the action, few enough to look from each of them: people from feet to head, and drones.
-function lookouts(people, paths) {
+export function lookouts(people, paths) {
   const walks = people.flatMap(({ poses, height }) =>
     poses.flatMap(([x, y, z]) => [OVER, height / 2, height].map((up) => [x, y, z + up])));
   const all = [...walks, ...paths.flat().map(([x, y, z]) => [x, y, z])];

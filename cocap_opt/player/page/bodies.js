@@ -1,12 +1,19 @@
 // What moves: people, and drones with their tracks, at any time.
 
+import { CHOSEN, CLOSED, mixed, palette, rgb, seenColour } from "./colours.js";
+import { ellipse, PERSONS, PHASES, QUADROTORS } from "./figures.js";
+import { Flight } from "./flights.js";
+import { dot, normalOf, placed, ring } from "./geometry.js";
+import { between, isCrowd, isThere } from "./plans.js";
+import { groundAt } from "./rays.js";
+
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
 const TRAIL = 5; // steps of tracks that are drawn in a crowd
 const FINE_BODY = 38; // px, size from which bodies are fine
 
 // Draws one plan at one time.
-class Bodies {
+export class Bodies {
   constructor(data, plan) {
     Object.assign(this, { data, plan });
     this.owners = data.people.flatMap((person, j) => person.faces.map((_, f) => [j, f]));
@@ -15,6 +22,7 @@ class Bodies {
       let sum = 0;
       return poses.map(([x, y], t) => (sum += t ? Math.hypot(x - poses[t - 1][0], y - poses[t - 1][1]) : 0));
     });
+    this.flights = plan.paths.map((_, i) => new Flight(plan, i));
     this.colours = data.drones.map((drone) => rgb(drone.colour));
     this.chosen = rgb(CHOSEN);
     this.towards = data.people.map(facesTowards);
@@ -25,7 +33,8 @@ class Bodies {
   }
 
   drone(i, time) {
-    return between(this.plan.paths[i], time);
+    if (time !== this.time) [this.time, this.poses] = [time, []];
+    return (this.poses[i] ??= this.flights[i].at(time));
   }
 
   // Where all drones and people are.
@@ -117,11 +126,15 @@ class Bodies {
       const colour = this.colour(i, picked), faint = mixed(palette.ground, colour, 0.5);
       const [begin, end] = some ? [Math.max(done - TRAIL, 0), Math.min(done + 1, path.length - 1)] : [0, path.length - 1];
       for (let t = begin; t < end; t++) {
-        if (t < done) pen.line(path[t], path[t + 1], colour, 2);
-        else if (t > done) pen.line(path[t], path[t + 1], faint, 1);
-        else {
-          pen.line(path[t], now, colour, 2);
-          pen.line(now, path[t + 1], faint, 1);
+        const way = this.flights[i].way(t), at = t === done ? (time - done) * (way.length - 1) : t < done ? Infinity : 0;
+        for (let k = 1; k < way.length; k++) {
+          const [a, b] = [way[k - 1], way[k]];
+          if (k <= at) pen.line(a, b, colour, 2);
+          else if (k - 1 >= at) pen.line(a, b, faint, 1);
+          else {
+            pen.line(a, now, colour, 2);
+            pen.line(now, b, faint, 1);
+          }
         }
       }
     });

@@ -1,6 +1,9 @@
 // The camera that looks at the scene from outside, in perspective; straight from above the picture
 // is a map, as it is from very far away.
 
+import { DEGREE, dot, minus, triples } from "./geometry.js";
+import { groundAt } from "./rays.js";
+
 const AROUND = [62, 118]; // degrees, directions that it may look along: north is far away
 const FAVOUR = 1.06; // how much better another direction must be than those before it
 const TILTS = [46, 38, 32, 54]; // degrees, how steeply it may look down at first
@@ -11,7 +14,7 @@ const LEAST = 5; // m, that are in the picture along each axis
 const PADDING = { side: 34, top: 46, bottom: 40 }; // px around all that happens
 const ROUNDS = 8; // of moving and zooming until all that happens just fits
 
-class Camera {
+export class Camera {
   constructor(data, rays) {
     this.points = happenings(data);
     this.rays = rays;
@@ -104,7 +107,7 @@ class Camera {
 
   // Move and zoom so that the projections of all that happens come closer to the free part (px).
   adjust(free) {
-    const low = [Infinity, Infinity], high = [-Infinity, -Infinity], { away, focal, scale } = this, reach = away * scale;
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity], { away, scale } = this, reach = away * scale;
     for (const point of this.points) {
       const way = minus(point, this.centre), far = Math.max(away + dot(way, this.ahead), away / 4);
       [dot(way, this.right), -dot(way, this.up)].forEach((along, k) => {

@@ -1,10 +1,16 @@
 // Reward per step as bars, with marks above them; a press goes to the mark or the step.
 
-const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
+import { AMBER, CHOSEN, OTHER, RED, VIOLET, words } from "./colours.js";
+import { TAU } from "./geometry.js";
+import { FONT } from "./labels.js";
+import { MOST_WORDS, percent, rounded, several, short } from "./numbers.js";
+import { isCrowd } from "./plans.js";
+
+export const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
 const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
 const TOUCH = 9; // px around a mark
 
-class Chart {
+export class Chart {
   constructor(data, plan, other, canvas, go) {
     Object.assign(this, { data, plan, other, canvas });
     this.marks = marksOf(plan);
@@ -78,7 +84,7 @@ class Chart {
       context.fillStyle = words.soft;
       context.fillText(short(value), MARGIN.left - 6, y(value));
     }
-    context.fillText("reward", MARGIN.left - 6, 9);
+    context.fillText("J a step", MARGIN.left - 2, 9);
     context.textAlign = "center";
     context.textBaseline = "top";
     const every = Math.max(1, rounded(Math.max(1, (34 * this.data.steps) / this.width) * 1.99));
@@ -149,14 +155,14 @@ class Chart {
   }
 }
 
-const MARKS = {
+export const MARKS = {
   conflict: { colour: RED, sign: "●", one: "conflict", many: "conflicts", key: "C" },
   near: { colour: AMBER, sign: "◆", one: "close approach", many: "close approaches", key: "N" },
   costly: { colour: VIOLET, sign: "▲", one: "costly move", many: "costly moves", key: "M" },
 };
 
 // Moments of a plan that one may want to see.
-function marksOf(plan) {
+export function marksOf(plan) {
   const conflicts = plan.conflicts.map((one) => ({ ...one, kind: "conflict", time: one.step + (one.between ? 0.5 : 0) }));
   const near = plan.near.map((one) => ({ ...one, kind: "near" }));
   const costly = (plan.gap?.costliest ?? []).map(({ step, robot, share }) => ({

@@ -1,15 +1,15 @@
 // Colours by day and by night: numbers 0xAABBGGRR for the raster, as image data has them in memory,
 // and words for canvases.
 
-const rgb = (hex) => {
+export const rgb = (hex) => {
   const n = parseInt(hex.slice(1), 16);
   return (0xff000000 | ((n & 255) << 16) | (n & 0xff00) | (n >> 16)) >>> 0;
 };
 
-const hex = (n) =>
+export const hex = (n) =>
   "#" + [n & 255, (n >> 8) & 255, (n >> 16) & 255].map((v) => v.toString(16).padStart(2, "0")).join("");
 
-function mixed(a, b, share) {
+export function mixed(a, b, share) {
   const r = (a & 255) + ((b & 255) - (a & 255)) * share;
   const g = ((a >> 8) & 255) + (((b >> 8) & 255) - ((a >> 8) & 255)) * share;
   const bl = ((a >> 16) & 255) + (((b >> 16) & 255) - ((a >> 16) & 255)) * share;
@@ -17,10 +17,13 @@ function mixed(a, b, share) {
 }
 
 // The colour of ground above which drones may start.
-const startable = (ground, { colour }) => mixed(ground, rgb(colour), night.matches ? 0.25 : 0.6);
+export const startable = (ground, { colour }) => mixed(ground, rgb(colour), night.matches ? 0.25 : 0.6);
+
+// The colour of ground whose land has a colour of its own, as water and streets have; others as it is.
+export const landed = (ground, colour) => (colour ? mixed(ground, rgb(colour), night.matches ? 0.3 : 1) : ground);
 
 // A colour in the light k of 256, which is cut to a whole number.
-function shaded(colour, light) {
+export function shaded(colour, light) {
   const k = Math.min(light, 256) | 0;
   const redBlue = (((colour & 0xff00ff) * k) >>> 8) & 0xff00ff, green = (((colour & 0xff00) * k) >>> 8) & 0xff00;
   return (0xff000000 | redBlue | green) >>> 0;
@@ -47,25 +50,28 @@ const PAGE = {
   },
 };
 // Each stands out by 3 to 1 from the page by day and by night.
-const RED = "#e0142d", AMBER = "#c47600", VIOLET = "#9a52dc", OTHER = "#c65d1e";
-const CLOSED = rgb("#d0021b"); // to drones, see-through
-const CHOSEN = "#e8590c"; // the picked drone in a crowd, whose drones have the colours of their kinds
-const palette = {}; // of the raster, filled by `paint`
-const words = {}; // of canvases, and the version of all colours
+export const RED = "#e0142d";
+export const AMBER = "#c47600";
+export const VIOLET = "#9a52dc";
+export const OTHER = "#c65d1e";
+export const CLOSED = rgb("#d0021b"); // to drones, see-through
+export const CHOSEN = "#e8590c"; // the picked drone in a crowd, whose drones have the colours of their kinds
+export const palette = {}; // of the raster, filled by `paint`
+export const words = {}; // of canvases, and the version of all colours
 
-const night = window.matchMedia("(prefers-color-scheme: dark)");
+export const night = window.matchMedia("(prefers-color-scheme: dark)");
 
-function paint() {
+export function paint() {
   words.version = (words.version ?? 0) + 1; // of these colours, for pictures that are kept
   for (const [name, value] of Object.entries(night.matches ? NIGHT : DAY)) palette[name] = rgb(value);
   Object.assign(words, night.matches ? PAGE.night : PAGE.day);
 }
 paint();
 
-const SCALE = ["#472a78", "#8e2f8e", "#cc4778", "#f0804e", "#fdc328", "#fbf18a"].map(rgb); // little to much
+export const SCALE = ["#472a78", "#8e2f8e", "#cc4778", "#f0804e", "#fdc328", "#fbf18a"].map(rgb); // little to much
 
 // Colour of px/m2: even steps of its root, which is what J sums.
-function seenColour(pixels, most) {
+export function seenColour(pixels, most) {
   if (!(pixels > 0)) return palette.unseen;
   const at = Math.min(Math.sqrt(pixels / most), 1) * (SCALE.length - 1);
   const k = Math.min(Math.floor(at), SCALE.length - 2);
@@ -73,7 +79,7 @@ function seenColour(pixels, most) {
 }
 
 // Black or white, which can be read better on a colour.
-function inkOn(colour) {
+export function inkOn(colour) {
   const n = rgb(colour), linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
   const [r, g, b] = [0, 8, 16].map((shift) => linear(((n >> shift) & 255) / 255));
   return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.179 ? "#000000" : "#ffffff";

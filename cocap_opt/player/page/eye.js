@@ -1,14 +1,26 @@
 // What one drone's camera takes in, in perspective: people as the faces that count.
 
-const NEAR = 0.15; // m, before which nothing is drawn
+import { mixed, palette, shaded } from "./colours.js";
+import { clipped, DEGREE } from "./geometry.js";
+import { Shade } from "./light.js";
+import { FINE, NEAR, Pen } from "./pen.js";
+import { newRaster } from "./renderers.js";
+
+const NEAREST = 1.1 / NEAR; // 1 / m, of what is drawn
 const EYE_FINE = 1.5; // samples per pixel of the page while nothing moves
 const WIDEST = 55 * DEGREE; // half of what is shown of a cone, which may look all around
 const CONE_SHAPE = 0.62; // height of its picture, of its width
 
-class Eye {
+export class Eye {
   constructor(data, plan, scene, bodies, canvas) {
     Object.assign(this, { data, plan, scene, bodies, canvas });
-    this.raster = new Raster(0);
+    this.begin();
+  }
+
+  // With an empty picture.
+  begin() {
+    this.raster = newRaster(0);
+    this.raster.reach(0, NEAREST);
     this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), {
       cut: (points) => this.cut(points), metreAt: (w) => this.focal * w,
     });
@@ -18,7 +30,8 @@ class Eye {
   draw(time, drone, quality) {
     const { clientWidth: width } = this.canvas;
     if (!width) return;
-    this.look(drone, between(this.plan.paths[drone], time));
+    if (this.raster.isLost) this.begin();
+    this.look(drone, this.bodies.drone(drone, time));
     this.resize(width, quality === FINE ? EYE_FINE : Math.min(quality, 1));
     this.still();
     this.raster.begin();
@@ -100,12 +113,11 @@ class Eye {
 
   // The sky down to the horizon, and below it land without end.
   sky() {
-    const { width, height, still: { colour } } = this.raster;
+    const { height } = this.raster;
     const horizon = height / 2 - this.focal * Math.tan(this.down);
-    for (let y = 0; y < height; y++) {
-      const above = mixed(palette.skyLow, palette.skyTop, Math.min(Math.max((horizon - y) / height, 0), 1));
-      colour.fill(y < horizon ? above : shaded(palette.ground, 226), y * width, (y + 1) * width);
-    }
+    this.raster.backdrop((y) => (y < horizon
+      ? mixed(palette.skyLow, palette.skyTop, Math.min(Math.max((horizon - y) / height, 0), 1))
+      : shaded(palette.ground, 226)));
   }
 
   isTurnedAway(corners, at, normals, n) {

@@ -1,7 +1,9 @@
 // What people and drones look like: bodies of polygons that look along x, people of height 1 on
 // their feet, drones of radius 1 around their middle. Small pictures get simpler bodies.
 
-const ellipse = (n, along, across, z, x = 0, y = 0) => ring(n, 1).map(([c, s]) => [x + along * c, y + across * s, z]);
+import { normalOf, ring, TAU } from "./geometry.js";
+
+export const ellipse = (n, along, across, z, x = 0, y = 0) => ring(n, 1).map(([c, s]) => [x + along * c, y + across * s, z]);
 
 // Polygons, each with a part that says which colour it gets; all in flat arrays, to be drawn fast.
 class Body {
@@ -46,7 +48,7 @@ function limb(part, n, [high, low], y, [along, across], angle) {
 }
 
 const STRIDE = 0.42; // rad, how far legs swing
-const PHASES = 12; // of a pace
+export const PHASES = 12; // of a pace
 
 // Somebody in a phase of a pace.
 function person(isFine, phase) {
@@ -77,5 +79,5 @@ function quadrotor(isFine) {
 }
 
 // Simple and fine bodies.
-const PERSONS = [false, true].map((isFine) => Array.from({ length: PHASES }, (_, phase) => person(isFine, phase)));
-const QUADROTORS = [false, true].map(quadrotor);
+export const PERSONS = [false, true].map((isFine) => Array.from({ length: PHASES }, (_, phase) => person(isFine, phase)));
+export const QUADROTORS = [false, true].map(quadrotor);

@@ -1,10 +1,18 @@
 // The drones of a plan in a list: whom each films and what it adds, and if that is asked for, what
 // its camera sees. A press picks a drone.
 
-const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
-const FEW = 8, ROOM = 900; // drones, and px of a panel, up to which and from which on all pictures are shown at first
+import { inkOn, words } from "./colours.js";
+import { button, make, put } from "./dom.js";
+import { Eye } from "./eye.js";
+import { short } from "./numbers.js";
+import { COARSE, FINE } from "./pen.js";
+import { heightOf, isCrowd, isThere, present } from "./plans.js";
 
-class Fleet {
+const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
+export const FEW = 8; // drones, up to which all pictures are shown at first
+export const ROOM = 900; // px of a panel, from which on they are
+
+export class Fleet {
   // `actions`: pick(drone), refresh().
   constructor(data, plan, scene, bodies, { pick, refresh }) {
     Object.assign(this, { data, plan });
@@ -13,8 +21,8 @@ class Fleet {
     this.root.setAttribute("aria-label", "drones");
     this.root.classList.toggle("crowd", isCrowd(data.drones));
     const head = make("div", "listed");
-    head.append(make("span", "", "drone films"), make("span", "", plan.adds.length ? "adds" : ""));
-    head.title = "whom the drone's camera sees best now, and what the reward of this step would lack without the drone";
+    head.append(make("span", "", "drone films"), make("span", "", plan.adds.length ? "adds to J" : ""));
+    head.title = "whom the drone's camera sees best now, and what J would lack at this step without the drone";
     this.root.append(head);
     this.rows = data.drones.map((_, i) => this.row(i, pick));
     this.root.append(...present(plan).map((i) => this.rows[i].chip));
@@ -48,7 +56,7 @@ class Fleet {
       put(films, height ? `${who}, ${height}` : who);
       put(adds, more);
       chip.title = `drone ${i}${data.kinds.length > 1 ? `, ${data.kinds[data.drones[i].kind].words}` : ""}: films ${who}`
-        + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more}` : ""}`;
+        + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more} to J` : ""}`;
       chip.setAttribute("aria-pressed", String(i === picked));
     });
   }

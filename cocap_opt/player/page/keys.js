@@ -1,5 +1,7 @@
 // Keys of the page, but for those that a focused element has a use for itself.
 
+import { make } from "./dom.js";
+
 const OWN_KEYS = {
   select: /./,
   "canvas.view": /^Arrow/,
@@ -13,7 +15,7 @@ function isOwnKey({ target, key }) {
 
 // `known` lists keys, their names, what they do, and the functions that do it. While the help is
 // open only its own key works; Esc closes it by itself.
-function listenToKeys(known, helpBox) {
+export function listenToKeys(known, helpBox) {
   const actions = new Map(known.map(([key, , , act]) => [key, act]));
   document.addEventListener("keydown", (event) => {
     if (isOwnKey(event) || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -24,6 +26,6 @@ function listenToKeys(known, helpBox) {
   });
 }
 
-function listKeys(known, list) {
+export function listKeys(known, list) {
   for (const [, name, what] of known) list.append(make("dt", "", name), make("dd", "", what));
 }

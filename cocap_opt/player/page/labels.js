@@ -1,12 +1,17 @@
 // What is written on a picture: numbers of people and drones, names, conflicts, a scale, and where x leads.
 
-const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
+import { AMBER, hex, inkOn, RED, words } from "./colours.js";
+import { TAU } from "./geometry.js";
+import { rounded } from "./numbers.js";
+import { conflictsAt, isCrowd, isThere, nearAt } from "./plans.js";
+
+export const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
 const LONGEST = 18, LONGEST_TAKE = 12; // characters of a person's name, and of a take's
 const HIGHER = 8; // places above each other for the number of a person
 const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
 const DISC = 7.5; // px, radius of a number
 
-class Labels {
+export class Labels {
   constructor(view) {
     this.view = view;
   }
@@ -18,9 +23,21 @@ class Labels {
     this.scale(height);
     this.axes(width, height);
     this.people(time, options);
+    this.land();
     this.near(time);
     this.drones(time, options);
     this.conflicts(time);
+  }
+
+  // Names of the land, where neither something hides the ground nor the tag of a person would be.
+  land() {
+    const { context, view } = this;
+    context.font = `italic 600 11px ${FONT}`;
+    for (const { name, at } of view.data.terrain.land?.names ?? []) {
+      const [x, y] = view.at(at), wide = context.measureText(name).width;
+      const isWhole = x >= wide / 2 && x + wide / 2 <= view.canvas.clientWidth && this.isInside(x, y);
+      if (isWhole && !view.isHidden(at) && isClear({ x, y, wide, high: 13 }, this.tags)) this.haloed(name, x, y);
+    }
   }
 
   // Above each person the name, the number and the take, where they cover nobody else's; else the
@@ -77,7 +94,7 @@ class Labels {
     const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
     this.places = [];
     for (const i of order) {
-      const [x, y, hidden] = view.at(view.bodies.drone(i, time)), colour = hex(view.bodies.colour(i, picked));
+      const pose = view.bodies.drone(i, time), [x, y] = view.at(pose), colour = hex(view.bodies.colour(i, picked));
       this.places.push([i, x, y]);
       if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
       if ((alone && i !== picked) || !this.isInside(x, y) || !this.isNamed(i, time, options)) continue;
@@ -85,7 +102,7 @@ class Labels {
       if (!place) continue;
       put.push(place);
       this.places.push([i, ...place]);
-      context.globalAlpha = hidden ? 0.65 : 1;
+      context.globalAlpha = view.isHidden(pose.slice(0, 3)) ? 0.65 : 1;
       if (Math.hypot(place[0] - x, place[1] - y + 18) > 1) leader(context, place, [x, y], colour);
       this.number(i, place, colour, i === picked);
     }
@@ -175,7 +192,7 @@ class Labels {
 }
 
 // A person's name, if there is one, the number, and the take.
-function labelOf({ name, inTake }, number) {
+export function labelOf({ name, inTake }, number) {
   const more = inTake === null ? "" : cut(inTake, LONGEST_TAKE);
   if (name === null) return more ? `${number} (${more})` : String(number);
   return `${cut(name, LONGEST)} (${more ? `${number}, ${more}` : number})`;
@@ -191,7 +208,7 @@ function isClear(tag, others) {
 
 // The nearest place to (x, y), to the right if it can, that is apart from others and clear of
 // tags; or nothing.
-function freePlace(x, y, others, tags) {
+export function freePlace(x, y, others, tags) {
   for (let radius = 0; radius <= FAR; radius += 4) {
     for (const turn of [0, 4, 6, 7, 5, 1, 3, 2]) {
       const angle = (turn * Math.PI) / 4;
@@ -228,11 +245,3 @@ function circle(context, x, y, radius, colour, thickness) {
   context.lineWidth = thickness;
   context.stroke();
 }
-
-// Conflicts at a time: in a cell around the step, in a swap from one step to the next.
-function conflictsAt(plan, time) {
-  return plan.conflicts.filter(({ step, between }) =>
-    between ? time >= step && time <= step + 1 : Math.round(time) === step);
-}
-
-const nearAt = (plan, time) => plan.near.filter((one) => Math.abs(one.time - time) < 0.3);

@@ -1,6 +1,11 @@
 // What colours and lines mean.
 
-function legend(data) {
+import { hex, palette, SCALE, startable } from "./colours.js";
+import { find, make } from "./dom.js";
+import { rounded, short } from "./numbers.js";
+import { isCrowd } from "./plans.js";
+
+export function legend(data) {
   find("airspace").hidden = find("closing").hidden = !data.airspace;
   if (data.airspace) find("limits").textContent = data.airspace.words;
   find("starting").hidden = !data.starts;
@@ -27,7 +32,7 @@ function legend(data) {
   find("unit").textContent = data.unit;
 }
 
-function colourScale() {
+export function colourScale(data) {
   if (data.starts) find("startable").style.background = hex(startable(palette.ground, data.starts));
   find("unseen").style.background = hex(palette.unseen);
   const stops = SCALE.map((colour, k) => `${hex(colour)} ${(100 * k) / (SCALE.length - 1)}%`);

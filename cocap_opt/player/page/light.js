@@ -1,25 +1,37 @@
 // Sunlight on the ground: shadows of what stands there, darker corners beside walls, and a grid of
 // round lengths to judge distances by. On walls it fades towards their feet.
 
-const SUN = unit([0.42, -0.5, 0.85]); // where it is
+import { unit } from "./geometry.js";
+import { rounded } from "./numbers.js";
+import { groundAt } from "./rays.js";
+
+export const SUN = unit([0.42, -0.5, 0.85]); // where it is
 const MOST_TEXELS = 700; // along an edge of the part of the map that is lit
 const BEYOND = 0.8; // how far it goes beyond what happens, of its size
 const SHADE = 0.07, CORNER = 0.32, GRID = 0.07; // how much light they take
 const FADE = 0.06; // of the lit part, along its edges
 const NOOK = 0.8; // m, how far from walls corners are dark
 
-const WALL_STEPS = 64; // of the light from the foot of a wall to its top
-const WALL = {
+export const WALL_STEPS = 64; // of the light from the foot of a wall to its top
+export const WALL = {
   map: Uint8Array.from({ length: WALL_STEPS }, (_, k) => 190 + 65 * Math.min(1, k / 48)), columns: 1, rows: WALL_STEPS,
 };
 
 // The light at samples of a polygon: a map of light (of 256), and where in it a sample x, y, w is,
 // u = (a x + b y + c) / (w + shift) + d, and so is v.
-class Shade {
+export class Shade {
   constructor({ map, columns, rows }, u, v, shift) {
     Object.assign(this, { map, columns, rows, shift });
     [this.ua, this.ub, this.uc, this.ud] = u;
     [this.va, this.vb, this.vc, this.vd] = v;
+  }
+
+  // Into an array: a x + b y + c of u and v, and d of both.
+  parts(into, at, x, y) {
+    into[at] = this.ua * x + this.ub * y + this.uc;
+    into[at + 1] = this.va * x + this.vb * y + this.vc;
+    into[at + 2] = this.ud;
+    into[at + 3] = this.vd;
   }
 
   at(x, y, w) {
@@ -32,7 +44,7 @@ class Shade {
   }
 }
 
-class GroundLight {
+export class GroundLight {
   constructor({ terrain, scope: [low, high] }, obstacles) {
     const size = Math.max(high[0] - low[0], high[1] - low[1]);
     this.from = [0, 1].map((k) => Math.max(low[k] - BEYOND * size, 0));
@@ -133,4 +145,4 @@ function boxBlurred(values, lines, n, next, step, radius) {
 }
 
 // How bright a surface is, of 1, by the cosine between its normal and the way to the sun.
-const brightness = (cosine) => 0.62 + (0.38 * Math.max(0, cosine)) / SUN[2];
+export const brightness = (cosine) => 0.62 + (0.38 * Math.max(0, cosine)) / SUN[2];

@@ -1,33 +1,23 @@
 // A plan on the page: what is known of it, its picture, its drones, and the chart.
 
-const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
-const PHONE = 500; // px
+import { Chart, MARKS, marksOf } from "./chart.js";
+import { hex } from "./colours.js";
+import { button, make, PHONE, put } from "./dom.js";
+import { Eye } from "./eye.js";
+import { Fleet } from "./fleet.js";
+import { density, MOST_WORDS, percent, reward, several } from "./numbers.js";
+import { conflictsAt, isStill, isThere, nearAt, present, turns } from "./plans.js";
+import { proofBox } from "./proof.js";
+import { Strip } from "./strip.js";
+import { View } from "./view.js";
+
 const ASIDE = 20; // px around what is in a corner of the picture
 const NOW = 30; // as much as so many other moments
-const REWARD = "J, the plan's reward: the sum, over steps and people's faces, of the root of the coverage that all drones "
-  + "together have of a face";
-const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
+const REWARD = "more is better: J is the sum, over steps and the sides of people, of the root of the coverage that all "
+  + "drones together have of a side";
+export const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
-const find = (id) => document.getElementById(id);
-const make = (name, cls, text) => {
-  const element = document.createElement(name);
-  if (cls) element.className = cls;
-  if (text !== undefined) element.textContent = text; // never as HTML: names may be anything
-  return element;
-};
-
-function put(element, text) {
-  if (element.textContent !== text) element.textContent = text;
-}
-
-function button(cls, text, title, press) {
-  const element = make("button", cls, text);
-  element.title = title;
-  element.addEventListener("click", press);
-  return element;
-}
-
-class Panel {
+export class Panel {
   // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person),
   // next(kind, plan), refresh().
   constructor(data, plan, other, scene, camera, actions) {
@@ -39,12 +29,14 @@ class Panel {
     this.canvas.tabIndex = 0;
     const bars = make("canvas", "chart");
     bars.setAttribute("role", "img");
-    bars.setAttribute("aria-label", "reward of each step");
+    bars.setAttribute("aria-label", "what each step adds to J");
     this.tip = make("div", "tip");
+    this.sides = make("div", "tip sides");
+    this.sides.setAttribute("role", "status");
     this.words = make("div", "words");
     this.view = new View(data, plan, scene, camera, this.canvas);
     const place = make("div", "place");
-    place.append(this.canvas, this.words, this.inset(scene), this.tip);
+    place.append(this.canvas, this.words, this.inset(scene), this.tip, this.sides);
     this.strip = new Strip(data, plan, actions.watch);
     this.fleet = new Fleet(data, plan, scene, this.view.bodies, actions);
     const stage = make("div", "stage");
@@ -55,16 +47,10 @@ class Panel {
 
   head() {
     const { plan } = this, head = make("div", "head"), title = make("h2", "", plan.planner ?? plan.title);
-    const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
     title.title = plan.title;
     head.append(title);
     if (plan.planner && plan.planner !== plan.title) head.append(make("span", "file", plan.title));
     head.append(this.verdict());
-    if (!plan.waits) {
-      const total = make("span", "total", `reward J = ${reward(plan.reward)}${moves}`);
-      total.title = REWARD;
-      head.append(total);
-    }
     return head;
   }
 
@@ -112,16 +98,21 @@ class Panel {
       facts.append(box);
       return number;
     };
+    if (!plan.waits) {
+      const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
+      add("how well people are seen: J =", `${reward(plan.reward)}${moves}`, REWARD).className = "total";
+    }
     if (plan.gap) {
-      add("bound", reward(plan.gap.bound), "no plan that obeys the rules has more");
+      add("bound of J", reward(plan.gap.bound), "no plan that obeys the rules has more");
       if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
     }
     if (!plan.waits) facts.append(...this.hovering());
-    add("mean of a face", `${density(plan.meanPixels)} ${data.unit}`, "coverage by all drones, over all faces and all steps that count");
-    this.now = add("reward of this step", "", "what this step adds to J");
-    this.sum = add("so far", "", "the rewards of all steps up to this one");
+    add("mean coverage of a face", `${density(plan.meanPixels)} ${data.unit}`, "by all drones together, over all faces and all steps that count").className = "mean";
+    if (turns(plan) && !plan.knots) add("flight", "straight", `between the steps drones fly ${flightOf(plan)}`);
+    this.now = add("J of this step", "", "what this step adds to J");
+    this.sum = add("J so far", "", "what all steps up to this one add to J");
     if (plan.closest !== null) {
-      add("closest approach", distance(plan.closest), "the least distance of any two drones at any time")
+      add("closest approach", distance(plan.closest), `the least distance of any two drones at any time, flying ${flightOf(plan)}`)
         .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
     }
     if (plan.gap) this.lost = add("cost of this move", "");
@@ -193,6 +184,7 @@ class Panel {
     if (picked !== undefined) this.eye.draw(time, picked, options.quality);
     this.chart.draw(time, picked);
     this.describe(time, options);
+    this.tellSides(time, options);
     return this.fleet.draw(time, options);
   }
 
@@ -209,6 +201,18 @@ class Panel {
     this.describeDrones(step, options);
   }
 
+  // What drones see of each side of a person, above whom it stands, if that is asked for.
+  tellSides(time, { sides, person = 0 }) {
+    const { plan, data, view, sides: box } = this, j = plan.filmed?.rows[person]?.person ?? person, told = sides && data.people[j];
+    box.classList.toggle("on", Boolean(told));
+    if (!told) return;
+    const seen = plan.seen[Math.round(time)], first = view.bodies.first[j];
+    const each = told.names.map((name, f) => `${name} ${seen[first + f] > 0 ? density(seen[first + f]) : "not seen"}`);
+    put(box, `${told.called}, ${data.unit}: ${each.join(", ")}`);
+    const [x, y, z] = view.bodies.person(j, time), [middle, head] = view.at([x, y, z + told.height]);
+    tipAt(box, view.canvas, [middle - box.clientWidth / 2, head - box.clientHeight]); // above the label
+  }
+
   describeDrones(step, { picked, follow, alone }) {
     const { plan, data } = this, stamp = [step, picked, follow, alone].join();
     if (stamp === this.stamp) return;
@@ -217,7 +221,7 @@ class Panel {
     if (picked === undefined) return;
     put(this.who, `drone ${picked}`);
     this.who.style.setProperty("--own", hex(this.view.bodies.colour(picked, picked)));
-    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} at this step; ` : "";
+    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} to J at this step; ` : "";
     put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };
     for (const [name, hold] of Object.entries(this.holds)) {
@@ -225,6 +229,16 @@ class Panel {
     }
   }
 }
+
+// Puts a hint beside a point of a picture, inside of it.
+export function tipAt(tip, canvas, [x, y]) {
+  tip.style.left = `${Math.max(Math.min(x + 12, canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
+  tip.style.top = `${Math.max(Math.min(y - 30, canvas.clientHeight - 34), 4)}px`;
+}
+
+const flightOf = ({ knots }) => (knots
+  ? "smoothly, where walls, people and other drones are as far away as the rules ask"
+  : "straight on: there is no smooth flight that keeps the rules");
 
 const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 
@@ -234,12 +248,4 @@ function losses(gap, step) {
   if (most < 5e-6) return "none";
   const all = lost.reduce((a, b) => a + b, 0), share = all - most < 5e-6 ? "" : `: ${percent(most)}`;
   return `${percent(all)} of bound (drone ${lost.indexOf(most)}${share})`;
-}
-
-// Flight height of a drone (m), of which there is only one where it is always the same.
-const heightOf = ({ heights }, drone, step) => heights[drone][step] ?? heights[drone][0];
-
-function several(words, most) {
-  const more = words.length - most;
-  return words.slice(0, most).join("; ") + (more > 0 ? `; ${more} more` : "");
 }

@@ -2,9 +2,17 @@
 // into an array and tells if it is before the camera.
 // Thickness is in px of the page, of which the raster has `fine` samples.
 
+import { shaded } from "./colours.js";
+import { area } from "./geometry.js";
+import { brightness, SUN } from "./light.js";
+
+export const FINE = 2; // samples per pixel of the page along x and y
+export const COARSE = 1;
+export const ROUGH = 0.7;
+export const NEAR = 0.15; // m, before which nothing is drawn
 const MOST_CORNERS = 32; // of a polygon of a body
 
-class Pen {
+export class Pen {
   // `cut` gives the part of a polygon that is before the camera, `metreAt` the samples of a metre
   // where w is.
   constructor(raster, put, { cut = (points) => points, metreAt = () => this.metre } = {}) {

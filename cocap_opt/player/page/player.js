@@ -1,5 +1,24 @@
 // The page: a panel for each plan, one time and one camera for all of them.
 
+import { Blocks } from "./blocks.js";
+import { Camera } from "./camera.js";
+import { marksOf } from "./chart.js";
+import { night, paint } from "./colours.js";
+import { button, find, make, put } from "./dom.js";
+import { FEW, ROOM } from "./fleet.js";
+import { listenToKeys, listKeys } from "./keys.js";
+import { colourScale, legend } from "./legend.js";
+import { clock, digits, rounded } from "./numbers.js";
+import { CORNERS, Panel } from "./panel.js";
+import { COARSE, FINE, ROUGH } from "./pen.js";
+import { isCrowd, present } from "./plans.js";
+import { Rays } from "./rays.js";
+import { Steering } from "./steer.js";
+import { onLoss, renderer } from "./renderers.js";
+import { badSteps } from "./strip.js";
+import { Recording } from "./video.js";
+import { World } from "./world.js";
+
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
@@ -82,10 +101,10 @@ function tick(now) {
 function draw(resting) {
   state.quality = resting || state.recording || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
-  const { quality, picked, follow, alone, person, hovered } = state, begin = performance.now();
+  const { quality, picked, follow, alone, person, hovered, sides } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
   if (shown.length) camera.settle(shown[0].canvas.clientWidth, shown[0].canvas.clientHeight);
-  const options = { ...checked, quality, picked, follow, alone, person, hovered };
+  const options = { ...checked, quality, picked, follow, alone, person, hovered, sides };
   if (!shown.map((panel) => panel.draw(state.time, options)).every(Boolean)) refresh();
   if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
@@ -149,8 +168,13 @@ function watch(step, person) {
 }
 
 function watchNext(way) {
-  const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? 0));
+  const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? data.people.length));
   if (count) watch(state.time, ((state.person ?? (way > 0 ? -1 : count)) + way + count) % count);
+}
+
+function toggleSides() {
+  state.sides = !state.sides;
+  refresh();
 }
 
 // -- what is looked at ---------------------------------------------------------------------
@@ -225,6 +249,7 @@ const KEYS = [
   ["w", "W", "next step at which somebody is seen by fewer than two drones", nextBad],
   ["p", "P", "the next person in the strip of cameras", () => watchNext(1)],
   ["o", "O", "the previous person there", () => watchNext(-1)],
+  ["s", "S", "what drones see of each side of the picked person", () => toggleSides()],
   ["d", "D", "pick the next drone", () => pickNext(1)],
   ["e", "E", "pick the previous drone", () => pickNext(-1)],
   ["f", "F", "follow the picked drone", () => toggle("follow")],
@@ -253,7 +278,7 @@ function help() {
 
 function repaint() {
   paint();
-  colourScale();
+  colourScale(data);
   scene.world = new World(data, blocks);
   refresh();
 }
@@ -274,12 +299,19 @@ function lay() {
   document.body.classList.toggle("tall", panels.length > 2);
   listKeys(KEYS, find("keys"));
   legend(data);
-  colourScale();
+  colourScale(data);
   times();
   tabs();
   choose(0);
   find("views").checked = data.drones.length <= FEW && data.plans.every((plan) => !plan.waits)
     && panels.every(({ root }) => root.clientWidth >= ROOM);
+}
+
+// Pictures of a lost graphics card are drawn again by the processor.
+function tellRenderer() {
+  document.documentElement.dataset.renderer = renderer();
+  put(find("drawn"), renderer() === "webgl" ? "The graphics card draws the pictures." : "The processor draws the pictures.");
+  refresh();
 }
 
 function listen() {
@@ -299,12 +331,30 @@ function listen() {
   window.addEventListener("resize", fit);
   night.addEventListener("change", repaint);
   play(false);
+  onLoss(tellRenderer);
+  tellRenderer();
   const sizes = new ResizeObserver(refresh);
   for (const { canvas } of panels) sizes.observe(canvas);
   for (const panel of panels) new Steering(panel, camera, () => state.time, actions);
 }
 
+// A page that is opened with `?film` shows pictures of a film: nothing but plans, and how far they are.
+function film() {
+  document.body.classList.add("film");
+  for (const name of ["views", "solid"]) find(name).checked = false;
+  window.film = {
+    shown: { first: data.first, last: data.steps, speed: state.speed },
+    look: (view) => look(view === "above" ? "top" : "space"),
+    show(time) {
+      jump(time);
+      state.dirty = false;
+      draw(true);
+    },
+  };
+}
+
 lay();
 listen();
+if (new URLSearchParams(window.location.search).has("film")) film();
 tick(performance.now());
 document.documentElement.dataset.ready = "yes";

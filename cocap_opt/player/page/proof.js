@@ -1,7 +1,10 @@
 // What proves a bound: its file, to be had from the page, and the commands that check it again.
 
+import { make } from "./dom.js";
+import { reward } from "./numbers.js";
+
 // A box for a plan, which is opened by its badge.
-function proofBox(data, plan) {
+export function proofBox(data, plan) {
   const proof = data.certificate, which = data.plans.indexOf(plan);
   const box = make("dialog", "proof"), head = make("form");
   head.method = "dialog";

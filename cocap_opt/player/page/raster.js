@@ -5,10 +5,12 @@
 // viewer has the larger w, and w is linear on the picture: 1 / depth, or that times a factor and
 // plus a number, so that it is metres towards the viewer around the middle of the picture.
 
-const NOWHERE = Math.fround(-1e30); // depth where nothing is
-const LINE = 0.25; // of what is hatched is lines
+import { mixed, shaded } from "./colours.js";
 
-class Raster {
+const NOWHERE = Math.fround(-1e30); // depth where nothing is
+export const LINE = 0.25; // of what is hatched is lines
+
+export class Raster {
   // `through`: how much is seen of what moves through what is solid.
   constructor(through) {
     this.through = through;
@@ -33,10 +35,19 @@ class Raster {
     return true;
   }
 
+  // The least and the largest w that anything has: any will do here.
+  reach() {}
+
   // Forget what stands still.
   clear(colour) {
     this.still.colour.fill(colour);
     this.still.depth.fill(NOWHERE);
+  }
+
+  // Behind all that stands still, a colour for each row.
+  backdrop(colourOf) {
+    const { width, height, still: { colour } } = this;
+    for (let y = 0; y < height; y++) colour.fill(colourOf(y), y * width, (y + 1) * width);
   }
 
   // Begin a picture: what stands still, and nothing else.
@@ -178,22 +189,8 @@ class Raster {
     }
   }
 
-  // Corners of a line of some thickness (samples), brought nearer by `lift` (m).
   stroke(p, i, j, thickness, lift) {
-    const dx = p[j] - p[i], dy = p[j + 1] - p[i + 1], length = Math.hypot(dx, dy) || 1;
-    const ox = (-dy / length) * thickness / 2, oy = (dx / length) * thickness / 2, q = this.line;
-    q[0] = p[i] + ox; q[1] = p[i + 1] + oy; q[2] = p[i + 2] + lift;
-    q[3] = p[j] + ox; q[4] = p[j + 1] + oy; q[5] = p[j + 2] + lift;
-    q[6] = p[j] - ox; q[7] = p[j + 1] - oy; q[8] = p[j + 2] + lift;
-    q[9] = p[i] - ox; q[10] = p[i + 1] - oy; q[11] = p[i + 2] + lift;
-    return q;
-  }
-
-  // Whether something solid hides a point.
-  hides(x, y, w) {
-    const at = Math.floor(y) * this.width + Math.floor(x);
-    if (x < 0 || x >= this.width || y < 0 || y >= this.height) return false;
-    return this.still.depth[at] > w;
+    return lineOf(this.line, p, i, j, thickness, lift);
   }
 
   // Into a canvas, of its or another size.
@@ -204,4 +201,15 @@ class Raster {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.drawImage(this.canvas, 0, 0, width, height);
   }
+}
+
+// Corners of a line of some thickness (samples), brought nearer by `lift` (m), into an array.
+export function lineOf(q, p, i, j, thickness, lift) {
+  const dx = p[j] - p[i], dy = p[j + 1] - p[i + 1], length = Math.hypot(dx, dy) || 1;
+  const ox = (-dy / length) * thickness / 2, oy = (dx / length) * thickness / 2;
+  q[0] = p[i] + ox; q[1] = p[i + 1] + oy; q[2] = p[i + 2] + lift;
+  q[3] = p[j] + ox; q[4] = p[j + 1] + oy; q[5] = p[j + 2] + lift;
+  q[6] = p[j] - ox; q[7] = p[j + 1] - oy; q[8] = p[j + 2] + lift;
+  q[9] = p[i] - ox; q[10] = p[i + 1] - oy; q[11] = p[i + 2] + lift;
+  return q;
 }

@@ -1,17 +1,20 @@
 // How far one can see along a ray: to the ground, to a wall or to a mesh.
 
+import { cross, dot, minus } from "./geometry.js";
+
 const NOTHING = [];
+const GRAZE = 0.1; // m, by which a ray may be below a cell of the ground
 
 // Height at a point of what is below in the height map, in m; 0 beyond it.
-function groundAt(terrain, x, y, heights = terrain.heights) {
+export function groundAt(terrain, x, y, heights = terrain.heights) {
   const i = Math.floor(x / terrain.cell), j = Math.floor(y / terrain.cell);
   const inside = i >= 0 && j >= 0 && i < terrain.cells[0] && j < terrain.cells[1];
   return inside ? heights[i * terrain.cells[1] + j] : 0;
 }
 
-class Rays {
+export class Rays {
   constructor({ terrain, meshes, boxes }, blocks = null) {
-    Object.assign(this, { terrain, blocks });
+    Object.assign(this, { terrain, blocks, met: new Uint8Array(blocks?.count ?? 0) });
     this.triangles = new Map(); // by the number of a cell
     this.boxes = new Map();
     meshes.forEach((mesh, k) => this.takeMesh(mesh, blocks?.ofTriangle[k]));
@@ -78,6 +81,19 @@ class Rays {
       }
       return false;
     });
+  }
+
+  // True if the ground stands in the way of a ray on so many metres, or a block that is not opened.
+  isBlocked(from, way, most, opened) {
+    const { terrain: { grounds } } = this, met = this.met.fill(0), height = (far) => from[2] + far * way[2];
+    let isGround = false;
+    this.walk(from, way, most, (cell, begin, end) => {
+      isGround = cell >= 0 && Math.min(height(begin), height(end)) < grounds[cell] - GRAZE;
+      return isGround;
+    });
+    if (isGround) return true;
+    this.mark(from, way, most, met);
+    return met.some((isMet, block) => isMet && !opened[block]);
   }
 
   // Where a ray meets something in a cell (-1: beyond the map) between two lengths, or Infinity.

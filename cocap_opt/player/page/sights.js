@@ -1,5 +1,8 @@
 // What drones' cameras take in, until something stands in the way.
 
+import { unit } from "./geometry.js";
+import { isThere } from "./plans.js";
+
 const CLOSER = 0.6; // of their length, cones in a crowd
 
 // The rays of a camera around its picture, as unit vectors, some along each side; a cone looks level.
@@ -20,7 +23,7 @@ function rim(drone, [, , , yaw, tilt], perSide) {
   });
 }
 
-class Sights {
+export class Sights {
   constructor(data, rays, bodies) {
     Object.assign(this, { data, rays, bodies });
   }

@@ -1,4 +1,4 @@
-"use strict";
+// Chooses where drones start: a map to press on, and the starts as TOML.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const [width, depth] = data.cells, cell = data.cell, [ox, oy] = data.origin;
@@ -20,7 +20,7 @@ level = Math.max(first, 0);
 const middle = (x, y) => [ox + (x + 0.5) * cell, oy + (y + 0.5) * cell];
 const kindOf = (x, y, k = level) => +data.levels[k].kinds[x * depth + y];
 const shown = (number) => String(+number.toFixed(6));
-const screen = ([x, y]) => [EDGE + ((x - ox) / cell) * scale, RIM + (depth - (y - oy) / cell) * scale];
+export const screen = ([x, y]) => [EDGE + ((x - ox) / cell) * scale, RIM + (depth - (y - oy) / cell) * scale];
 
 function cellAt(event) {
   const box = view.getBoundingClientRect();

@@ -2,11 +2,16 @@
 // and so does the wheel; a press picks a drone, and what is under the pointer is told. Arrows turn
 // a picture that has the focus, and move it with shift.
 
+import { put } from "./dom.js";
+import { density, percent, reward } from "./numbers.js";
+import { tipAt } from "./panel.js";
+import { heightOf } from "./plans.js";
+
 const STILL = 5; // px that a press may move
 const KEYED = 24; // px, as far as an arrow turns or moves
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
-class Steering {
+export class Steering {
   // `actions`: moved(), pick(drone), hover({ drone, person }), fit(); `now` gives the time that is shown.
   constructor(panel, camera, now, actions) {
     Object.assign(this, { panel, camera, now, actions, canvas: panel.canvas, pointers: new Map(), far: 0 });
@@ -90,8 +95,7 @@ class Steering {
     tip.classList.toggle("on", words !== undefined);
     if (words === undefined) return;
     put(tip, words);
-    tip.style.left = `${Math.max(Math.min(x + 12, view.canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
-    tip.style.top = `${Math.max(y - 30, 4)}px`;
+    tipAt(tip, view.canvas, [x, y]);
   }
 
   known(x, y) {
@@ -104,7 +108,7 @@ class Steering {
     }
     const drone = view.labels.droneAt(x, y);
     if (drone === undefined) return undefined;
-    const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])}` : "";
+    const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])} to J` : "";
     const whom = plan.films[drone][step], films = whom === null ? "" : `, films ${data.people[whom].called}`;
     return `drone ${drone}${films}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
   }

@@ -1,6 +1,12 @@
 // By how many drones each person is seen: a strip of people and steps below the chart, with what is
 // known of a person at a step in words. A press goes to the step.
 
+import { MARGIN } from "./chart.js";
+import { words } from "./colours.js";
+import { make, PHONE, put } from "./dom.js";
+import { FONT } from "./labels.js";
+import { digits, percent } from "./numbers.js";
+
 const SEEN_BY = [ // none, one, two, three or more drones
   { fill: "#b0122b", ink: "#ffffff", name: "0" },
   { fill: "#f2a233", ink: "#20252d", name: "1" },
@@ -11,7 +17,7 @@ const ROWS_HIGH = [3, 14]; // px of a row, at least and at most
 const STRIP_HIGH = 84, PHONE_HIGH = 56; // px of all rows, where they are not at least as high as above
 const LETTER = 9; // px of a cell that has room for a number
 
-class Strip {
+export class Strip {
   // `go(step, person)` is called by a press.
   constructor(data, plan, go) {
     Object.assign(this, { data, plan, rows: plan.filmed?.rows ?? [] });
@@ -156,5 +162,5 @@ function filmedWords(row, step) {
 }
 
 // Steps at which somebody who counts is seen by fewer than two drones.
-const badSteps = ({ filmed }) => (filmed?.rows ?? []).flatMap((row) =>
+export const badSteps = ({ filmed }) => (filmed?.rows ?? []).flatMap((row) =>
   row.views.flatMap((views, step) => (views < 2 && row.counts[step] ? [step] : [])));

@@ -1,10 +1,12 @@
 // A plan's picture as a video, recorded by the browser while it plays from its first step to its last.
 
+import { make } from "./dom.js";
+
 const VIDEOS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"]; // best first
 const RATE = 30, BITS = 8e6; // pictures and bits a second
 const LAST = 500; // ms, for which the last picture stands
 
-class Recording {
+export class Recording {
   // Records a canvas; `stop` has it saved under a name.
   constructor(canvas, name) {
     const parts = [], mimeType = Recording.kind();

@@ -1,27 +1,42 @@
 // One plan in a canvas, seen from outside.
 
-const FINE = 2, COARSE = 1, ROUGH = 0.7; // samples per pixel of the page along x and y
+import { lookouts } from "./blocks.js";
+import { Bodies } from "./bodies.js";
+import { CLOSED, palette } from "./colours.js";
+import { area, clipped, inside, minus, placed } from "./geometry.js";
+import { Labels } from "./labels.js";
+import { Shade, WALL, WALL_STEPS } from "./light.js";
+import { NEAR, Pen } from "./pen.js";
+import { newRaster } from "./renderers.js";
+import { Sights } from "./sights.js";
+
 const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
 const HATCH = 9; // px from line to line
 const CLOSEST = 0.02; // of the camera's way to the middle, before which nothing is drawn
+const FARTHEST = 1.01; // times the largest depth by which pictures are parted
 const OUTLINE = 0.55; // how much lines of what is cut off hide
 const LAYERS = 256; // of polygons, from near to far
 
-class View {
+export class View {
   constructor(data, plan, scene, camera, canvas) {
     Object.assign(this, { data, plan, scene, camera, canvas });
-    this.raster = new Raster(THROUGH);
     this.bodies = new Bodies(data, plan);
     this.sights = new Sights(data, scene.rays, this.bodies);
     this.labels = new Labels(this);
-    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), {
-      cut: (points) => this.cut(points), metreAt: (w) => this.pen.metre * (1 + w / this.away),
-    });
     this.lookouts = lookouts(data.people, plan.paths);
     this.opened = new Uint8Array(scene.blocks.count); // blocks that are only outlined
     this.corners = new Float64Array(12);
+    this.begin();
+  }
+
+  // With an empty picture.
+  begin() {
     this.stamp = "";
+    this.raster = newRaster(THROUGH);
+    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), {
+      cut: (points) => this.cut(points), metreAt: (w) => this.pen.metre * (1 + w / this.away),
+    });
   }
 
   depth(x, y, z) {
@@ -62,6 +77,7 @@ class View {
   draw(time, options) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
+    if (this.raster.isLost) this.begin();
     if (!this.camera.fitted) this.camera.fit(width, height);
     this.camera.update();
     const follows = options.follow && options.picked !== undefined;
@@ -119,6 +135,7 @@ class View {
     Object.assign(this, { stamp, world, centre: middle, away, closest: Math.max(NEAR, CLOSEST * away) });
     this.eye = middle.map((v, k) => v - away * camera.ahead[k]);
     this.raster.resize(...[width, height].map((long) => Math.round(long * this.pen.fine)));
+    this.raster.reach(-away * FARTHEST, (away * away * FARTHEST) / this.closest);
     this.raster.clear(palette.paper);
     this.open(follows, solid);
     const { ground, things } = world;
@@ -213,12 +230,16 @@ class View {
     return new Shade(WALL, [0, 0, 0, 0], this.slopes(2, (top - foot) / WALL_STEPS, foot), this.away);
   }
 
-  // Point of the world in pixels of the page, and whether something stands before it; far off the
-  // picture, if it is behind the camera.
+  // Point of the world in pixels of the page; far off the picture, if it is behind the camera.
   at([x, y, z]) {
     const q = new Float64Array(3), { fine } = this.pen;
-    if (!this.put(x, y, z, q, 0)) return [-1e6, -1e6, true];
-    return [q[0] / fine, q[1] / fine, this.raster.hides(q[0], q[1], q[2] + 0.1)];
+    return this.put(x, y, z, q, 0) ? [q[0] / fine, q[1] / fine] : [-1e6, -1e6];
+  }
+
+  // True if the ground, or something that is not cut off, stands before a point.
+  isHidden(point) {
+    const way = minus(this.eye, point), far = Math.hypot(...way);
+    return this.scene.rays.isBlocked(point, way.map((v) => v / far), far, this.opened);
   }
 
   // The face under a point of the canvas: [person, face, number over all], or nothing.

@@ -1,5 +1,9 @@
 // What stands still, as polygons: the terrain's columns, merged where they are alike, and meshes.
 
+import { CLOSED, landed, mixed, palette, shaded, startable } from "./colours.js";
+import { dot } from "./geometry.js";
+import { brightness, GroundLight, SUN } from "./light.js";
+
 const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get a line
 const SLOPE = 1.2; // how much of the light from above the sides of the ground's steps take
 const MOST_EDGES = 6000;
@@ -48,11 +52,12 @@ class Polygons {
 }
 
 // The bare ground, with the plans of what stands on it, and what stands there.
-class World {
+export class World {
   constructor(data, blocks) {
     const { terrain } = data, { heights, grounds, kinds } = terrain;
     const highest = grounds.reduce((a, b) => Math.max(a, b), 0);
-    const ground = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
+    const bare = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
+    const ground = (k) => landed(bare(k), terrain.land?.colours[terrain.land.cells[k]]);
     const colours = { 1: [palette.lowPlan, palette.low], 2: [palette.wallPlan, palette.wall] };
     this.ground = new Polygons();
     const plan = (k) => colours[kinds[k]]?.[0] ?? ground(k);

@@ -15,6 +15,7 @@ from cocap_opt.experiments.lab.manual.diagrams import DIAGRAMS
 from cocap_opt.experiments.lab.manual.formats import schemas
 from cocap_opt.experiments.lab.manual.marks import filled, names_in
 from cocap_opt.experiments.lab.studies.drawings import DRAWINGS
+from cocap_opt.experiments.lab.studies.first_flight import FILM, STILLS
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import make_folder, read_text, save_bytes
 from cocap_opt.pictures.figures import picture
@@ -39,7 +40,8 @@ DRAWN: Mapping[str, Callable[[], bytes]] = {
     **DRAWINGS,
     **{f"{name}.svg": partial(_diagram, name) for name in DIAGRAMS},
 }
-PHOTOGRAPHED = ("player.png", "player.webp")  # in a browser, which draws as its release does
+# In a browser and other programs, which draw as their releases do.
+PHOTOGRAPHED = ("player.png", FILM, *STILLS)
 
 
 def pages() -> list[Path]:

@@ -4,4 +4,4 @@ The paper's experiments, plans of others beside ours, growth, exact methods besi
 the cost and the accuracy of coverage, the speed of planners, and plans flown in a simulator.
 """
 
-__all__ = ["app", "browser", "drawings", "options", "pictures", "quotes"]
+__all__ = ["app", "browser", "drawings", "first_flight", "options", "pictures", "quotes"]

@@ -188,6 +188,13 @@ Measure how fast the player draws a plan; needs Chromium.
 
 Example: cocap-opt study frames field --planner cocap-lns
 """),
+    "place": Study("place:place", """\
+Cut the files of the built-in scene delft out of larger ones; needs the extras maps and earth.
+
+FOLDER holds surface.tif, ground.tif and map.geojson, as scenarios/places/delft/README.md says.
+
+Example: cocap-opt study place delft --out scenarios/places/delft
+"""),
     "notebooks": Study("notebooks:notebooks", """\
 Run the project's notebooks from start to end and store them with their outputs.
 

@@ -47,7 +47,7 @@ from cocap_opt.scenarios import SCENES, load_scene
 _SVG, _PNG = ".svg", ".png"
 _GAPS_OF = ("greedy", "sequential", "sequential-rounds", "cocap", "cocap-vs", RECOMMENDED)
 _GAPS_IN = ("bottleneck", "passage")
-GALLERY = ("corridor", "bottleneck", "passage", "bridge", "field")
+GALLERY = ("delft", "corridor", "bottleneck", "passage", "bridge", "field")
 _GIVING_WAY = ("greedy", "sequential", "cocap")
 
 

@@ -57,9 +57,11 @@ def frames(
     scene: Annotated[str, Parameter(help="built-in scene")] = "field-large",
     *,
     planner: Annotated[str, Parameter(help="of the plan that is played")] = "greedy",
+    drones: Annotated[int | None, Parameter(help="only so many, e.g. 18 (default: all)")] = None,
 ) -> None:
     """Prints how fast a scene's plan is drawn while it plays or turns, row by row."""
     problem = load_scene(scene, 0)
+    problem = problem.replace(robots=problem.robots[:drones])
     plan = run(problem, planner).result.plan
     assert plan is not None
     with chromium("frames"), TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""The player in a browser without a window, for its picture in the README and for its tests.
+"""The player in a browser without a window, for its pictures on the pages and for its tests.
 
 It needs Chromium and its driver from the system's packages, and selenium.
 """
@@ -6,12 +6,10 @@ It needs Chromium and its driver from the system's packages, and selenium.
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple, Self
 
-from PIL import Image
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
@@ -27,13 +25,11 @@ PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
 _SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture, in which drone 2 is picked
 _PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
 _SIZE = 1280, 800  # px
-_SMALL = 800, 500  # px, of the moving picture
-_PACE, _QUALITY = 600, 80  # of the moving picture: ms a step; of WebP
 _PATIENCE = 30.0  # s
 _OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--no-first-run", "--hide-scrollbars",
+    "--no-first-run", "--hide-scrollbars", "--enable-unsafe-swiftshader",  # WebGL in software
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # no network
 )  # fmt: skip
 
@@ -44,28 +40,23 @@ class _Programs(NamedTuple):
 
 
 def write_pictures(folder: Path) -> list[Path]:
-    """Writes player.png and player.webp, of two plans of the bottleneck, and returns their paths.
+    """Writes player.png, of two plans of the bottleneck, and returns its path.
 
     Raises
     ------
     FileNotFoundError
         If there is no browser, or no driver.
     """
-    still, moving = folder / "player.png", folder / "player.webp"
-    problem = load_scene(_SCENE, 0)
+    still = folder / "player.png"
     with TemporaryDirectory() as made:
         page = Path(made) / "player.html"
-        _player(problem).save(page)
+        _player(load_scene(_SCENE, 0)).save(page)
         with Browser.opened(page) as browser:
             browser.go_to(_STEP)
             browser.press(_KEYS)
             browser.go_to(_STEP)
             browser.save_screenshot(str(still))
-            frames = [browser.frame(step) for step in range(problem.horizon + 1)]
-    frames[0].save(
-        moving, save_all=True, append_images=frames[1:], duration=_PACE, loop=0, quality=_QUALITY
-    )
-    return [still, moving]
+    return [still]
 
 
 def _player(problem: Problem) -> Player:
@@ -90,7 +81,11 @@ class Browser(webdriver.Chrome):
     @classmethod
     @contextmanager
     def opened(
-        cls, page: Path | str, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
+        cls,
+        page: Path | str,
+        size: tuple[int, int] = _SIZE,
+        ready: str = PLAYER_IS_READY,
+        scale: float = 1.0,
     ) -> Iterator[Self]:
         """Opens a page in a browser of its own.
 
@@ -99,6 +94,7 @@ class Browser(webdriver.Chrome):
         page : its file, or its address on this machine
         size : px
         ready : an expression that is true in the page once it is loaded
+        scale : px of a picture for each px of the page
 
         Raises
         ------
@@ -116,7 +112,7 @@ class Browser(webdriver.Chrome):
                 options.add_argument(option)
             browser = cls(options=options, service=Service(found.driver))
             try:
-                browser.resize(size)
+                browser.resize(size, scale)
                 browser.get(page if isinstance(page, str) else page.absolute().as_uri())
                 loaded = WebDriverWait(browser, _PATIENCE)
                 loaded.until(lambda driver: driver.execute_script(f"return {ready}"))
@@ -124,27 +120,21 @@ class Browser(webdriver.Chrome):
             finally:
                 browser.quit()
 
-    def resize(self, size: tuple[int, int]) -> None:
-        """Gives the page a size (px)."""
+    def resize(self, size: tuple[int, int], scale: float = 1.0) -> None:
+        """Gives the page a size (px), and pictures so many px for each of them."""
         width, height = size
-        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        screen = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
         self.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
-
-    def frame(self, step: int) -> Image.Image:
-        """Returns a small picture of the player at a step."""
-        self.go_to(step)
-        picture = Image.open(BytesIO(self.get_screenshot_as_png())).convert("RGB")
-        return picture.resize(_SMALL, Image.Resampling.LANCZOS)
 
     def press(self, keys: str) -> None:
         """Presses keys anywhere on the page."""
         self.find_element(By.TAG_NAME, "body").send_keys(keys)
 
-    def go_to(self, step: int) -> None:
-        """Puts the player's slider to a step, and waits until the page has drawn it."""
+    def go_to(self, step: float) -> None:
+        """Puts the player's slider to a step or between two, and waits until it is drawn."""
         slide = (
             "const [step, done] = arguments, slider = document.getElementById('slider');"
-            "slider.value = step; slider.dispatchEvent(new Event('input'));"
+            "slider.step = 'any'; slider.value = step; slider.dispatchEvent(new Event('input'));"
             "const drawn = () => requestAnimationFrame(() => requestAnimationFrame(() => done()));"
             "setTimeout(drawn, 230);"  # pictures are fine after 200 ms of rest
         )

@@ -118,14 +118,16 @@ def releases(
     date: Annotated[str, Parameter(help="of its tag or results, such as 2026-11-26")],
     /,
     *,
-    stored: Annotated[Path, Parameter(help="folder of its stored results")] = STORED,
+    stored: Annotated[
+        Path | None, Parameter(help="folder of its stored results; if not given, the repository's")
+    ] = None,
     planner: Annotated[str, Parameter(help="that it recommended")] = RECOMMENDED,
     coverage: Annotated[int | None, Parameter(help="its version of coverage; this one's")] = None,
     out: Out = None,
 ) -> None:
     """Makes the row of a release, and puts it above all others (releases.csv)."""
     law = COVERAGE_VERSION if coverage is None else coverage
-    made = Release.of(version, date, law, stored, planner)
+    made = Release.of(version, date, law, stored or STORED, planner)
     results = Results.into(out)
     again = {version, DEVELOPMENT}
     rows = [made, *(release for release in Release.stored() if release.version not in again)]

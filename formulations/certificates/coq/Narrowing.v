@@ -56,8 +56,7 @@ Definition starts_in (k : nat) : list (list state) :=
   map snd (filter (fun d => Nat.eqb k (fst d)) (team I)).
 
 Definition to_go_of (N : narrowing) (k : nat) : list (PM.t (option Z)) :=
-  backward (moves I k) (step_price N k) (toll' k) 0
-    (left_forward N k (fun _ _ => 0) (fun _ _ _ => 0) (map (fun l => (l, 0)) (starts_in k))).
+  backward (moves I k) (step_price N k) (toll' k) 0 (map (fun st => map_of (u_prices (now st)) k) N).
 
 Definition first_of {B} (l : list (PM.t B)) : PM.t B := match l with [] => PM.empty B | m :: _ => m end.
 
@@ -103,10 +102,6 @@ Definition close (target : Z) (N : narrowing) : option narrowing :=
                            (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] Vs k) k)))) (classes I) in
       Some (with_steps (closed_step target bound so_far Vs) 0 N)
   end.
-
-(** States are closed, and once more with the bound of those that are left. *)
-Definition close_twice (target : Z) (N : narrowing) : option narrowing :=
-  match close target N with None => None | Some N' => close target N' end.
 
 Definition staged_numbers_ok : bool :=
   numbers_ok I C [] && negb (over_time M) && (0 <? coarse)
@@ -331,17 +326,22 @@ Proof.
   apply filter_In. split; [exact H | apply Nat.eqb_refl].
 Qed.
 
+Lemma Forall2_map_seq {A B} (P : B -> nat -> Prop) (g : A -> B) d : forall l n first, length l = n ->
+  (forall t, (t < n)%nat -> P (g (nth t l d)) (first + t)%nat) -> Forall2 P (map g l) (seq first n).
+Proof.
+  induction l as [|x l IH]; intros n first En H; simpl in En; subst n; simpl; constructor.
+  - specialize (H O ltac:(lia)). rewrite Nat.add_0_r in H. exact H.
+  - apply IH; [reflexivity|]. intros t Ht. specialize (H (S t) ltac:(lia)). rewrite Nat.add_succ_r in H. exact H.
+Qed.
+
 Lemma to_go_ok N f : inv N -> In f plan ->
   Forall2 (fun V j => comes_to V (snd f j) (to_go (step_price N (fst f)) (toll' (fst f)) (snd f) (T - j) j))
     (to_go_of N (fst f)) (seq 0 (S T)).
 Proof.
-  intros HN Hf. destruct (of_plan f Hf) as [starts [Hd [Hs [Ho Hm]]]]. unfold to_go_of.
+  intros [Hlen HN] Hf. destruct (of_plan f Hf) as [starts [Hd [Hs [Ho Hm]]]]. unfold to_go_of.
   apply (backward_ok T (moves I (fst f)) (step_price N (fst f)) (toll' (fst f)) (snd f) Hm T 0); [lia|].
-  pose proof (left_forward_ok N f (fun _ _ => 0) (fun _ _ _ => 0) (starts, 0) 0 HN Hf Hs eq_refl
-    (map (fun l => (l, 0)) (starts_in (fst f)))) as H.
-  assert (Hin : In (starts, 0) (map (fun l => (l, 0)) (starts_in (fst f)))).
-  { apply in_map_iff. exists starts. split; [reflexivity | apply starts_in_ok, Hd]. }
-  specialize (H Hin). clear - H. induction H as [|m j ms js [u [E _]] H IH]; constructor; [exists u; exact E | exact IH].
+  apply Forall2_map_seq with (d := no_step); [exact Hlen|]. intros t Ht. rewrite Nat.add_0_l.
+  destruct (HN t ltac:(lia)) as [HL _]. exact (HL f Hf).
 Qed.
 
 (** What a drone gets at most. *)
@@ -491,12 +491,6 @@ Proof.
     change (sumZ (map _ plan)) with slacks. set (worths := sumZ (map (worth_of N) plan)) in *.
     set (bests := sumZ (map (best_number N) (team I))) in *.
     apply IZR_le in Htogether. unfold B. rewrite ?plus_IZR, ?minus_IZR in *. rewrite ?plus_IZR in *. lra.
-Qed.
-
-Lemma close_twice_ok N : inv N -> exists N', close_twice target N = Some N' /\ inv N'.
-Proof.
-  intros HN. destruct (close_ok N HN) as [N1 [E1 H1]]. destruct (close_ok N1 H1) as [N2 [E2 H2]].
-  exists N2. unfold close_twice. rewrite E1. auto.
 Qed.
 
 End Above.

@@ -522,7 +522,7 @@ Definition whole_bound (target : Z) (stages : list stage) (paths_above : option 
       if staged_numbers_ok I C coarse && (target <=? higher) then
         Some (match narrowed I C coarse memory advise mind target stages with
               | None => higher
-              | Some N => match close_twice I C higher N with
+              | Some N => match close I C higher N with
                           | None => higher
                           | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N')
                           end
@@ -546,14 +546,14 @@ Proof.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
     + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
-      destruct (close_twice _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
+      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
       generalize (listed (reached I C coarse memory advise mind N' higher (sweep_all I C N') (horizon I))) as l. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
       apply H.
     + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
       destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
-      destruct (close_twice_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
+      destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
       apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.

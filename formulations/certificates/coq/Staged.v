@@ -37,7 +37,7 @@ Notation M := (numbers C).
 Notation rs := (all_rows C []).
 Notation left_bound := (left_bound I C).
 Notation sweep_all := (sweep_all I C).
-Notation close_twice := (close_twice I C).
+Notation close := (close I C).
 Notation staged_numbers_ok := (staged_numbers_ok I C coarse).
 Notation map_of_map := (map_of_map I).
 (** * The search of a step *)
@@ -135,7 +135,7 @@ Fixpoint after_stages (target : Z) (stages : list stage) (N : narrowing) : optio
   match stages with
   | [] => Some N
   | stg :: rest =>
-      match close_twice target (after_stage stg N) with
+      match close target (after_stage stg N) with
       | None => None
       | Some N' => after_stages target rest N'
       end
@@ -149,7 +149,7 @@ Definition first_narrowing : narrowing :=
 
 (** The narrowing after all stages; None: no plan is above the target. *)
 Definition narrowed (target : Z) (stages : list stage) : option narrowing :=
-  match close_twice target first_narrowing with
+  match close target first_narrowing with
   | None => None
   | Some N => after_stages target stages N
   end.
@@ -315,7 +315,7 @@ Notation team_best_is := (team_best_is I C plan planned).
 Section Above.
 Variable target : Z.
 Hypothesis above : (IZR target < J I plan * IZR (precision M))%R.
-Notation close_twice_ok := (close_twice_ok I C coarse plan ok planned target above).
+Notation close_ok := (close_ok I C coarse plan ok planned target above).
 
 (** ** The search of a step *)
 
@@ -563,9 +563,9 @@ Qed.
 
 Lemma narrowed_ok stages : exists N, narrowed target stages = Some N /\ inv N.
 Proof.
-  unfold narrowed. destruct (close_twice_ok _ first_ok') as [N0 [E0 H0]]. rewrite E0. clear E0.
+  unfold narrowed. destruct (close_ok _ first_ok') as [N0 [E0 H0]]. rewrite E0. clear E0.
   revert N0 H0. induction stages as [|stg rest IH]; intros N0 H0; simpl; [exists N0; auto|].
-  destruct (close_twice_ok _ (after_stage_ok stg N0 H0)) as [N1 [E1 H1]]. rewrite E1. apply IH, H1.
+  destruct (close_ok _ (after_stage_ok stg N0 H0)) as [N1 [E1 H1]]. rewrite E1. apply IH, H1.
 Qed.
 
 End Above.

@@ -443,10 +443,15 @@ class _Envelopes:
 
         A step has a height if the search ends for one that no joint state exceeds. Once heights
         lower the bound they are a stage, so that fewer states are left to the searches after it.
+        Long searches wait until all short ones have ended: among fewer states they are shorter, for
+        all who check the certificate, too.
         """
         heights = _Heights(bundle, prices, self.nodes)
-        for t in sorted(bundle.joints, key=lambda t: len(bundle.joints[t].states)):
-            self._find_height(heights, t)
+        left = sorted(bundle.joints, key=lambda t: len(bundle.joints[t].states))
+        for most in self._limits_of_nodes():
+            left = [t for t in left if not self._find_height(heights, t, most)]
+        for t in left:
+            self.lengths.note(t, len(bundle.joints[t].states), None)
         if heights.waiting or not heights.adopted:
             total = self._total(heights)
             if heights.waiting and total < self.narrowing.bound:
@@ -455,8 +460,23 @@ class _Envelopes:
                 bundle.correct(total)
         return bool(heights.adopted)
 
-    def _find_height(self, heights: "_Heights", t: int) -> None:
-        """Looks for the height of a step, and makes a stage of all that wait where it is time."""
+    def _limits_of_nodes(self) -> Iterable[int]:
+        """Yields the nodes that searches may have, first few and then more, up to the most."""
+        parameters, most = self._parameters, self._many_nodes()
+        limit = parameters.first_nodes
+        while limit < most:
+            yield limit
+            limit *= parameters.next_times
+        yield most
+
+    def _find_height(self, heights: "_Heights", t: int, most_nodes: int) -> bool:
+        """Looks for the height of a step, and makes a stage of all that wait where it is time.
+
+        Returns
+        -------
+        bool
+            False if the search does not end within so many nodes.
+        """
         self.report()
         bundle = heights.bundle
         joint, paid = bundle.joints[t], heights.prices[bundle.span(t)]
@@ -466,11 +486,10 @@ class _Envelopes:
         least = self.known.highest(joint)
         if bundle.has_lists:
             least = max(least, bundle.constants[t])
-        found = self._searched(joint, least, self._many_nodes())
-        nodes = None if found is None else found.nodes
-        self.lengths.note(t, len(bundle.joints[t].states), nodes)
+        found = self._searched(joint, least, most_nodes)
         if found is None:
-            return
+            return False
+        self.lengths.note(t, len(bundle.joints[t].states), found.nodes)
         if found.positions and not heights.adopted:
             bundle.remember(t, found.positions)
         heights.waiting[t] = found.profit
@@ -480,6 +499,7 @@ class _Envelopes:
             least_gain = self._parameters.least_of_stage * room
             if self.narrowing.bound - self._total(heights) >= least_gain:
                 self._add(heights)
+        return True
 
     def _still_left(self, joint: JointStates, prices: FloatArray) -> tuple[JointStates, FloatArray]:
         """Returns the joint states of a step that are still left, and their states' prices."""

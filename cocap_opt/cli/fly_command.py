@@ -1,0 +1,214 @@
+"""The command `fly`, which writes the flight of a plan in the formats of others."""
+
+import logging
+import re
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.flight_options import (
+    AS_PLANNED,
+    Every,
+    FlightOptions,
+    Hovering,
+    Local,
+    Start,
+    in_words,
+    require_motion,
+    require_spacing,
+    start_of,
+)
+from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, Whole, load_planned
+from cocap_opt.data import ProblemError
+from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
+from cocap_opt.missions import FORMATS, Writer
+from cocap_opt.output.answer import print_result
+from cocap_opt.output.files import PlanReader, check_output, save_files
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.stop import Interrupt
+
+_log = logging.getLogger(__name__)
+
+Autopilot = Literal["px4", "ardupilot"]
+_MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
+
+
+def _fly(
+    scene: Scene,
+    plan: PlanPath,
+    /,
+    *,
+    output: Output = None,
+    seed: Seed = 0,
+    flown: FlightOptions = AS_PLANNED,
+    every: Every = None,
+    start: Start = None,
+    autopilot: Annotated[
+        Autopilot | None,
+        Parameter(
+            help="autopilot of the missions (default: px4 for .plan, ardupilot for .waypoints)"
+        ),
+    ] = None,
+    items: Annotated[
+        Whole | None,
+        Parameter(help="mission items that the board can store (default: that of usual boards)"),
+    ] = None,
+    local: Local = False,
+    hovering: Hovering = False,
+    json: Json = False,
+) -> int:
+    """Export a plan as a flight, checked against rules, obstacles and limits.
+
+    A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
+    counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
+    ground and take-off, and latitude and longitude where the scene has a reference system. A
+    .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
+    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
+    for the crew.
+
+    Not checked: wind, deviations from the planned flight, take-off and landing; notes below the
+    answer list what else was not checked.
+
+    A plan in which no drone moves is rejected unless you pass --hovering.
+
+    A smooth flight that comes too near to people is rejected; the message tells you how much extra
+    distance to plan with and which --margin to fly with.
+
+    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
+    --autopilot) and .waypoints (for ArduPilot). Each is for the autopilot in its name only.
+    Synchronised flights: .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
+
+    Cameras, to triangulate what was filmed: .opencv.json, .colmap.zip and .pose2sim.toml have the
+    intrinsics of each drone's camera, and its pose at each row's moment; --every 0.04 gives those
+    of a video of 25 frames a second. Cones, which have no image, are rejected.
+
+    Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
+    """
+    suffix = Option("-o").ending(output, tuple(FORMATS))
+    assert output is not None
+    begins = None if start is None else start_of(start, suffix, FORMATS[suffix].has_dates)
+    require_spacing(every)
+    if local and FORMATS[suffix].on_earth:
+        raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
+    write = _writer(suffix, autopilot, items)
+    check_output(output, scene, plan)
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
+    problem, planned, cut_short = given.problem, given.plan, given.cut_short
+    if FORMATS[suffix].takes_off and problem.begins_in_the_air:
+        raise UsageError(
+            f"-o: must not end with {suffix}, for these missions take off, and the scene is the "
+            "rest of a mission whose drones are in the air; .csv has their places"
+        )
+    try:
+        flight = flown.flight(problem, planned, local)
+        flight = flight._replace(start=begins, cut_short=cut_short)
+        parts = parts_of_take(flight.flown.problem, planned) if has_homes(problem) else ()
+        mission = write(flight, every)
+    except ProblemError as error:
+        raise in_words(error, scene, plan, suffix, flown.step is not None) from error
+    require_motion(plan, planned, cut_short, hovering)
+    record = flight.record()
+    files = {_named(output, suffix, part): content for part, content in mission.files.items()}
+    for path in files:
+        check_output(path, scene, plan)
+    first: Record = {"cut_short": cut_short} if cut_short else {}
+    answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
+    notes = [*flight.notes(), *mission.notes]
+    notes += _of_homes(parts, suffix)
+    notes += _strays(output, suffix, files)
+    if words := pauses_of(parts):
+        _log.warning("%s: %s", plan, words)
+    for warning in mission.warnings:
+        _log.warning("%s", warning)
+    with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
+        save_files(files)
+        if json:
+            rows = {"drones": flight.rows(), "notes": notes}
+            if parts:
+                rows["from_home"] = records_of(parts)
+            print_result({**answer, **rows, "files": [*files]}, json)
+        else:
+            print_result({**answer, "file": " ".join(map(str, files))}, json)
+            shown = [words for words in notes if words != cut_short]  # which stands at the top
+            if parts:
+                _in_the_air(parts).print()
+            _tightest(flight.rows(), shown).print()
+    return 0
+
+
+def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[str]:
+    """Yields what ways from and to home are, and that missions do not hold them."""
+    if parts:
+        yield NOTE
+        if FORMATS[suffix].takes_off:
+            yield (
+                f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
+                "missions take off and land straight below their first and last places"
+            )
+
+
+def _in_the_air(parts: Sequence[Part]) -> Listing:
+    """Returns the table of each drone's time in the air in each part, and of its battery."""
+    rows = [
+        {
+            **({"steps": part.words} if len(parts) > 1 else {}),
+            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.filming,
+            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
+            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
+        }
+        for part in parts
+        for drone in part.drones
+    ]  # fmt: skip
+    return Listing("from take-off to landing", rows)
+
+
+def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:
+    """Returns the function that writes files of an ending, for an autopilot and its board."""
+    autopilots = FORMATS[suffix].autopilots
+    if not autopilots:
+        for name, value in (("--autopilot", autopilot), ("--items", items)):
+            if value is not None:
+                raise UsageError(f"{name}: must be left out for {suffix}, which holds no mission")
+    elif autopilot is not None and autopilot not in autopilots:
+        others = " or ".join(autopilots)
+        raise UsageError(
+            f"--autopilot: must be {others} for {suffix}, not {autopilot}; .plan is for both"
+        )
+    if items is not None and not items > 0:
+        raise UsageError("--items: must be more than 0")
+    return FORMATS[suffix].writer(autopilot, items)
+
+
+def _tightest(rows: Sequence[Record], notes: Sequence[str]) -> Listing:
+    """Returns the table of the drones' tightest moments; of many drones it has a few."""
+    table = Listing("tightest moment of each drone", rows, notes)
+    if len(rows) <= _MANY:
+        return table
+    ranked = sorted(rows, key=_tightness, reverse=True)
+    return table._replace(rows=ranked).first(_FEW, "the drones nearest to a limit, or the fastest")
+
+
+def _tightness(row: Record) -> tuple[float, float]:
+    return (row["value"] / row["limit"] if row["limit"] else 0.0, row["value"])
+
+
+def _named(output: Path, suffix: str, part: str) -> Path:
+    """Returns the name of a part of the output."""
+    first, last = output.name[: -len(suffix)], output.name[-len(suffix) :]
+    return output.with_name(f"{first}.{part}{last}") if part else output
+
+
+def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[str]:
+    """Yields a sentence on files beside those of the drones that are of another flight."""
+    if set(files) == {output}:
+        return
+    pattern = re.compile(rf"{re.escape(output.name[: -len(suffix)])}\..*{re.escape(suffix)}")
+    names = (path.name for path in output.parent.iterdir() if path not in files)
+    if strays := sorted(name for name in names if pattern.fullmatch(name)):
+        yield f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
+
+
+COMMANDS = {"fly": _fly}

@@ -1,0 +1,178 @@
+"""The command `robustness`, which says what slips leave of a flight."""
+
+import logging
+import math
+from collections.abc import Iterator
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.flight_options import AS_PLANNED, FlightOptions
+from cocap_opt.cli.options import Json, PlanPath, Scene, Seed, Whole, load_planned
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import FileError
+from cocap_opt.flight.changes import (
+    ChangeRow,
+    Changes,
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+    written_delay,
+)
+from cocap_opt.flight.flights import Flight
+from cocap_opt.footage.losses import Seen, WhatIf, steps_in_words, what_if
+from cocap_opt.output.answer import print_result
+from cocap_opt.output.files import PlanReader
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.run.options import UsageError
+
+_log = logging.getLogger(__name__)
+
+_MANY = 12  # drones whose losses are listed
+_USUAL = Changes()
+
+
+def _robustness(
+    scene: Scene,
+    plan: PlanPath,
+    /,
+    *,
+    seed: Seed = 0,
+    flown: FlightOptions = AS_PLANNED,
+    late: Annotated[
+        list[float] | None,
+        Parameter(
+            negative="", consume_multiple=True, help="seconds by which people are late, and early"
+        ),
+    ] = None,
+    aside: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="metres by which people walk aside"),
+    ] = None,
+    lag: Annotated[
+        list[float] | None,
+        Parameter(
+            negative="", consume_multiple=True, help="seconds by which any one drone is late"
+        ),
+    ] = None,
+    lost: Annotated[
+        list[Whole] | None,
+        Parameter(
+            negative="",
+            consume_multiple=True,
+            help="steps at which drones are lost, one at a time (default: each at its worst step)",
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
+
+    Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
+    the least at any moment, and rules are checked at every moment, on the flights' polynomials.
+    If a distance is not kept, the table shows the one to plan with.
+
+    Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
+    """
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
+    problem = given.problem
+    if cut_short := given.cut_short:
+        _log.warning("%s: %s", plan, cut_short)
+    changes = Changes(
+        _USUAL.late if late is None else late,
+        _USUAL.aside if aside is None else aside,
+        _USUAL.lag if lag is None else lag,
+    )
+    try:
+        flight = flown.flight(problem, given.plan, is_local=True)  # where it is does not matter
+    except ProblemError as error:
+        raise FileError(f"{plan}: {error}") from error
+    try:
+        found = what_if(flight, changes, lost)
+    except ProblemError as error:
+        raise UsageError(f"--{error}") from error
+    delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
+    notes = [*_notes(flight, delay, to_people), *_asking(found)]
+    if json:
+        answer: Record = {
+            **({"cut_short": cut_short} if cut_short else {}),
+            "scene": problem.name,
+            "seed": seed,
+            "delay_tolerance": written_delay(delay),
+            "delay_tolerance_to_people": written_delay(to_people),
+        }
+        print_result({**answer, "changes": found.records(), "notes": notes}, json)
+    else:
+        kind = "smooth" if flown.smooth else "straight"
+        title = f"{problem.name}, {kind}: what is left of J = {found.changes[0].reward:,.2f}"
+        Listing(title, [_shown(row) for row in found.changes], notes).print()
+        _losses(found).print()
+    return 0
+
+
+def _losses(found: WhatIf) -> Listing:
+    """Returns the table of lost drones below the plan, with who is no longer seen by two."""
+    notes = [
+        "a drone that is lost at a step contributes nothing from there on, and has left the scene: "
+        "what becomes of it is not looked at; its worst step is the last one at which it costs as "
+        "much as if it had never flown"
+    ]
+    lost = sorted(found.losses, key=lambda row: row.left.reward)
+    for row in lost[:_MANY]:
+        gone = [f"{person} at {steps_in_words(steps)}" for person, steps in row.seen.no_longer]
+        if gone:
+            notes.append(f"{row.left.change}, no longer seen by two: {'; '.join(gone)}")
+    rows = [_seen(found.changes[0], found.seen), *(_seen(row.left, row.seen) for row in lost)]
+    what = "the plan, and the losses that cost most"
+    return Listing("if a drone is lost", rows, notes).first(_MANY + 1, what)
+
+
+def _seen(left: ChangeRow, seen: Seen) -> Record:
+    """Returns a row of the losses as people read it."""
+    shares = {"J (%)": left.share, "seen by two (%)": seen.by_two, "by none (%)": seen.by_none}
+    percents = {name: None if part is None else 100 * part for name, part in shares.items()}
+    return {"change": left.change, **percents}
+
+
+def _shown(row: ChangeRow) -> Record:
+    """Returns a row of the changes as people read it."""
+    columns: Record = {
+        "change": row.change,
+        "J (%)": None if row.share is None else 100 * row.share,
+        "drones (m)": row.least_distance,
+    }
+    if row.people_distance is not None:
+        columns["people (m)"] = row.people_distance
+    asked = [metres for metres in (row.ask_drones, row.ask_people) if metres is not None]
+    way_out = f"; plan with {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
+    return {**columns, "rules": f"{row.rules}{way_out}"}
+
+
+def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
+    """Yields sentences on what the numbers mean."""
+    problem = flight.flown.problem
+    yield (
+        "J is computed between the steps, too; distances are the least at any moment, those to "
+        "people seen from above; people are moved to their own left or right, as they walk; where "
+        "any drone may be late, each column has the worst of them"
+    )
+    yield from flight.nearer_to_people()
+    if delay is not None and math.isinf(delay):
+        yield f"the {problem.rules} between drones is kept however late any of them is"
+    elif delay is not None:
+        yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
+    elif not problem.rules.separation and len(problem.robots) > 1:
+        yield "the scene's rules ask for no distance between drones between the steps"
+    yield from people_and_delay(flight, to_people)
+
+
+def _asking(found: WhatIf) -> Iterator[str]:
+    """Yields a sentence on the distances to plan with, where there are any."""
+    rows = [*found.changes, *(row.left for row in found.losses)]
+    if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
+        yield (
+            "distances to plan with are those of the scene plus the shortfall; they lead to a "
+            "different plan: evaluate it again, with --margin larger by the shortfall to people"
+        )
+
+
+COMMANDS = {"robustness": _robustness}

@@ -1,0 +1,156 @@
+"""A printed sheet for the crew (.pdf, A4): maps, a card per drone, cues, and what to know of them.
+
+It has what call sheets and flight plans have: a head with blanks that the crew fills in, the
+running order by the clock, a map for each phase, cards, who films whom, and what was not checked.
+"""
+
+import io
+import warnings
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_pdf import PdfPages
+
+from cocap_opt.console.streams import without_warnings
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.ways import has_homes, parts_of_take, pauses_of
+from cocap_opt.footage.quality import Quality
+from cocap_opt.missions.export import Export
+from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
+from cocap_opt.missions.sheet.clock import Clock, phases_of
+from cocap_opt.missions.sheet.filmed import (
+    STRIP,
+    draw_strips,
+    quality_notes,
+    quality_of,
+    quality_table,
+    strip_height,
+    who_films_whom,
+)
+from cocap_opt.missions.sheet.fonts import families_of
+from cocap_opt.missions.sheet.letters import BODY, SMALL, STRONG
+from cocap_opt.missions.sheet.maps import draw, draw_legend, ground_of
+from cocap_opt.missions.sheet.pages import Inset, Pages
+from cocap_opt.missions.sheet.places import degrees
+from cocap_opt.missions.sheet.words import (
+    attention,
+    label_of,
+    running_order,
+    sections,
+    unchecked,
+)
+from cocap_opt.text import printable, shortened
+
+_MAP, _LEGEND, _TITLE, _LIST = 120.0, 13.0, 6.0, 40.0  # mm
+
+
+def write(flight: Flight, every: float | None) -> Export:
+    """Returns the sheet of a flight.
+
+    Parameters
+    ----------
+    every : s between rows of tables of all places, which come last; None: there are none
+    """
+    families, missing = families_of(_names(flight))
+    with (
+        warnings.catch_warnings(),
+        without_warnings("matplotlib.font_manager"),  # of a font that has no bold letters
+        mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}),
+    ):
+        warnings.filterwarnings("ignore", "Glyph")  # which is told below
+        pages = pages_of(flight, every, families)
+        content = _printed(pages)
+    lacking = f"letters that no installed font has are printed as boxes: {missing}"
+    return Export(
+        {"": content},
+        facts={"pages": len(pages.figures)},
+        warnings=(lacking,) if missing else (),
+    )
+
+
+def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pages:
+    """Returns the pages of a sheet, in fonts of some families."""
+    problem = flight.flown.problem
+    parts = parts_of_take(problem, flight.plan) if has_homes(problem) else ()
+    clock, found = Clock(flight.start, parts, flight.flown.step), quality_of(flight)
+    pages = Pages(families)
+    _write_head(pages, flight, clock)
+    _draw_maps(pages, flight, clock, found)
+    pages.cards("Drones", drone_cards(flight, clock, found))
+    if problem.actors:
+        pages.cards("People: cues", people_cards(flight, clock))
+    for title, blocks in sections(flight, clock, every):
+        pages.section(title, blocks)
+    pages.heading("Not checked", _LIST)
+    for words in unchecked(flight, bool(parts)):
+        pages.sentence(words, mark="\N{BALLOT BOX}")
+    pages.foot(shortened(printable(problem.name)))
+    return pages
+
+
+def _names(flight: Flight) -> Iterator[str]:
+    """Yields the names of a scene, in whatever script."""
+    problem = flight.flown.problem
+    yield problem.name
+    yield from (name for actor in problem.actors for name in (actor.name, actor.take) if name)
+
+
+def _write_head(pages: Pages, flight: Flight, clock: Clock) -> None:
+    """Writes the head of the first page, with blanks for facts that the scene cannot know."""
+    problem = flight.flown.problem
+    pages.title(f"Flight sheet: {printable(problem.name)}")
+    middle = np.concatenate([actor.poses[:1, :2] for actor in problem.actors] or [
+        flight.flown.at(np.zeros(1)).place[:, :2]
+    ]).mean(axis=0)  # fmt: skip
+    pages.fields([("Date", clock.date), ("Step 0 (T)", clock.step_0)], 2)
+    pages.fields([
+        ("Place", ", ".join(degrees(flight, *middle.tolist()))), ("Crew call", ""),
+        ("Pilot in command", ""), ("Phone", ""), ("Observers", ""), ("Radio channel", ""),
+        ("Wind, weather", ""), ("Sunrise, sunset", ""), ("Nearest hospital", ""),
+        ("Abort signal", ""),
+    ], 2)  # fmt: skip
+    pages.skip(2.0)
+    urgent = [*attention(flight), *battery_warnings(flight, clock)]
+    if pause := pauses_of(clock.parts):
+        urgent.append(f"ATTENTION: {pause}.")
+    if urgent:
+        pages.box(urgent)
+    pages.section("Running order", [running_order(flight, clock)], BODY)
+    if clock.start is None:
+        pages.sentence("T is the time of step 0, when people get their signal.", SMALL)
+
+
+def _draw_maps(pages: Pages, flight: Flight, clock: Clock, found: Quality | None) -> None:
+    """Draws a map for each phase, with who is filmed by whom after those of the take."""
+    phases, ground = phases_of(flight, clock.parts), ground_of(flight)
+    pages.heading("Maps", _LEGEND + _MAP + _TITLE)
+    legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
+    pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
+    if any(actor.name for actor in flight.flown.problem.actors):
+        people = range(len(flight.flown.problem.actors))
+        names = [label_of(flight.flown.problem, person) for person in people]
+        pages.sentence(f"People: {', '.join(names)}.", SMALL)
+    for phase in phases:
+        pages.need(_MAP + _TITLE)
+        pages.sentence(phase.title(clock), STRONG)
+        pages.picture(_MAP, partial(draw, flight=flight, phase=phase, ground=ground))
+    if found is None:
+        return
+    names = [label_of(flight.flown.problem, person.actor) for person in found.by_person]
+    pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
+    pages.sentence("Drones that see the person at half of the steps or more; in brackets those "
+                   "that do at fewer.", SMALL)  # fmt: skip
+    pages.section("How people are filmed", [quality_table(found, names)], BODY)
+    for words in quality_notes(found):
+        pages.sentence(words, SMALL)
+    pages.picture(strip_height(found), partial(draw_strips, found=found), STRIP)
+
+
+def _printed(pages: Pages) -> bytes:
+    content = io.BytesIO()
+    with PdfPages(content, metadata={"CreationDate": None}) as file:
+        for figure in pages.figures:
+            file.savefig(figure)
+    return content.getvalue()

@@ -1,0 +1,181 @@
+"""A card for each drone, and one for each person: who, with what, where, and when."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.flight.flights import Flight
+from cocap_opt.footage.quality import Quality
+from cocap_opt.missions.routes import seconds_in_the_air
+from cocap_opt.missions.sheet.clock import Clock
+from cocap_opt.missions.sheet.filmed import filmed_by
+from cocap_opt.missions.sheet.pages import Card, Table
+from cocap_opt.missions.sheet.places import degrees
+from cocap_opt.missions.sheet.words import label_of
+from cocap_opt.scenarios.hardware import airframe_name, camera_name
+
+_ROWS = 12  # cues of a card, at most
+_LEAST_RESERVE = 0.2  # of a battery, below which the crew is warned
+_STANDS = 0.05  # m/s
+_DIGITS = 6  # of degrees: 0.1 m
+
+
+def drone_cards(flight: Flight, clock: Clock, found: Quality | None) -> list[Card]:
+    """Returns a card for each drone."""
+    count = len(flight.flown.problem.robots)
+    return [_drone_card(flight, clock, found, drone) for drone in range(count)]
+
+
+def people_cards(flight: Flight, clock: Clock) -> list[Card]:
+    """Returns a card for each person."""
+    count = len(flight.flown.problem.actors)
+    return [_person_card(flight, clock, person) for person in range(count)]
+
+
+def battery_warnings(flight: Flight, clock: Clock) -> Iterator[str]:
+    """Yields the drones whose battery does not last, or has less than a fifth in reserve."""
+    for drone, robot in enumerate(flight.flown.problem.robots):
+        lasts = robot.limits.endurance if robot.limits else None
+        if lasts is None:
+            continue
+        needed = _in_the_air(flight, clock, drone)
+        if needed > lasts:
+            yield (
+                f"THE BATTERY OF DRONE {drone} DOES NOT LAST: {lasts:.4g} s are less than "
+                f"{needed:.4g} s."
+            )
+        elif lasts - needed < _LEAST_RESERVE * lasts:
+            yield (
+                f"Drone {drone} has {_percent(1 - needed / lasts)} of its battery in reserve: less "
+                "than a fifth."
+            )
+
+
+def _in_the_air(flight: Flight, clock: Clock, drone: int) -> float:
+    """Returns the longest time (s) for which a battery of a drone must last.
+
+    The way down counts only where the drone has a home.
+    """
+    if clock.parts:
+        return max(part.drones[drone].seconds for part in clock.parts)
+    if flight.flown.problem.begins_in_the_air:
+        return flight.flown.seconds
+    return seconds_in_the_air(flight)
+
+
+def _drone_card(flight: Flight, clock: Clock, found: Quality | None, drone: int) -> Card:
+    problem = flight.flown.problem
+    robot = problem.robots[drone]
+    ends = flight.flown.at(np.array([0.0, flight.flown.seconds]))
+    start, end = ends.place[ends.drone == drone].tolist()
+    facts = [
+        ("pilot", ""),
+        ("camera", camera_name(robot.camera) or ""),
+        ("airframe", airframe_name(robot.limits) or ""),
+        ("battery", _battery(flight, clock, drone)),
+    ]
+    if robot.home is not None:
+        facts.append(("home", _place(flight, *problem.height_map.centre(*robot.home))))
+    facts += [
+        ("first place", _place(flight, *start)),
+        ("last place", _place(flight, *end)),
+        ("films", filmed_by(found, drone, problem)),
+    ]
+    return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, drone))
+
+
+def _battery(flight: Flight, clock: Clock, drone: int) -> str:
+    """Returns the time that a battery lasts, the part that is needed, and the reserve."""
+    robot, needed = flight.flown.problem.robots[drone], _in_the_air(flight, clock, drone)
+    down = "" if clock.parts else ", plus the way down"
+    air = f"in the air {_minutes(math.ceil(needed))}{down}"
+    lasts = robot.limits.endurance if robot.limits else None
+    if lasts is None:
+        return f"__________ min; {air}"
+    left = lasts - needed
+    reserve = f"reserve {_minutes(left)} ({_percent(left / lasts)})" if left >= 0 else "TOO SHORT"
+    return f"{_minutes(lasts)} by the maker; {air}; {reserve}"
+
+
+def _drone_cues(flight: Flight, clock: Clock, drone: int) -> Table:
+    """Returns a drone's places and the directions in which it looks, by the clock."""
+    samples = flight.flown.at(_moments(flight))
+    is_its = samples.drone == drone
+    times, place = samples.t[is_its], samples.place[is_its]
+    yaw, pitch = samples.yaw[is_its], np.degrees(samples.pitch[is_its])
+    looks = np.degrees(yaw) % 360
+    if flight.geodesy is not None:
+        looks = flight.geodesy.compass(place[:, 0], place[:, 1], yaw)
+    rows = [
+        (_time(clock, t), *(f"{metres:.1f}" for metres in (x, y, z)), f"{round(look) % 360}",
+         f"{down:.0f}")
+        for t, x, y, z, look, down in np.column_stack([times, place, looks, pitch]).tolist()
+    ]  # fmt: skip
+    heads = ("time", "x (m)", "y (m)", "z (m)", _direction(flight), "pitch")
+    return Table(heads, rows, frozenset(range(1, 6)))
+
+
+def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
+    problem = flight.flown.problem
+    actor = problem.actors[person]
+    steps = np.arange(problem.horizon + 1) * flight.flown.step
+    walk = actor.poses[: len(steps), :2]
+    times = _moments(flight)
+    x, y = (np.interp(times, steps, axis) for axis in walk.T)
+    facts = [
+        ("stands by at", _place(flight, float(x[0]), float(y[0]))),
+        ("signal", f"{_time(clock, 0.0)}, step 0"),
+    ]
+    return Card(label_of(problem, person), facts, _person_cues(flight, clock, times, x, y))
+
+
+def _person_cues(
+    flight: Flight, clock: Clock, times: FloatArray, x: FloatArray, y: FloatArray
+) -> Table:
+    """Returns a person's places by the clock, and the speed to the next one."""
+    along, up = np.diff(x), np.diff(y)
+    speeds = np.hypot(along, up) / np.diff(times)
+    ways = np.degrees(np.arctan2(up, along)) % 360
+    if flight.geodesy is not None:
+        ways = flight.geodesy.compass(x[:-1], y[:-1], np.radians(ways))
+    rows = []
+    for k, t in enumerate(times.tolist()):
+        goes = ("end", "") if k == len(speeds) else ("stands", "")
+        if k < len(speeds) and speeds[k] > _STANDS:
+            goes = f"{speeds[k]:.1f} m/s", f"{round(float(ways[k])) % 360}"
+        rows.append((_time(clock, t), f"{x[k]:.1f}", f"{y[k]:.1f}", *goes))
+    heads = ("time", "x (m)", "y (m)", "then walks", _direction(flight))
+    return Table(heads, rows, frozenset(range(1, 5)))
+
+
+def _moments(flight: Flight) -> FloatArray:
+    """Returns the moments (s) of cues, the end among them."""
+    steps = flight.flown.problem.horizon
+    every = math.ceil(steps / (_ROWS - 1))
+    found = [*range(0, steps, every), steps]
+    return np.array(found) * flight.flown.step
+
+
+def _time(clock: Clock, t: float) -> str:
+    return clock.at(t, clock.part_of(t))
+
+
+def _direction(flight: Flight) -> str:
+    """Returns the head of a column of directions in degrees."""
+    return "yaw" if flight.geodesy is None else "compass"
+
+
+def _place(flight: Flight, x: float, y: float, z: float | None = None) -> str:
+    high = "" if z is None else f", z {z:.1f}"
+    on_earth = ", ".join(degrees(flight, x, y, _DIGITS))
+    return f"x {x:.1f}, y {y:.1f}{high}" + (f"; {on_earth}" if on_earth else "")
+
+
+def _minutes(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02} min"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

@@ -1,0 +1,118 @@
+"""Who films whom, and how well, phase by phase."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from cocap_opt.data import BoolArray
+from cocap_opt.flight.flights import Flight
+from cocap_opt.footage.quality import Quality
+from cocap_opt.footage.summary import whole_percent
+from cocap_opt.missions.sheet.clock import TAKE, Clock, Phase
+from cocap_opt.missions.sheet.pages import Inset, Table
+from cocap_opt.missions.sheet.words import label_of
+from cocap_opt.problem import Problem
+from cocap_opt.text import in_ranges
+
+_OFTEN = 0.5  # of a phase's steps
+_ROW = 5.0  # mm, of a person's strip
+STRIP = Inset(12.0, 9.0, 6.0)  # around all strips
+
+
+def quality_of(flight: Flight) -> Quality | None:
+    """Returns the quality of the plan; None if nobody counts."""
+    found = Quality.of(flight.flown.problem, flight.plan)
+    return found if found.by_person else None
+
+
+def who_films_whom(
+    found: Quality, names: Sequence[str], phases: Sequence[Phase], clock: Clock
+) -> Table:
+    """Returns the table of drones that see each person, in each phase of the take.
+
+    Parameters
+    ----------
+    names : of the people who count
+    """
+    takes = [phase for phase in phases if phase.kind == TAKE]
+    step = clock.step
+    heads = [
+        f"{clock.at(p.first * step, p.part)} to {clock.at(p.last * step, p.part)}" for p in takes
+    ]
+    rows = [
+        (
+            name,
+            *(_drones(found.seen[p.first : p.last + 1, :, person.actor]) for p in takes),
+        )
+        for person, name in zip(found.by_person, names, strict=True)
+    ]
+    return Table(("person", *heads), rows)
+
+
+def _drones(seen: BoolArray) -> str:
+    """Returns the drones that see a person [n, R] at half of the steps or more, others in brackets.
+
+    Parameters
+    ----------
+    seen : true where a drone does
+    """
+    shares = seen.mean(axis=0)
+    often = in_ranges(np.flatnonzero(shares >= _OFTEN).tolist())
+    rarely = in_ranges(np.flatnonzero((shares > 0) & (shares < _OFTEN)).tolist())
+    return " ".join(filter(None, [often, f"({rarely})" if rarely else ""])) or "none"
+
+
+def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
+    """Returns the people that a drone sees, and at how many of the steps that count."""
+    if found is None:
+        return ""
+    told = []
+    for person in found.by_person:
+        j = person.actor
+        share = float(found.seen[found.counts[:, j], drone, j].mean())
+        if share:
+            told.append(f"{label_of(problem, j)} {whole_percent(share)}")
+    return ", ".join(told) or "nobody"
+
+
+def quality_table(found: Quality, names: Sequence[str]) -> Table:
+    """Returns the table of people's quality, with the worst moment of each."""
+    rows = [
+        (
+            name, whole_percent(person.by_two), whole_percent(person.by_three),
+            _millimetres(person.median), person.worst or "none",
+        )
+        for person, name in zip(found.by_person, names, strict=True)
+    ]  # fmt: skip
+    heads = ("person", "by two", "by three", "half within", "worst moment")
+    return Table(heads, rows, frozenset({1, 2, 3}))
+
+
+def quality_notes(found: Quality) -> list[str]:
+    """Returns sentences below the table."""
+    had = found.assumptions
+    return [
+        f"All: {found.summary.line}. Drones that are {had.drone_pixels:g} px wide or more in the "
+        f"picture of another: {found.summary.in_pictures}, counted at each step.",
+        f"By two, by three: steps at which so many cameras or more see {100 * had.at_least:g} % of "
+        "the person, or more. Half within: the error of a point in space at half of the steps, "
+        f"with {had.pixel_error:g} px of error in a picture.",
+    ]
+
+
+def strip_height(found: Quality) -> float:
+    """Returns the height (mm) of the strips of all people."""
+    return STRIP.below + STRIP.above + _ROW * len(found.by_person)
+
+
+def draw_strips(ax: Axes, found: Quality) -> None:
+    """Draws the number of cameras see each person at each moment."""
+    found.plot(ax)
+    ax.set_yticks(ax.get_yticks(), [f"P{person.actor}" for person in found.by_person])
+
+
+def _millimetres(error: float) -> str:
+    """Returns an error as the table has it; one that is infinite or unknown is a stroke."""
+    return f"{error:,.0f} mm" if math.isfinite(error) else "-"

@@ -1,0 +1,92 @@
+"""The ways of drones to their first places, and from their last ones back to the ground."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.ways import CRUISE, NOTE, RISE, Part, Way
+from cocap_opt.missions.sheet.clock import Clock
+from cocap_opt.missions.sheet.pages import Block, Section, Table
+from cocap_opt.missions.sheet.places import degree_heads, degrees
+from cocap_opt.problem import Problem
+
+
+def take_off(flight: Flight, clock: Clock) -> Iterator[Section]:
+    """Yields how drones come to their first places and back to the ground."""
+    problem = flight.flown.problem
+    if problem.begins_in_the_air:
+        yield Section("Drones in the air", list(_already_up(problem)))
+        yield Section("Landing (a suggestion)", list(_legs(flight)))
+        return
+    if not clock.parts:
+        yield Section("Take-off and landing (a suggestion)", list(_legs(flight)))
+        return
+    yield Section("From home and back", list(_homeward(clock.parts)))
+    for part in clock.parts:
+        steps = f" of steps {part.words}" if len(clock.parts) > 1 else ""
+        rows = [
+            row
+            for drone in part.drones
+            for words, way in (("out", drone.out), ("back", drone.back))
+            for row in _points(drone.drone, words, way)
+        ]
+        heads = ("drone", "way", "x (m)", "y (m)", "z (m)")
+        yield Section(f"Ways{steps}", [Table(heads, rows, frozenset({0, 2, 3, 4}))])
+
+
+def _already_up(problem: Problem) -> Iterator[str]:
+    """Yields which drone is which in the mission, and how they begin its rest."""
+    yield "The rest of a mission: all drones hover at their first places until all begin."
+    for i, robot in enumerate(problem.robots):
+        yield f"Drone {i} of this sheet is drone {robot.number} of the mission."
+    yield "Batteries have what is left of them after the steps that were flown."
+
+
+def _homeward(parts: Sequence[Part]) -> Iterator[Block]:
+    """Yields for how long drones are in the air."""
+    yield f"{NOTE[0].upper()}{NOTE[1:]}."
+    yield (
+        f"Straight up and down at home, at {RISE:g} m/s or faster; on the level at {CRUISE:g} m/s "
+        "if limits are known and allow it, else as fast as in the take."
+    )
+    rows = []
+    for part in parts:
+        for each in part.drones:
+            seconds = (each.out.seconds, each.out.waits, each.filming, each.back.waits,
+                       each.back.seconds, each.seconds)  # fmt: skip
+            lasts = "" if each.endurance is None else f"{each.endurance:.0f}"
+            rows.append((part.words, str(each.drone), *(f"{s:.1f}" for s in seconds), lasts))
+    heads = ("steps", "drone", "out (s)", "waits (s)", "take (s)", "waits (s)", "back (s)",
+             "in the air (s)", "battery (s)")  # fmt: skip
+    yield Table(heads, rows, frozenset(range(1, len(heads))))
+
+
+def _points(drone: int, words: str, way: Way) -> Iterator[tuple[str, ...]]:
+    """Yields the points at which a way turns."""
+    for k, point in enumerate(way.points.tolist()):
+        names = (str(drone), words) if k == 0 else ("", "")
+        yield (*names, *(f"{metres:.1f}" for metres in point))
+
+
+def _legs(flight: Flight) -> Iterator[Block]:
+    """Yields the legs straight up to the first places and straight down from the last."""
+    problem, flown = flight.flown.problem, flight.flown
+    if not problem.begins_in_the_air:
+        yield "Straight up from the surface below the first place."
+    yield "Straight down at the last place, one drone after the other."
+    heads = ("drone", "leg", "x (m)", "y (m)", "surface z (m)", "place z (m)", "leg (m)",
+             *degree_heads(flight))  # fmt: skip
+    rows, ends = [], flown.at(np.array([0.0, flown.seconds]))
+    for k in range(int(problem.begins_in_the_air), len(ends.t), 1 + problem.begins_in_the_air):
+        words = "take-off" if k % 2 == 0 else "landing"
+        x, y, z = ends.place[k].tolist()
+        i, j = (int(cell[0]) for cell in problem.height_map.cells_below(ends.place[k : k + 1]))
+        tops = [high for _, high in problem.workspace.columns.at(i, j) if high <= z]
+        surface = max(tops, default=math.nan)
+        rows.append((
+            str(ends.drone[k]), words, f"{x:.1f}", f"{y:.1f}", f"{surface:.2f}", f"{z:.2f}",
+            f"{z - surface:.2f}", *degrees(flight, x, y),
+        ))  # fmt: skip
+    yield Table(heads, rows, frozenset(range(len(heads))) - {1})

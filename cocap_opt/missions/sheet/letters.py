@@ -1,0 +1,78 @@
+"""Text on paper: its looks, how wide it is, and how it goes on in the next line."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
+
+POINT = 25.4 / 72  # mm
+_LEADING = 1.36  # of the size, from line to line
+
+
+class Text(NamedTuple):
+    """The look of text."""
+
+    size: float = 8.0  # points
+    bold: bool = False
+
+    @property
+    def line(self) -> float:
+        """Height of a line (mm)."""
+        return self.size * _LEADING * POINT
+
+    @property
+    def in_bold(self) -> "Text":
+        """The same in bold letters."""
+        return self._replace(bold=True)
+
+
+BODY, SMALL = Text(), Text(7.0)
+STRONG, SMALL_STRONG = BODY.in_bold, SMALL.in_bold
+HEAD, TITLE = Text(10.0, bold=True), Text(16.0, bold=True)
+
+
+def wrapped(words: str, width: float, look: Text, families: tuple[str, ...]) -> list[str]:
+    """Returns the lines of a text; words that are wider than a line are parted.
+
+    Parameters
+    ----------
+    width : mm, of a line
+    families : of fonts
+    """
+    lines, line = list[str](), ""
+    for word in words.split(" "):
+        longer = f"{line} {word}" if line else word
+        if _fits(longer, width, look, families):
+            line = longer
+            continue
+        if line:
+            lines.append(line)
+        *whole, line = _parted(word, width, look, families)
+        lines += whole
+    return [*lines, line]
+
+
+def _parted(word: str, width: float, look: Text, families: tuple[str, ...]) -> Iterator[str]:
+    """Yields the parts of a word, each no wider than a line; at least a letter each."""
+    part = ""
+    for letter in word:
+        if part and not _fits(part + letter, width, look, families):
+            yield part
+            part = ""
+        part += letter
+    yield part
+
+
+def _fits(words: str, width: float, look: Text, families: tuple[str, ...]) -> bool:
+    return wide(words, look, families) <= width + 0.01
+
+
+@lru_cache(maxsize=20_000)
+def wide(words: str, look: Text, families: tuple[str, ...]) -> float:
+    """Returns the width of words (mm)."""
+    weight = "bold" if look.bold else "normal"
+    font = FontProperties(family=list(families), weight=weight, size=look.size)
+    points: float = text_to_path.get_text_width_height_descent(words, font, ismath=False)[0]
+    return points * POINT

@@ -1,0 +1,347 @@
+"""A4 pages that are filled from the top: headings, sentences, tables, cards and pictures."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from cocap_opt.missions.sheet.letters import (
+    BODY,
+    HEAD,
+    POINT,
+    SMALL,
+    SMALL_STRONG,
+    STRONG,
+    TITLE,
+    Text,
+    wide,
+    wrapped,
+)
+
+WIDTH, HEIGHT = 210.0, 297.0  # mm
+SIDE, TOP, BOTTOM = 14.0, 14.0, 14.0  # mm, margins
+INNER = WIDTH - 2 * SIDE
+_MM = 25.4  # of an inch
+_GAP = 3.0  # mm between columns of a table
+_PAD, _BETWEEN = 2.0, 4.0  # mm, inside of a card, and between two of them
+_AFTER_LINES, _AFTER_TABLE = 0.8, 2.0  # mm, below a sentence and below a table
+_LABEL = 19.0  # mm, of the names of a card's facts
+_RULE, _PALE = "#000000", "#999999"
+
+
+class Table(NamedTuple):
+    """A table: its cells are text, and go on in the next line where they are too long.
+
+    Attributes
+    ----------
+    right : numbers of the columns whose text ends where the column ends
+    """
+
+    heads: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    right: frozenset[int] = frozenset()
+
+
+Block = str | Table  # a sentence or a table
+
+
+class Section(NamedTuple):
+    """A part of the sheet: its title, and sentences and tables in their order."""
+
+    title: str
+    blocks: list[Block]
+
+
+class Card(NamedTuple):
+    """A box that no page break parts: a title, facts with their names, and a table."""
+
+    title: str
+    facts: Sequence[tuple[str, str]]
+    table: Table | None = None
+
+
+class Inset(NamedTuple):
+    """Millimetres around the axes of a picture, for what stands beside them."""
+
+    left: float = 11.0
+    below: float = 9.0
+    above: float = 0.0
+
+
+AXES = Inset()
+
+
+class Pages:
+    """Pages of A4 (`figures`), on the last of which the next thing comes below all others.
+
+    Parameters
+    ----------
+    families : of fonts, the first of which has most letters
+    """
+
+    def __init__(self, families: Sequence[str]) -> None:
+        self._families = tuple(families)
+        self.figures: list[Figure] = []
+        self.begin_page()
+
+    def begin_page(self) -> None:
+        """Begins another page."""
+        self.figures.append(Figure(figsize=(WIDTH / _MM, HEIGHT / _MM)))
+        self._y = TOP  # mm from the top
+
+    @property
+    def room(self) -> float:
+        """Millimetres that are left on the page."""
+        return HEIGHT - BOTTOM - self._y
+
+    def need(self, height: float) -> None:
+        """Begins another page unless so many millimetres are left."""
+        if height > self.room and self._y > TOP:
+            self.begin_page()
+
+    def skip(self, height: float) -> None:
+        """Leaves some millimetres empty."""
+        self._y += height
+
+    def title(self, words: str) -> None:
+        """Writes the title of all pages."""
+        self._write(SIDE, self._y, words, TITLE, INNER)
+        self.skip(2.0)
+
+    def heading(self, words: str, below: float) -> None:
+        """Writes a heading, on a page that has room for so many millimetres below it, too.
+
+        Where no page has, it is on a page of its own.
+        """
+        look = HEAD
+        self.need(min(look.line + 5.0 + below, HEIGHT - TOP - BOTTOM))
+        if self._y > TOP:
+            self.skip(3.0)
+        self._write(SIDE, self._y, words, look, INNER)
+        self._line(SIDE, self._y + 0.4, SIDE + INNER)
+        self.skip(2.0)
+
+    def sentence(self, words: str, look: Text = BODY, mark: str = "") -> None:
+        """Writes a sentence, which no page break parts, after a mark if there is one."""
+        inset = self._wide(mark + "  ", look) if mark else 0.0
+        lines = self._wrapped(words, INNER - inset, look)
+        self.need(len(lines) * look.line)
+        if mark:
+            self._put(SIDE, self._y, mark, look)
+        self._lines(SIDE + inset, lines, look)
+        self.skip(_AFTER_LINES)
+
+    def box(self, words: Sequence[str]) -> None:
+        """Writes sentences in a thick frame, which nobody is to overlook."""
+        inner = INNER - 2 * _PAD
+        lines = [line for text in words for line in self._wrapped(text, inner, STRONG)]
+        height = len(lines) * STRONG.line + 2 * _PAD
+        self.need(height)
+        self._frame(SIDE, self._y, INNER, height, 1.6)
+        self.skip(_PAD)
+        self._lines(SIDE + _PAD, lines, STRONG)
+        self.skip(_PAD + 2.0)
+
+    def section(self, words: str, blocks: Sequence[Block], look: Text = SMALL) -> None:
+        """Writes a heading, and sentences and tables below it; parted only if no page holds all.
+
+        Parameters
+        ----------
+        look : of tables
+        """
+        self.heading(words, sum(self._height(block, look) for block in blocks))
+        for block in blocks:
+            if isinstance(block, Table):
+                self.table(block, look)
+            else:
+                self.sentence(block)
+
+    def _height(self, block: Block, look: Text) -> float:
+        if isinstance(block, str):
+            return len(self._wrapped(block, INNER, BODY)) * BODY.line + _AFTER_LINES
+        widths = self._widths(block, INNER, look)
+        rows = (self._cells(row, widths, look) for row in (block.heads, *block.rows))
+        return sum(self._high(row, look) for row in rows) + 1.0 + _AFTER_TABLE
+
+    def table(self, table: Table, look: Text = BODY) -> None:
+        """Writes a table; rows are not parted, and the head is repeated on each page."""
+        widths = self._widths(table, INNER, look)
+        head = self._cells(table.heads, widths, look.in_bold)
+        for k, row in enumerate(table.rows):
+            cells = self._cells(row, widths, look)
+            height = self._high(cells, look)
+            before = self._high(head, look) + 1.0
+            if k == 0 or height > self.room:
+                self.need(height + before)
+                self._row(head, widths, table, SIDE, look.in_bold)
+                self._line(SIDE, self._y, SIDE + sum(widths) + _GAP * (len(widths) - 1), _PALE)
+                self.skip(1.0)
+            self._row(cells, widths, table, SIDE, look)
+        self.skip(_AFTER_TABLE)
+
+    def cards(self, title: str, cards: Sequence[Card]) -> None:
+        """Draws cards below a heading, two beside each other, none of them on two pages."""
+        wide = (INNER - _BETWEEN) / 2
+        self.heading(title, max(self._card_height(card, wide) for card in cards[:2]))
+        for k in range(0, len(cards), 2):
+            pair = cards[k : k + 2]
+            heights = [self._card_height(card, wide) for card in pair]
+            self.need(max(heights))
+            top = self._y
+            for side, card in enumerate(pair):
+                self._y = top
+                self._draw_card(card, SIDE + side * (wide + _BETWEEN), wide, max(heights))
+            self._y = top + max(heights) + _BETWEEN
+
+    def fields(self, fields: Sequence[tuple[str, str]], columns: int) -> None:
+        """Writes names and values in so many columns; an empty value is a line to fill in."""
+        wide = (INNER - _GAP * (columns - 1)) / columns
+        for k in range(0, len(fields), columns):
+            row = fields[k : k + columns]
+            texts = [
+                self._wrapped(value, wide - self._wide(f"{name}: ", STRONG), BODY)
+                for name, value in row
+            ]
+            height = max(len(lines) for lines in texts) * BODY.line + 1.2
+            self.need(height)
+            for side, ((name, value), lines) in enumerate(zip(row, texts, strict=True)):
+                left = SIDE + side * (wide + _GAP)
+                inset = self._wide(f"{name}: ", STRONG)
+                self._put(left, self._y, f"{name}:", STRONG)
+                for n, words in enumerate(lines):
+                    self._put(left + inset, self._y + n * BODY.line, words, BODY)
+                if not value:
+                    self._line(left + inset, self._y + BODY.line - 0.6, left + wide, _PALE)
+            self.skip(height)
+
+    def picture(
+        self, height: float, draw: Callable[[Axes], None],
+        inset: Inset = AXES,
+    ) -> None:  # fmt: skip
+        """Draws a picture that is some millimetres high, with the inset around its axes."""
+        self.need(height)
+        box = (
+            (SIDE + inset.left) / WIDTH, 1 - (self._y + height - inset.below) / HEIGHT,
+            (INNER - inset.left) / WIDTH, (height - inset.below - inset.above) / HEIGHT,
+        )  # fmt: skip
+        draw(self.figures[-1].add_axes(box))
+        self.skip(height + 1.0)
+
+    def foot(self, words: str) -> None:
+        """Writes words and its number at the foot of each page."""
+        for number, figure in enumerate(self.figures, 1):
+            figure.text(
+                (WIDTH - SIDE) / WIDTH, 7.0 / HEIGHT, f"{words}  ·  page {number} of "
+                f"{len(self.figures)}", ha="right", va="baseline", size=SMALL.size,
+                family=list(self._families), parse_math=False,
+            )  # fmt: skip
+
+    def _card_height(self, card: Card, wide: float) -> float:
+        inner = wide - 2 * _PAD
+        lines = len(self._wrapped(card.title, inner, STRONG))
+        height = lines * STRONG.line + 1.0 + 2 * _PAD
+        for _, value in card.facts:
+            height += len(self._wrapped(value, inner - _LABEL, SMALL)) * SMALL.line + 0.4
+        if card.table is not None:
+            widths = self._widths(card.table, inner, SMALL)
+            rows = [card.table.heads, *card.table.rows]
+            height += 1.5 + sum(self._high(self._cells(r, widths, SMALL), SMALL) for r in rows)
+        return height
+
+    def _draw_card(self, card: Card, left: float, wide: float, height: float) -> None:
+        self._frame(left, self._y, wide, height, 0.8)
+        self.skip(_PAD)
+        inner = wide - 2 * _PAD
+        self._lines(left + _PAD, self._wrapped(card.title, inner, STRONG), STRONG)
+        self.skip(1.0)
+        for name, value in card.facts:
+            self._put(left + _PAD, self._y, name, SMALL_STRONG)
+            lines = self._wrapped(value, inner - _LABEL, SMALL)
+            if not value:
+                self._line(left + _PAD + _LABEL, self._y + SMALL.line - 0.5, left + _PAD + inner,
+                           _PALE)  # fmt: skip
+            self._lines(left + _PAD + _LABEL, lines, SMALL)
+            self.skip(0.4)
+        if card.table is not None:
+            widths = self._widths(card.table, inner, SMALL)
+            self.skip(0.5)
+            head = self._cells(card.table.heads, widths, SMALL_STRONG)
+            self._row(head, widths, card.table, left + _PAD, SMALL_STRONG)
+            self._line(left + _PAD, self._y, left + _PAD + inner, _PALE)
+            self.skip(0.5)
+            for row in card.table.rows:
+                cells = self._cells(row, widths, SMALL)
+                self._row(cells, widths, card.table, left + _PAD, SMALL)
+
+    def _widths(self, table: Table, inner: float, look: Text) -> list[float]:
+        """Returns the widths (mm) of columns: what they need; less of the widest if too much."""
+        bold = look.in_bold
+        needs = [
+            max([self._wide(head, bold), *(self._wide(row[k], look) for row in table.rows)])
+            for k, head in enumerate(table.heads)
+        ]
+        room, most = inner - _GAP * (len(needs) - 1), max(needs)
+        rest, left = room, len(needs)
+        for need in sorted(needs):  # the narrow ones have what they need
+            if need * left > rest:
+                most = rest / left
+                break
+            rest, left = rest - need, left - 1
+        return [min(need, most) for need in needs]
+
+    def _cells(self, row: Sequence[str], widths: Sequence[float], look: Text) -> list[list[str]]:
+        return [self._wrapped(text, w, look) for text, w in zip(row, widths, strict=True)]
+
+    @staticmethod
+    def _high(cells: Sequence[Sequence[str]], look: Text) -> float:
+        return max(len(lines) for lines in cells) * look.line
+
+    def _row(
+        self, cells: Sequence[Sequence[str]], widths: Sequence[float], table: Table, left: float,
+        look: Text,
+    ) -> None:  # fmt: skip
+        for k, (lines, width) in enumerate(zip(cells, widths, strict=True)):
+            is_right = k in table.right
+            for n, words in enumerate(lines):
+                at = left + width if is_right else left
+                self._put(at, self._y + n * look.line, words, look, "right" if is_right else "left")
+            left += width + _GAP
+        self.skip(self._high(cells, look))
+
+    def _write(self, left: float, top: float, words: str, look: Text, wide: float) -> None:
+        self._y = top
+        self._lines(left, self._wrapped(words, wide, look), look)
+
+    def _lines(self, left: float, lines: Sequence[str], look: Text) -> None:
+        for words in lines:
+            self._put(left, self._y, words, look)
+            self.skip(look.line)
+
+    def _put(self, x: float, y: float, words: str, look: Text, side: str = "left") -> None:
+        base = y + look.size * POINT  # of the letters, below the top of the line
+        self.figures[-1].text(
+            x / WIDTH, 1 - base / HEIGHT, words, size=look.size, ha=side, va="baseline",
+            weight="bold" if look.bold else "normal", family=list(self._families),
+            parse_math=False,
+        )  # fmt: skip
+
+    def _line(self, left: float, y: float, right: float, colour: str = _RULE) -> None:
+        at = 1 - y / HEIGHT
+        self.figures[-1].add_artist(
+            Line2D([left / WIDTH, right / WIDTH], [at, at], color=colour, lw=0.6)
+        )
+
+    def _frame(self, left: float, top: float, wide: float, high: float, width: float) -> None:
+        self.figures[-1].add_artist(Rectangle(
+            (left / WIDTH, 1 - (top + high) / HEIGHT), wide / WIDTH, high / HEIGHT,
+            fc="none", ec=_RULE, lw=width,
+        ))  # fmt: skip
+
+    def _wide(self, words: str, look: Text) -> float:
+        return wide(words, look, self._families)
+
+    def _wrapped(self, words: str, width: float, look: Text) -> list[str]:
+        return wrapped(words, width, look, self._families)

@@ -1,0 +1,258 @@
+"""The sentences and tables of a sheet that its maps and cards do not show."""
+
+import math
+from collections.abc import Iterator
+
+from cocap_opt.flight.changes import (
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+)
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.safety import Nearest
+from cocap_opt.missions import FORMATS
+from cocap_opt.missions.autopilots import AUTOPILOTS
+from cocap_opt.missions.routes import routes, seconds_to_step_0
+from cocap_opt.missions.sheet.clock import Clock
+from cocap_opt.missions.sheet.ground import take_off
+from cocap_opt.missions.sheet.pages import Block, Section, Table
+from cocap_opt.missions.sheet.places import places, walks
+from cocap_opt.missions.waypoints import lateness
+from cocap_opt.missions.zones import Zone, zones
+from cocap_opt.output.heights import over_datum
+from cocap_opt.problem import Problem
+from cocap_opt.problem.takes import told_take
+from cocap_opt.text import printable
+
+_LEGS = "take-off and landing legs, against anything"
+_UNCHECKED = (
+    "wind, and deviations of drones: distances hold for flights flown exactly",
+    _LEGS,
+    "batteries, radio links and satellite reception",
+    "obstacles that are not on the map, people who are not in the scene, and deviations of people "
+    "from their walks",
+    "airspace and its rules, and permission of the owners of the ground",
+)
+_MOST_CORNERS = 8  # of a no-fly zone, that are listed
+
+
+def sections(flight: Flight, clock: Clock, every: float | None) -> list[Section]:
+    """Returns the sections after maps and cards, without the list of things not checked.
+
+    Parameters
+    ----------
+    every : s between rows of tables of places; None: there are none
+    """
+    return [
+        Section("Places and heights", list(_places_and_heights(flight))),
+        Section("Distances and limits", [*_distances(flight), _limits(flight)]),
+        Section("Late drones and people", list(_delays(flight))),
+        *take_off(flight, clock),
+        *_missions(flight),
+        *([] if every is None else [*places(flight, every), *walks(flight, every)]),
+    ]
+
+
+def label_of(problem: Problem, person: int) -> str:
+    """Returns the number of a person on maps, with name and take as the scene writes them."""
+    actor = problem.actors[person]
+    take = [] if actor.take is None else [told_take(actor.take)]
+    names = ", ".join([*([] if actor.name is None else [actor.name]), *take])
+    return printable(f"P{person} {names}".strip())
+
+
+def attention(flight: Flight) -> Iterator[str]:
+    """Yields warnings that nobody must overlook; those of batteries are elsewhere."""
+    if flight.cut_short:
+        yield f"ATTENTION: {flight.cut_short}."
+
+
+def running_order(flight: Flight, clock: Clock) -> Table:
+    """Returns the table of events, by the clock."""
+    return Table(("time", "who", "what"), list(_order(flight, clock)))
+
+
+def unchecked(flight: Flight, has_homes: bool) -> Iterator[str]:
+    """Yields what was not checked or is not known."""
+    yield from (
+        "people on the ways from and to home" if has_homes and words == _LEGS else words
+        for words in _UNCHECKED
+    )
+    yield from (words for words in flight.warnings() if words != flight.cut_short)
+
+
+def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
+    problem, flown = flight.flown.problem, flight.flown
+    parts = clock.parts or (None,)
+    for number, part in enumerate(parts):
+        first, last = (0, problem.horizon) if part is None else (part.first, part.last)
+        begin, end = first * flown.step, last * flown.step
+        if part is not None:
+            out = sorted((drone.out for drone in part.drones), key=lambda way: -way.waits)
+            for way in out:
+                at = begin - way.waits - way.seconds
+                yield (
+                    clock.at(at, number),
+                    f"drone {way.drone}",
+                    "takes off, and flies to its place",
+                )
+        elif problem.begins_in_the_air:
+            yield clock.at(0.0), "all drones", "hover at their first places until all begin"
+        elif not flight.is_smooth:
+            at = -seconds_to_step_0(flight)
+            yield (clock.at(at), "all drones", "missions of waypoints are started, all at once; "
+                   "drones rise to their first places and wait there")  # fmt: skip
+        else:
+            yield "before", "all drones", "rise to their first places; all wait until all are there"
+        what = "SIGNAL: set out" if number == 0 else "SIGNAL: go on from where you stopped"
+        step = f"step {first}" + (" of the plan" if first == 0 else "")
+        if problem.actors:
+            yield clock.at(begin, number), "all people", f"{what} ({step})"
+        yield clock.at(begin, number), "all drones", f"the take begins ({step})"
+        is_last = number == len(parts) - 1
+        what = "the take ends" if is_last else "the take is paused at the latest; people stop, too"
+        yield clock.at(end, number), "all", f"{what} (step {last})"
+        if part is not None:
+            back = sorted((drone.back for drone in part.drones), key=lambda way: way.waits)
+            for way in back:
+                goes, lands = end + way.waits, end + way.waits + way.seconds
+                yield (clock.at(goes, number), f"drone {way.drone}",
+                       f"flies home, on the ground at {clock.at(lands, number)}")  # fmt: skip
+        else:
+            yield "after", "all drones", "land at their last places, one after the other"
+        if not is_last:
+            yield "then", "crew", f"new batteries; T{number + 2} is when the take goes on"
+
+
+def _places_and_heights(flight: Flight) -> Iterator[Block]:
+    problem, flown = flight.flown.problem, flight.flown
+    drones, people = len(problem.robots), len(problem.actors)
+    yield (
+        f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "
+        f"{'person' if people == 1 else 'people'}; {flown.seconds:g} s, in {problem.horizon} steps "
+        f"of {flown.step:g} s; {'smooth' if flight.is_smooth else 'straight from step to step'}."
+    )
+    yield from _tracks(problem)
+    if flight.is_smooth:
+        yield "Waypoint missions fly straight: export their sheet without --smooth."
+    if flight.geodesy is None:
+        yield "Places: x and y of the map (m); its location on the Earth is unknown or left out."
+    else:
+        off = flight.geodesy.accuracy
+        known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
+        name = flight.geodesy.name
+        yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
+        yield f"{flight.geodesy_note(flight.geodesy)}."
+    yield f"z: {_altitude(flight)}."
+    yield _angles(flight)
+
+
+def _tracks(problem: Problem) -> Iterator[str]:
+    """Yields at which times of their tracks people are at step 0."""
+    begins = dict[float, list[str]]()
+    for j, actor in enumerate(problem.actors):
+        if actor.begin is not None:
+            begins.setdefault(actor.begin, []).append(problem.person(j))
+    for begin, people in begins.items():
+        everybody = 1 < len(people) == len(problem.actors)
+        who = "all people" if everybody else ", ".join(people)
+        yield f"Step 0 is at {begin:.6g} s of the tracks of {who}."
+
+
+def _altitude(flight: Flight) -> str:
+    earth = flight.flown.problem.earth
+    if earth is None or earth.heights is None:
+        return "map height (m), datum unknown"
+    above = "the sea" if earth.heights == "sea" else "the ellipsoid"
+    if not earth.base:
+        return f"height above {above} (m)"
+    return f"map height (m); z + {earth.base:g} m is the height above {above}"
+
+
+def _angles(flight: Flight) -> str:
+    yaw = "yaw is 0 along x, counter-clockwise"
+    if flight.geodesy is not None:
+        yaw = "compass is clockwise from true north"
+    return f"Degrees: {yaw}; pitch is the camera's, 0 is level, below is negative."
+
+
+def _distances(flight: Flight) -> Iterator[str]:
+    """Yields how near drones come to each other and to people, and the rules for it."""
+    problem = flight.flown.problem
+    near = Nearest.of_drones(flight.flown)
+    rules = str(problem.rules)
+    if near is None:
+        yield "Between drones: there is only one."
+    else:
+        x, y, z = near.place.tolist()
+        yield (
+            f"Between drones: {near.distance:.2f} m at least, of {near.first} and {near.second} "
+            f"at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
+        )
+    close = Nearest.of_people(flight.flown)
+    if close is not None:
+        x, y, z = close.place.tolist()
+        yield (
+            f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.first} "
+            f"and {problem.person(close.second)} at {close.t:.2f} s "
+            f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
+        )
+    yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
+    if problem.airspace.ceiling is not None:
+        yield f"The ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}."
+    if flight.geodesy is not None:
+        for zone in zones(flight, flight.geodesy):
+            yield f"N{zone.name[1:]}{_corners(zone)}."
+    if flight.asked is not None:
+        yield f"The scene asks for {flight.asked.told_people}; --margin allows less in this flight."
+
+
+def _corners(zone: Zone) -> str:
+    """Returns where a zone is, by its corners if they are few; KML and GeoJSON have all others."""
+    corners = list(zone.outline.exterior.coords)[:-1]
+    if len(corners) > _MOST_CORNERS:
+        west, south, east, north = zone.outline.bounds
+        return f", between x {west:.1f} and {east:.1f}, y {south:.1f} and {north:.1f}"
+    return f", with corners {', '.join(f'x {x:.1f} y {y:.1f}' for x, y in corners)}"
+
+
+def _delays(flight: Flight) -> Iterator[str]:
+    """Yields how late drones or people may be before a distance is lost."""
+    rules, delay = flight.flown.problem.rules, tolerated_delay(flight)
+    if delay is not None and math.isinf(delay):
+        yield f"Between drones: {rules} is kept however late any of them is."
+    elif delay is not None:
+        yield f"Between drones: {rules} is kept while none is {delay:.2f} s or more behind another."
+    to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
+    yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
+
+
+def _limits(flight: Flight) -> Table:
+    """Returns the tightest moment of each drone."""
+    rows = [
+        (
+            str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
+            f"{row['value']:.2f} {row['unit']}",
+            "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}",
+            row["of the limit"] or "-",
+        )
+        for row in flight.rows()
+    ]  # fmt: skip
+    heads = ("drone", "tightest", "at (s)", "value", "limit", "of the limit")
+    return Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
+
+
+def _missions(flight: Flight) -> Iterator[Section]:
+    """Yields what the crew must know of each autopilot's missions of this flight."""
+    if flight.is_smooth or flight.geodesy is None or flight.flown.problem.begins_in_the_air:
+        return
+    blocks: list[Block] = ["A mission flies on the autopilot that its file names, and on no other:"]
+    found = routes(flight, flight.geodesy)
+    for autopilot in AUTOPILOTS.values():
+        known = {ending: kind.autopilots for ending, kind in FORMATS.items()}
+        endings = [ending for ending, pilots in known.items() if autopilot.name in pilots]
+        endings.sort(key=lambda ending: known[ending].index(autopilot.name))  # usual ones first
+        names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in endings)
+        late = "".join(f" {words}." for words in lateness(autopilot, found))
+        blocks.append(f"- {names}: {autopilot.note}.{late}")
+    yield Section("Missions of waypoints", blocks)

@@ -1,0 +1,133 @@
+"""Plans as a film: the player's pictures one after the other, as a video or a moving picture.
+
+The pictures are those of the player's page in Chromium without a window. PyAV writes videos, Pillow
+moving pictures.
+"""
+
+import io
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from importlib.util import find_spec
+from itertools import chain, repeat
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from cocap_opt.player.chromium import NAMES, Chromium, ChromiumError
+from cocap_opt.player.filming import VIDEOS, Filming
+from cocap_opt.player.player import Player
+from cocap_opt.stop import Stop
+
+_LAST = 1.0  # s, for which the last picture stands
+_CODEC_OPTIONS = {
+    ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "7", "row-mt": "1"},
+    ".mp4": {"crf": "21", "preset": "medium", "movflags": "+faststart"},
+}
+_QUALITY = 80  # of WebP
+
+
+class FilmError(ValueError):
+    """A film cannot be made; one line that says what is missing, or how far it came."""
+
+
+def require_film(suffix: str) -> str:
+    """Returns the browser for films of a kind.
+
+    Raises
+    ------
+    FilmError
+        If there is none, or nothing that writes them.
+    """
+    if suffix in VIDEOS and find_spec("av") is None:
+        raise FilmError(
+            f"{suffix} films need PyAV: pip install 'cocap-opt[film]'; .webp and .gif do not"
+        )
+    program = Chromium.program()
+    if program is None:
+        raise FilmError(
+            f"films need Chromium or Chrome, by one of the names {', '.join(NAMES)}; an .html file "
+            "needs none, and its `record` saves a film, too"
+        )
+    return program
+
+
+def filmed_plans(
+    player: Player, filming: Filming, stop: Stop, tell: Callable[[int, int], None]
+) -> tuple[bytes, int]:
+    """Returns the film of a player's plans, and of how many pictures it is.
+
+    Parameters
+    ----------
+    tell : is told how many pictures are done, and of how many
+
+    Raises
+    ------
+    FilmError
+        If it cannot be made, or not before `stop` is reached.
+    """
+    program, page = require_film(filming.suffix), player.page()
+    try:
+        with Chromium.opened(program, page, "film", filming.size) as browser:
+            shown = browser.value("film.shown")
+            browser.value(f"film.look({filming.view!r})")
+            times = filming.times(shown["first"], shown["last"], shown["speed"])
+
+            def pictures() -> Iterator[Image.Image]:
+                for k, at in enumerate(times):
+                    if stop.reached():
+                        raise FilmError(
+                            f"the time limit left {k} of {len(times)} pictures, and no film; give "
+                            "it more time, or a higher --speed"
+                        )
+                    tell(k, len(times))
+                    browser.value(f"film.show({at!r})")
+                    yield Image.open(io.BytesIO(browser.picture())).convert("RGB")
+
+            write = _video if filming.suffix in VIDEOS else _moving
+            return write(filming, pictures()), len(times)
+    except ChromiumError as error:
+        raise FilmError(f"{program}: {error}") from error
+
+
+def _video(filming: Filming, pictures: Iterator[Image.Image]) -> bytes:
+    import av  # an extra
+
+    content = io.BytesIO()
+    with av.open(content, "w", format=filming.suffix[1:]) as container:
+        stream: Any = container.add_stream(VIDEOS[filming.suffix], rate=filming.rate)
+        stream.width, stream.height = filming.size
+        stream.pix_fmt, stream.options = "yuv420p", _CODEC_OPTIONS[filming.suffix]
+        stream.time_base = Fraction(1, filming.rate)
+        for number, picture in enumerate(_lingering(pictures, round(_LAST * filming.rate))):
+            frame: Any = av.VideoFrame.from_ndarray(np.asarray(picture))
+            frame.pts, frame.time_base = number, Fraction(1, filming.rate)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return content.getvalue()
+
+
+def _lingering(pictures: Iterator[Image.Image], count: int) -> Iterator[Image.Image]:
+    """Yields pictures, and the last one so many times more."""
+    picture = next(pictures)
+    for following in pictures:
+        yield picture
+        picture = following
+    yield from chain([picture], repeat(picture, count))
+
+
+def _moving(filming: Filming, pictures: Iterator[Image.Image]) -> bytes:
+    is_gif, content = filming.suffix == ".gif", io.BytesIO()
+    drawn = [_with_few_colours(picture) if is_gif else picture for picture in pictures]
+    each = 1000 // filming.rate
+    pauses = [*repeat(each, len(drawn) - 1), round(1000 * _LAST)]
+    how: dict[str, Any] = {} if is_gif else {"quality": _QUALITY, "method": 4}
+    drawn[0].save(
+        content, filming.suffix[1:].upper(), save_all=True, append_images=drawn[1:],
+        duration=pauses, loop=0, **how,
+    )  # fmt: skip
+    return content.getvalue()
+
+
+def _with_few_colours(picture: Image.Image) -> Image.Image:
+    return picture.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)

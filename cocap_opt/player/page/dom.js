@@ -1,0 +1,22 @@
+// Elements of the page.
+
+export const PHONE = 500; // px
+
+export const find = (id) => document.getElementById(id);
+export const make = (name, cls, text) => {
+  const element = document.createElement(name);
+  if (cls) element.className = cls;
+  if (text !== undefined) element.textContent = text; // never as HTML: names may be anything
+  return element;
+};
+
+export function put(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function button(cls, text, title, press) {
+  const element = make("button", cls, text);
+  element.title = title;
+  element.addEventListener("click", press);
+  return element;
+}

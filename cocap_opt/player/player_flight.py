@@ -1,0 +1,89 @@
+"""The flight of a plan between the steps, as the player draws it.
+
+They fly the plan's smooth flight, as `cocap-opt fly --smooth` does: at the steps they are where the
+plan says, and in between `flight` has proved that they keep the rules. Where there is none, they
+fly straight from step to step, as the plan does.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.flight.smooth import Smooth
+from cocap_opt.flight.trajectory import DEGREE, PITCH, Trajectory, split
+from cocap_opt.player.player_scene import PlayerScene
+from cocap_opt.problem import Plan, Problem
+
+_SAME = 1e-5  # m and rad, by which a piece may differ from two that it replaces
+
+
+def smooth_flight(problem: Problem, plan: Plan) -> Trajectory | None:
+    """Returns the smooth flight of a plan, if one is safe.
+
+    Where the scene defines no step length nobody knows what the flight asks of a drone: it is then
+    that of a drone without limits.
+    """
+    if problem.step is None:
+        boundless = tuple(robot.replace(limits=None) for robot in problem.robots)
+        problem = problem.replace(step=1.0, robots=boundless)
+    found = Smooth.of(problem, plan)
+    return None if found.dangers else found.trajectory
+
+
+def knots(scene: PlayerScene, flown: Trajectory) -> list[Any]:
+    """Returns the flight of each drone as rows: the step, the pose, its rates and accelerations.
+
+    A pose is x, y, z (m), yaw and tilt (rad), as paths have them, though a yaw does not jump at a
+    full turn; rates are per step. From row to row each is the polynomial of the fifth degree that
+    has these values at both. A row stands at each step, and in between where it is needed.
+    """
+    parts, steps = flown.parts, flown.problem.horizon
+    pieces = flown.pieces.copy()
+    pieces[:, :, :3] += scene.local(np.array([*scene.problem.height_map.origin, 0.0]))[:, None]
+    pieces[:, :, PITCH] *= -1
+    return [_rows(scene, flight.reshape(steps, parts, 5, -1)) for flight in pieces]
+
+
+def _rows(scene: PlayerScene, pieces: FloatArray) -> list[Any]:
+    """Returns the rows of a drone's pieces [T, parts, 5, 6]."""
+    rows = []
+    for step, made in enumerate(pieces):
+        begins, _ = _ends(merged := _fewest(made))
+        rows += [[step + k / len(merged), *row.T.ravel()] for k, row in enumerate(begins)]
+    rows.append([len(pieces), *_ends(pieces[-1])[1][-1].T.ravel()])
+    found: list[Any] = scene.rounded(np.array(rows))
+    return found
+
+
+def _fewest(pieces: FloatArray) -> FloatArray:
+    """Returns as few equal pieces [n, 5, 6] as make the same flight in a step as others do."""
+    parts, (begins, ends) = len(pieces), _ends(pieces)
+    for count in (n for n in range(1, parts) if parts % n == 0):
+        each = parts // count
+        joined = _between(begins[::each], ends[each - 1 :: each], 1 / count)
+        if np.abs(split(joined, each) - pieces).max() < _SAME:
+            return joined
+    return pieces
+
+
+def _ends(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns values, rates and accelerations [n, 5, 3], per step, where n pieces begin and end."""
+
+    def of(a: FloatArray, b: FloatArray, c: FloatArray, sign: int) -> FloatArray:
+        rate, bend = DEGREE * (b - a), DEGREE * (DEGREE - 1) * (a - 2 * b + c)
+        return np.stack([a, sign * rate * len(pieces), bend * len(pieces) ** 2], axis=-1)
+
+    p = np.moveaxis(pieces, -1, 0)
+    return of(p[0], p[1], p[2], 1), of(p[5], p[4], p[3], -1)
+
+
+def _between(begins: FloatArray, ends: FloatArray, share: float) -> FloatArray:
+    """Returns pieces [n, 5, 6], each of a share of a step, with these `_ends`."""
+
+    def of(end: FloatArray, sign: int) -> list[FloatArray]:
+        value, rate, bend = np.moveaxis(end, -1, 0)
+        second = value + sign * rate * share / DEGREE
+        return [value, second, 2 * second - value + bend * share**2 / (DEGREE * (DEGREE - 1))]
+
+    return np.stack([*of(begins, 1), *of(ends, -1)[::-1]], axis=-1)

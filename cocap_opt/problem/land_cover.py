@@ -1,0 +1,113 @@
+"""The land of a scene as a map shows it: water, green, streets and the like, for pictures alone."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal, get_args
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import BoolArray, Data, FloatArray, IntArray, frozen, require
+from cocap_opt.text import printable, shortened
+from cocap_opt.world.workspace import HeightMap
+
+Land = Literal["water", "green", "street", "footway", "paved", "yard", "building", "other"]
+LANDS: tuple[Land, ...] = get_args(Land)
+_TRIED = 40  # points along the longer side of an area, of which one is far from its rim
+
+
+class LandCover(Data, frozen=True, eq=False):
+    """An area of the ground and what covers it. Pictures show it; nothing is computed with it.
+
+    Attributes
+    ----------
+    kind : what is there: "water", "green", "street", "footway", "paved", "yard", "building" or
+        "other"
+    outline : [n, 2] m, corners x, y along the rim
+    holes : rims of what is left out, each as the outline
+    name : written on the ground; None if it has none
+
+    Raises
+    ------
+    ProblemError
+        If the kind is none of these, or a rim has fewer than three corners.
+    """
+
+    kind: Land
+    outline: FloatArray
+    holes: tuple[FloatArray, ...] = ()
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = ", ".join(LANDS)
+        require(self.kind in LANDS, "kind", f"must be one of {known}, not {self.kind!r}")
+        msgspec.structs.force_setattr(self, "outline", _rim(self.outline, "outline"))
+        holes = tuple(_rim(hole, f"holes[{k}]") for k, hole in enumerate(self.holes))
+        msgspec.structs.force_setattr(self, "holes", holes)
+        if self.name is not None:
+            msgspec.structs.force_setattr(self, "name", shortened(printable(self.name)))
+
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """The lower and the upper corner x, y (m) of a rectangle around the area."""
+        return self.outline.min(axis=0), self.outline.max(axis=0)
+
+    def holds(self, points: FloatArray) -> BoolArray:
+        """Returns which points [n, 2] (m) lie in the area and in none of its holes."""
+        x, y = points.T
+        inside = np.zeros(len(points), dtype=np.bool_)
+        for rim in (self.outline, *self.holes):
+            for (ax, ay), (bx, by) in pairwise(np.concatenate([rim, rim[:1]]).tolist()):
+                if ay != by:  # a ray along x crosses this side
+                    beside = x < ax + (y - ay) * (bx - ax) / (by - ay)
+                    inside ^= ((ay > y) != (by > y)) & beside
+        return inside
+
+    @property
+    def label(self) -> tuple[float, float]:
+        """A point x, y (m) inside, far from all rims, at which the name is written."""
+        low, high = self.box
+        apart = float((high - low).max()) / _TRIED
+        axes = [np.arange(a + apart / 2, b, apart) for a, b in zip(low, high, strict=True)]
+        tried = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        inside = tried[self.holds(tried)]
+        points = inside if len(inside) else self.outline
+        x, y = points[self._to_rims(points).argmax()].tolist()
+        return x, y
+
+    def _to_rims(self, points: FloatArray) -> FloatArray:
+        """Returns the distances [n] (m) of points [n, 2] to the nearest rim."""
+        least = np.full(len(points), np.inf)
+        for rim in (self.outline, *self.holes):
+            for a, b in pairwise(np.concatenate([rim, rim[:1]])):
+                side = b - a
+                along = (points - a) @ side / max(float(side @ side), np.finfo(float).tiny)
+                nearest = a + along.clip(0, 1)[:, None] * side
+                least = np.minimum(least, np.hypot(*(points - nearest).T))
+        return least
+
+
+def _rim(rim: FloatArray, field: str) -> FloatArray:
+    found = frozen(rim, field, 2)
+    fits = found.shape[1] == 2 and len(found) >= 3
+    require(fits, field, "must hold three or more corners x, y")
+    return found
+
+
+def in_cells(areas: Sequence[LandCover], height_map: HeightMap) -> IntArray:
+    """Returns the number in LANDS of what covers the middle of each cell [X, Y]; -1 where unknown.
+
+    Of areas that lie on each other the last one counts.
+    """
+    found = np.full(height_map.shape, -1)
+    for area in areas:
+        (x0, y0), (x1, y1) = (height_map.cell_of(*corner.tolist()) for corner in area.box)
+        x, y = (
+            np.arange(max(low, 0), min(high + 1, count))
+            for low, high, count in zip((x0, y0), (x1, y1), height_map.shape, strict=True)
+        )
+        cells = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        middles = np.array(height_map.origin) + height_map.resolution * (cells + 0.5)
+        found[tuple(cells[area.holds(middles)].T)] = LANDS.index(area.kind)
+    return found

@@ -1,0 +1,98 @@
+"""The land cover of a recipe: areas of GeoJSON that pictures of the scene show on its ground."""
+
+import logging
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+import shapely
+from shapely import Polygon, box
+
+from cocap_opt.data import ProblemError
+from cocap_opt.problem.land_cover import LANDS, Land, LandCover
+from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
+from cocap_opt.scenarios.kinds import GEOJSON, JSON
+from cocap_opt.scenarios.maps.geojson import read_geojson
+from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
+from cocap_opt.scenarios.tables import Table, Unit
+from cocap_opt.scenarios.text import naming, read_text
+from cocap_opt.world.workspace import HeightMap
+
+log = logging.getLogger(__name__)
+
+_MOST_TOLD = 5  # words that are no kinds, in a warning
+_BY_WORD: dict[object, Land] = {land: land for land in LANDS}
+
+
+class LandCoverTable(Table):
+    """One of the tables `land_cover` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`.
+
+    The file is GeoJSON, in degrees unless it or the table says otherwise.
+    """
+
+    file: str
+    property: str = "kind"  # of the file's features, which says what is there
+    # What words of the file mean that are no kinds themselves.
+    kinds: dict[str, Land] = msgspec.field(default_factory=dict)
+    unit: Unit | None = None  # None: as the file says, else degrees
+
+    def areas(
+        self, folder: Path, height_map: HeightMap, projection: MapProjection = NOWHERE
+    ) -> tuple[LandCover, ...]:
+        """Reads the areas of the file, as far as they lie on the map.
+
+        Parameters
+        ----------
+        folder : of the file that the table names
+        projection : makes metres of longitudes and latitudes
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read or has no polygon; one line, naming the file.
+        """
+        with naming(folder / self.file):
+            found, _, crs = read_geojson(read_text(folder / self.file, (JSON,)))
+            if not found:
+                raise ProblemError("must hold at least one polygon")
+            polygons = in_metres(
+                [item.polygon for item in found], GEOJSON, StatedSystem.by_crs(crs), self.unit,
+                projection,
+            )  # fmt: skip
+        frame = box(*height_map.ends[0], *height_map.ends[1])
+        others = Counter[str]()
+        areas: list[LandCover] = []
+        for item, polygon in zip(found, polygons, strict=True):
+            word, name = item.properties.get(self.property), item.properties.get("name")
+            kind = self.kinds.get(str(word)) or _BY_WORD.get(word)
+            shown = () if polygon is None else _parts(shapely.make_valid(polygon) & frame)
+            if kind is None and shown:
+                others[str(word)] += 1
+            areas += (
+                _area(part, kind or "other", None if name is None else str(name)) for part in shown
+            )
+        self._say(others)
+        return tuple(areas)
+
+    def _say(self, others: Counter[str]) -> None:
+        """Says which words of the file are no kinds of land."""
+        if others:
+            told = ", ".join(f"{word!r:.30} ({n})" for word, n in others.most_common(_MOST_TOLD))
+            more = ", .." if len(others) > _MOST_TOLD else ""
+            log.warning(
+                "%s: areas whose property %s is none of %s are drawn as other: %s%s; "
+                "kinds = { WORD = \"green\" } in [[land_cover]] says what they are",
+                self.file, self.property, ", ".join(LANDS), told, more,
+            )  # fmt: skip
+
+
+def _area(polygon: Polygon, kind: Land, name: str | None) -> LandCover:
+    rings = (polygon.exterior, *polygon.interiors)
+    outline, *holes = (shapely.get_coordinates(ring)[:-1] for ring in rings)
+    return LandCover(kind=kind, outline=outline, holes=tuple(holes), name=name)
+
+
+def _parts(area: shapely.Geometry) -> list[Polygon]:
+    """Returns the polygons of an area, without points and lines."""
+    parts = getattr(area, "geoms", (area,))
+    return [part for part in parts if isinstance(part, Polygon) and part.area > 0]

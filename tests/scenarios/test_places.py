@@ -1,0 +1,107 @@
+"""Real places: what their files say, and that they can be planned and proved."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from others import data
+from test_cli import Run
+
+from cocap_opt.experiments.lab.studies.place import place
+from cocap_opt.files.documents import SceneFile, problem_digest
+from cocap_opt.planners import RECOMMENDED
+from cocap_opt.problem import Problem
+from cocap_opt.problem.land_cover import LANDS, in_cells
+from cocap_opt.referee import check
+from cocap_opt.run.engine import run
+from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.scenarios.built_in.places import FOLDER
+
+DELFT = FOLDER / "delft"
+
+
+@pytest.fixture(scope="module")
+def delft() -> Problem:
+    """The scene, read once."""
+    return load_scene("delft")
+
+
+def test_delft_needs_no_reader_of_maps(monkeypatch: pytest.MonkeyPatch, delft: Problem) -> None:
+    """The base install loads it: neither rasterio nor pyproj has a part in that."""
+    for module in ("rasterio", "pyproj"):
+        monkeypatch.setitem(sys.modules, module, None)
+    assert problem_digest(load_scene("delft")) == problem_digest(delft)
+
+
+def test_delft_says_nothing_when_it_is_read(caplog: pytest.LogCaptureFixture) -> None:
+    """A scene that comes with the project has nothing doubtful in it, whatever the seed."""
+    for seed in range(3):
+        SCENES["delft"](seed)
+    assert not caplog.records
+
+
+def test_people_of_delft_walk_where_people_walk(delft: Problem) -> None:
+    """Walks are on open ground, clear of houses and gardens, at the pace of people."""
+    land = in_cells(delft.land_cover, delft.height_map)
+    for actor in delft.actors:
+        cells = [delft.height_map.cell_of(x, y) for x, y in actor.poses[:, :2].tolist()]
+        kinds = {LANDS[land[cell]] for cell in cells}
+        assert kinds <= {"street", "footway", "paved", "green"}, actor.name
+        assert not any(delft.height_map.stands_out[cell] for cell in cells)
+        pace = np.hypot(*np.diff(actor.poses[:, :2], axis=0).T) / delft.step
+        assert 0.5 < pace.max() < 1.6
+
+
+def test_seeds_of_delft_move_people_alone(delft: Problem) -> None:
+    """Another seed has other walks on the same map, with the same drones."""
+    other = load_scene("delft", seed=1)
+    assert not np.array_equal(other.actors[0].poses, delft.actors[0].poses)
+    assert other.robots == delft.robots
+    assert np.array_equal(other.height_map.heights, delft.height_map.heights)
+
+
+def test_land_has_no_part_in_what_a_plan_is_worth(delft: Problem) -> None:
+    """Land cover is kept in scene files, and changes no digest."""
+    again = SceneFile.of(delft).problem
+    assert [a.kind for a in again.land_cover] == [a.kind for a in delft.land_cover]
+    assert {a.name for a in again.land_cover} >= {"lane", "canal", "Rijn-Schie canal", None}
+    assert problem_digest(delft.replace(land_cover=())) == problem_digest(delft)
+
+
+def test_a_place_is_copied_to_be_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], delft: Problem
+) -> None:
+    """The copy is the same scene and says whose data it is; a wrong place or no folder is told."""
+    run = Run(capsys, "recipe", "delft", "-o", tmp_path / "shoot", "--json")
+    assert run.code == 0
+    assert problem_digest(load_scene(run.json["recipe"])) == problem_digest(delft)
+    assert "CC BY" in (tmp_path / "shoot" / "README.md").read_text(encoding="utf-8")
+    for words, told in (
+        (("paris", "-o", tmp_path), "PLACE: must be one of delft, not paris"),
+        (("delft",), "--output: must name a folder for the files of delft"),
+        (("-o", tmp_path), "--output: needs a PLACE, one of delft"),
+    ):
+        run = Run(capsys, "recipe", *words)
+        assert (run.code, told in run.err) == (2, True), run.err
+
+
+def test_the_files_are_those_that_the_study_cuts(tmp_path: Path) -> None:
+    """The maps are made by `cocap-opt study place`, to the last byte."""
+    place(data("delft"), out=tmp_path)
+    for made in tmp_path.iterdir():
+        assert made.read_bytes() == (DELFT / made.name).read_bytes(), made.name
+    assert {file.name for file in DELFT.iterdir()} == {
+        *(file.name for file in tmp_path.iterdir()), "delft.toml", "README.md",
+    }  # fmt: skip
+
+
+@pytest.mark.slow(seconds=10)
+def test_a_shorter_delft_is_planned_and_proved(delft: Problem) -> None:
+    """The recommended plan of its first steps obeys all rules, and a proof shows its gap."""
+    short = delft.until(2)
+    plan = run(short, RECOMMENDED).result
+    assert plan.plan is not None and not check(short, plan.plan).violations
+    proved = run(short, "branch-and-price").result
+    assert proved.bound is not None
+    assert proved.bound >= plan.value >= 0.99 * proved.bound
