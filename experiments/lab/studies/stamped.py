@@ -12,7 +12,7 @@ from pathlib import Path
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-import cocap_opt
+from cocap_opt.player import scripts
 from cocap_opt.problem import COVERAGE_VERSION
 from cocap_opt.scenarios.built_in import places
 
@@ -25,7 +25,7 @@ _COLOURS = 256
 def made_from(*parts: str) -> str:
     """Returns a digest of what draws pictures, of coverage, of the place, and of further parts."""
     found = hashlib.sha256("\n".join([str(COVERAGE_VERSION), *parts]).encode())
-    root = Path(cocap_opt.__file__).parent
+    root = Path(scripts.__file__).parents[1]
     for pattern in _DRAWN_BY:
         for path in sorted(root.glob(pattern)):
             found.update(path.read_bytes())
