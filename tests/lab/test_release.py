@@ -60,9 +60,10 @@ def commands_of_readme() -> list[list[str]]:
     ]
 
 
-# Endings of files that are code or data; the last four are of the library.
+# Endings of files that are code, looks or data.
 SHIPPED = (
-    ".py", ".js", ".css", ".html", ".csv", ".gz", ".toml", ".asc", ".md",
+    ".py", ".js", ".css", ".html", ".mplstyle", ".csv", ".gz", ".toml", ".asc", ".geojson", ".prj",
+    ".md",
 )  # fmt: skip
 
 
