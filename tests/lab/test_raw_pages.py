@@ -99,9 +99,10 @@ def test_formulas_are_those_of_github(page: Path) -> None:
 
 @each
 def test_marks_are_in_pairs(page: Path) -> None:
-    """Each has its end, also on pages on which nothing else is made."""
-    if page in written.pages():
+    """Each has its end, also those of parts that only the built site shows."""
+    if page in written.pages():  # others explain marks
         written.rewritten(page, str)
+        on_the_site(page.read_text(encoding="utf-8"))
 
 
 @each
