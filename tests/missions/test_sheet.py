@@ -79,9 +79,10 @@ def test_a_card_has_what_the_scene_knows_of_its_drone() -> None:
     assert (unknown["camera"], unknown["airframe"], unknown["pilot"]) == ("", "", "")
     # 5 m up at 1 m/s, 10 s for all to wait, and 1.5 s, rounded up; the reserve is rounded down.
     assert known["battery"] == (
-        "23:00 min by the maker; in the air 0:17 min, plus the way down; reserve 22:43 min (99 %)"
+        "23:00 min (manufacturer's figure); in the air 0:17 min, plus the way down; "
+        "reserve 22:43 min (98 %)"
     )
-    assert unknown["battery"].startswith("20:00 min by the maker; ")
+    assert unknown["battery"].startswith("20:00 min (manufacturer's figure); ")
     bare = robots[0].replace(limits=None)
     flight = Flight.of(problem.replace(robots=(bare, robots[1])), plan, False)
     assert cards_of(flight)[0]["battery"].startswith("__________ min; in the air 0:17 min")
@@ -153,15 +154,19 @@ def test_names_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_battery_has_to_last_for_the_way_up_and_the_wait(smooth: bool) -> None:
-    """The sheet says how long drones are in the air, and whose battery is too small for that."""
+    """The sheet says how long drones are in the air, and whose battery is too small for that.
+
+    A reserve is rounded down, so that no warning contradicts its own number.
+    """
     problem, plan = scene()
     flight = Flight.of(problem, plan, smooth)
     heights = flight.columns(flight.flown.seconds)
     rise = heights["above_takeoff"][heights["t"] == 0].max()
     seconds = rise + (0 if smooth else 10) + flight.flown.seconds
     for endurance, words in (
-        (seconds - 0.1, "THE BATTERY OF DRONE 1 DOES NOT LAST"),
-        (seconds / 0.81, "Drone 1 has 19 % of its battery in reserve"),
+        (seconds - 0.1, "THE BATTERY OF DRONE 1 DOES NOT LAST: it lasts "),
+        (seconds / 0.815, "Drone 1 has 18 % of its battery in reserve"),
+        (seconds / 0.803, "Drone 1 has 19 % of its battery in reserve: less than a fifth"),
         (seconds / 0.79, ""),
     ):
         limits = Limits(endurance=endurance)

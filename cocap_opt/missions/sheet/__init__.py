@@ -140,8 +140,8 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, found: Quality | None
         return
     names = [label_of(flight.flown.problem, person.actor) for person in found.by_person]
     pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
-    pages.sentence("Drones that see the person at half of the steps or more; in brackets those "
-                   "that do at fewer.", SMALL)  # fmt: skip
+    pages.sentence("Drones that see the person at half of the steps or more; in brackets: drones "
+                   "that see them less often.", SMALL)  # fmt: skip
     pages.section("How people are filmed", [quality_table(found, names)], BODY)
     for words in quality_notes(found):
         pages.sentence(words, SMALL)

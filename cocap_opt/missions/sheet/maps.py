@@ -59,8 +59,8 @@ def ground_of(flight: Flight) -> TopView:
 def draw(ax: Axes, flight: Flight, phase: Phase, ground: TopView) -> None:
     """Draws a phase in axes whose size is final.
 
-    Numbers in circles are where drones are at its begin, numbers in squares where they are at its
-    end; one that hovers has a circle alone.
+    Numbers in circles show drones at its start, numbers in squares at its end; a drone that hovers
+    has a circle alone.
     """
     problem = flight.flown.problem
     ground.draw_map(ax, _GROUNDS)
@@ -148,7 +148,7 @@ def _frame(flight: Flight, phase: Phase, aspect: float) -> FloatArray:
 
 
 def _times(flight: Flight, phase: Phase, parts: int) -> FloatArray:
-    """Returns moments (s) from the begin of a phase to its end, in so many parts."""
+    """Returns moments (s) from the start of a phase to its end, in so many parts."""
     step = flight.flown.step
     return np.linspace(phase.first * step, phase.last * step, max(parts, 1) + 1)
 
