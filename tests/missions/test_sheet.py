@@ -392,6 +392,47 @@ def test_texts_do_not_overlap_nor_leave_the_page() -> None:
 
 
 @pytest.mark.slow
+def test_sixty_people_fit_on_the_pages() -> None:
+    """Strips go on in another picture, cards list the first people, long sentences are parted."""
+    problem, plan = scene()
+    (actor,) = problem.actors
+    people = tuple(actor.replace(name=f"person {k} of a large crowd") for k in range(60))
+    flight = Flight.of(problem.replace(actors=people), plan, False)
+    pages = pages_of(flight, None, [USUAL])
+    require_apart(pages)
+    strips = []
+    for figure in pages.figures:
+        for ax in figure.axes:
+            box = ax.get_position(original=True)
+            assert box.y0 * HEIGHT > 14.0 and box.y1 * HEIGHT < HEIGHT - 13.9
+            labels = [tick.get_text() for tick in ax.get_yticklabels()]
+            strips += [label for label in labels if label.startswith("P")]
+    assert strips == [f"P{k}" for k in range(60)]
+    for card in cards_of(flight):
+        listed = re.findall(r"P(\d+) ", card["films"])
+        assert card["films"] == "nobody" or listed == [str(k) for k in range(20)]
+        assert card["films"] == "nobody" or card["films"].endswith(" and 40 more")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_box", [False, True])
+def test_text_longer_than_a_page_goes_on_in_the_next(is_box: bool) -> None:
+    """No word of it is lost; text that a page holds is not parted."""
+    words = [f"{k:03}-{'W' * 32}" for k in range(100)]  # each fills a line
+    for count, on_pages in ((69, [1, 69]), (100, None)):
+        pages = Pages([USUAL])
+        pages.sentence("before")
+        if is_box:
+            pages.box(words[:count])
+        else:
+            pages.sentence(" ".join(words[:count]))
+        require_apart(pages)
+        found = [[text.get_text() for text in figure.texts] for figure in pages.figures]
+        assert [line for page in found for line in page] == ["before", *words[:count]]
+        assert on_pages is None or [len(page) for page in found] == on_pages
+
+
+@pytest.mark.slow
 def test_a_card_is_on_one_page() -> None:
     """However full the page before it is; a table that a page holds is not parted either."""
     rows = [(str(k), "y") for k in range(9)]

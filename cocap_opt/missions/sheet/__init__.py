@@ -22,11 +22,10 @@ from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people
 from cocap_opt.missions.sheet.clock import Clock, phases_of
 from cocap_opt.missions.sheet.filmed import (
     STRIP,
-    draw_strips,
     quality_notes,
     quality_of,
     quality_table,
-    strip_height,
+    strips,
     who_films_whom,
 )
 from cocap_opt.missions.sheet.fonts import families_of
@@ -145,7 +144,8 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, found: Quality | None
     pages.section("How people are filmed", [quality_table(found, names)], BODY)
     for words in quality_notes(found):
         pages.sentence(words, SMALL)
-    pages.picture(strip_height(found), partial(draw_strips, found=found), STRIP)
+    for height, draw_strips in strips(found):
+        pages.picture(height, draw_strips, STRIP)
 
 
 def _printed(pages: Pages) -> bytes:
