@@ -42,7 +42,7 @@ from cocap_opt.missions.sheet.words import (
 )
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEGEND, _TITLE, _LIST = 120.0, 13.0, 6.0, 40.0  # mm
+_MAP, _LEGEND, _TITLE, _LIST = 120.0, 14.0, 6.0, 40.0  # mm
 
 
 def write(flight: Flight, every: float | None) -> Export:
