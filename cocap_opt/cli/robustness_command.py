@@ -157,9 +157,9 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     )
     yield from flight.nearer_to_people()
     if delay is not None and math.isinf(delay):
-        yield f"the {problem.rules} between drones is kept however late any of them is"
+        yield f"the {problem.rules} between drones holds for any delay of any drone"
     elif delay is not None:
-        yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
+        yield f"the {problem.rules} holds while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:
         yield "the scene's rules ask for no distance between drones between the steps"
     yield from people_and_delay(flight, to_people)

@@ -176,7 +176,7 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
         return
     kept = f"drones keep {problem.airspace.told_people}"
     if math.isinf(delay):
-        yield f"{kept} however late or early anybody is"
+        yield f"{kept} for any delay or lead of drones and people"
     elif delay == 0:
         yield (
             f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "

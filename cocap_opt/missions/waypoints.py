@@ -236,7 +236,7 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
         "waypoint missions are not synchronised after take-off: nothing holds drones to their times"
     )
     if math.isinf(delay):
-        yield f"between drones, {asked} holds however late any of them is"
+        yield f"between drones, {asked} holds for any delay of any drone"
     elif delay == 0:
         yield f"delay tolerance 0: {asked} tolerates no difference in time; plan with a larger one"
     else:

@@ -81,6 +81,12 @@ def people_by_take(takes: Sequence[str]) -> dict[str, str]:
     return {label: take_colour(k) for k, label in enumerate(named)}
 
 
+def land_colour(kind: Land, strength: float = 1.0) -> str:
+    """Returns the colour of a kind of land, mixed with white; with a strength of 0 it is white."""
+    parts = (int(LAND_COLOURS[kind][k : k + 2], 16) for k in (1, 3, 5))
+    return "#" + "".join(f"{round(255 - strength * (255 - part)):02x}" for part in parts)
+
+
 def drone_colour(number: int) -> str:
     """Returns the colour of a drone, by its number."""
     return DRONE_COLOURS[number % len(DRONE_COLOURS)]
@@ -240,13 +246,15 @@ class TopView(NamedTuple):
             _draw_numbered_disc(ax, walk[-1], colour, number)
 
     def draw_map(
-        self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW, CLOSED)
-    ) -> None:
+        self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW, CLOSED),
+        strength: float = 1.0,
+    ) -> None:  # fmt: skip
         """Draw the cells of a scene, in axes of world coordinates.
 
         Parameters
         ----------
         colours : of the kinds of cells
+        strength : of the colours of the land; 0 is white
         """
         from matplotlib.colors import ListedColormap
         from matplotlib.ticker import FuncFormatter, MaxNLocator
@@ -254,7 +262,7 @@ class TopView(NamedTuple):
         (x, y), (width, depth) = self.corner, self.kinds.shape
         extent = (x, x + width * self.cell, y, y + depth * self.cell)
         shown = np.ma.masked_equal(self.kinds, 0) if self.land else self.kinds
-        self._draw_land(ax)
+        self._draw_land(ax, strength)
         ax.imshow(
             shown.T, origin="lower", extent=extent, vmin=0, vmax=len(colours) - 1,
             interpolation="nearest", cmap=ListedColormap(list(colours)), zorder=0,
@@ -270,24 +278,29 @@ class TopView(NamedTuple):
             axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
-    def _draw_land(self, ax: Axes) -> None:
-        """Draw the areas of the land, the first below all others, and their names."""
+    def _draw_land(self, ax: Axes, strength: float) -> None:
+        """Draw the areas of the land, the first below all others, and names that fit whole."""
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
         from matplotlib.patheffects import withStroke
+
+        from cocap_opt.problem.whole_names import WholeName
 
         if self.land:
             ax.set_facecolor(GROUND)
         for area in self.land:
             rims = [np.concatenate([rim, rim[:1]]) for rim in (area.outline, *area.holes)]
             path = Path.make_compound_path(*(Path(rim, closed=True) for rim in rims))
-            ax.add_patch(PathPatch(path, facecolor=LAND_COLOURS[area.kind], lw=0, zorder=-1))
+            colour = land_colour(area.kind, strength)
+            ax.add_patch(PathPatch(path, facecolor=colour, lw=0, zorder=-1))
             if area.name is not None:
-                ax.text(
+                name = WholeName(
                     *area.label, area.name, fontsize=_SMALL, style="italic", color=NAME,
-                    ha="center", va="center", zorder=1, clip_on=True,
+                    ha="center", va="center", zorder=1, transform=ax.transData,
                     path_effects=[withStroke(linewidth=2, foreground="white", alpha=0.7)],
-                ).set_in_layout(False)  # fmt: skip
+                )  # fmt: skip
+                name.set_in_layout(False)
+                ax.add_artist(name)
 
     def _handles(self) -> dict[str, _Marks]:
         """Returns the lines of the legend: what they say, and the marks before it."""

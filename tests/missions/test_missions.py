@@ -127,7 +127,10 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
         assert f"the scene's separation 2 m holds while no drone is {shown:.2f} s" in said(mission)
     for rules, words in (
         (CollisionRules(), f"a separation 2 m holds while no drone is {shown:.2f} s"),
-        (CollisionRules(separation=1.0), "the scene's separation 1 m holds however late"),
+        (
+            CollisionRules(separation=1.0),
+            "the scene's separation 1 m holds for any delay of any drone",
+        ),
     ):
         found = Flight.of(*scene(rules=rules), False)
         assert words in said(FORMATS[".plan"].writer()(found, None))
@@ -142,7 +145,11 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
     """The tolerance to people stands beside that between drones, and when people set out."""
     walk = np.column_stack([np.linspace(6.5, 9.5, 8), np.full(8, 8.5), np.zeros((8, 2))])
     for aside, words, shown in (
-        (1.9, "drones keep 1.9 m from people however late or early anybody is", "unlimited"),
+        (
+            1.9,
+            "drones keep 1.9 m from people for any delay or lead of drones and people",
+            "unlimited",
+        ),
         (2.05, "delay tolerance to people: drones keep 2.05 m from people while none is ", None),
         (0.0, "the scene asks for no distance to people: nothing is known", None),
     ):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import same_color, to_rgb
 from matplotlib.figure import Figure
 from strategies import examples
 from test_cli import Run
@@ -24,12 +25,15 @@ from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people
 from cocap_opt.missions.sheet.clock import TAKE, Clock, phases_of
 from cocap_opt.missions.sheet.filmed import quality_of, quality_table, who_films_whom
 from cocap_opt.missions.sheet.fonts import USUAL, families_of
+from cocap_opt.missions.sheet.kinds import KINDS
 from cocap_opt.missions.sheet.labels import placed
 from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
-from cocap_opt.missions.sheet.maps import draw, draw_legend, ground_of
+from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
 from cocap_opt.missions.sheet.words import attention, running_order, sections, unchecked
 from cocap_opt.problem import Limits
+from cocap_opt.problem.land_cover import LANDS, LandCover
+from cocap_opt.problem.pictures import TopView, land_colour
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
 
@@ -79,9 +83,10 @@ def test_a_card_has_what_the_scene_knows_of_its_drone() -> None:
     assert (unknown["camera"], unknown["airframe"], unknown["pilot"]) == ("", "", "")
     # 5 m up at 1 m/s, 10 s for all to wait, and 1.5 s, rounded up; the reserve is rounded down.
     assert known["battery"] == (
-        "23:00 min by the maker; in the air 0:17 min, plus the way down; reserve 22:43 min (99 %)"
+        "23:00 min (manufacturer's figure); in the air 0:17 min, plus the way down; "
+        "reserve 22:43 min (98 %)"
     )
-    assert unknown["battery"].startswith("20:00 min by the maker; ")
+    assert unknown["battery"].startswith("20:00 min (manufacturer's figure); ")
     bare = robots[0].replace(limits=None)
     flight = Flight.of(problem.replace(robots=(bare, robots[1])), plan, False)
     assert cards_of(flight)[0]["battery"].startswith("__________ min; in the air 0:17 min")
@@ -122,7 +127,7 @@ def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
 
 
 def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
-    """They have a hatch of their own, which the legend names; houses have none."""
+    """They have a hatch of their own, which the legend names."""
     problem, plan = scene()
     assert problem.airspace.no_fly
     for airspace, count in ((problem.airspace, len(problem.airspace.no_fly)), (co.Airspace(), 0)):
@@ -131,7 +136,7 @@ def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
         ax, legend = figure.subplots(1, 2)
         (phase,) = phases_of(flight, ())
         draw(ax, flight, phase, ground_of(flight))
-        assert sum(patch.get_hatch() is not None for patch in ax.patches) == count
+        assert sum(patch.get_hatch() == "xxx" for patch in ax.patches) == count
         draw_legend(legend, flight, False, ground_of(flight))
         box = legend.get_legend()
         assert box is not None
@@ -139,6 +144,74 @@ def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
         assert ("no-fly zone" in words) == bool(count)
         assert "obstacle as high as drones fly" not in words  # houses are lower here
         assert {"lower obstacle", "walk"} <= set(words)
+
+
+def grey(colour: str) -> float:
+    """The tone of a colour in a grey print, of 255."""
+    return float(np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) * 255)
+
+
+def test_grey_prints_tell_dangers_apart() -> None:
+    """No two kinds look alike; obstacles are darker than any land, and have darker edges."""
+    looks = [(kind.fill, kind.hatch) for kind in KINDS.values()]
+    assert len(set(looks)) == len(looks)
+    plain = sorted(grey(kind.fill) for kind in KINDS.values() if not kind.hatch)
+    land = [grey(land_colour(kind, LAND)) for kind in LANDS]
+    assert min(np.diff([*plain, min(land)])) >= 15
+    assert max(land) < 255
+    for kind in KINDS.values():
+        assert grey(kind.edge) <= grey(kind.fill) - 90
+
+
+def test_the_map_has_edges_and_hatches_where_the_ground_changes() -> None:
+    """The legend names each kind once, and the land if the map shows it."""
+    flight = Flight.of(*scene(), False)
+    rim = np.array([[5e5, 4e6], [5e5 + 12, 4e6], [5e5 + 12, 4e6 + 10]])
+    kinds = np.random.default_rng(0).integers(0, 5, (6, 5))
+    land = (LandCover(kind="water", outline=rim),)
+    ground = ground_of(flight)._replace(kinds=kinds, land=land)
+    figure = Figure()
+    ax, legend = figure.subplots(1, 2)
+    (phase,) = phases_of(flight, ())
+    draw(ax, flight, phase, ground)
+    framed = np.pad(kinds, 1)
+    for number, lines in enumerate(ax.collections, 1):
+        assert same_color(np.squeeze(lines.get_edgecolor()), KINDS[number].edge)
+        ends = [path.vertices for path in lines.get_paths()]
+        changes = sum(np.diff(framed == number, axis=axis).sum() for axis in (0, 1))
+        assert len({tuple(np.ravel(line)) for line in ends}) == len(ends) == changes
+        for a, b in ends:
+            across = np.array([1.0, 0.0] if a[0] == b[0] else [0.0, 1.0])
+            sides = [(((a + b) / 2 + way * across) - ground.corner) / 2 for way in (-1, 1)]
+            beside = [framed[tuple(np.floor(side).astype(int) + 1)] for side in sides]
+            assert beside.count(number) == 1
+    assert {kind.hatch for kind in KINDS.values()} < {
+        patch.get_hatch() or "" for patch in ax.patches
+    }
+    draw_legend(legend, flight, False, ground)
+    box = legend.get_legend()
+    assert box is not None
+    words = [text.get_text() for text in box.get_texts()]
+    assert {*(kind.words for kind in KINDS.values()), "ground, in pale colours"} < set(words)
+    assert len(set(words)) == len(words)
+
+
+@pytest.mark.parametrize(("at", "is_drawn"), [(5.0, True), (0.3, False), (9.7, False)])
+def test_a_place_name_is_drawn_whole_or_not_at_all(at: float, is_drawn: bool) -> None:
+    """The edge of the map cuts none."""
+    rim = np.array([[-9.0, 0.0], [20.0, 0.0], [20.0, 10.0], [-9.0, 10.0]])
+    pixels = []
+    for name in ("courtyard", None):
+        problem = scene()[0].replace(land_cover=(LandCover(kind="yard", outline=rim, name=name),))
+        figure = Figure()
+        ax, canvas = figure.add_subplot(), FigureCanvasAgg(figure)
+        TopView.of(problem).draw_map(ax)
+        x, y = problem.land_cover[0].label
+        ax.set_xlim(x - at, x - at + 10)
+        ax.set_ylim(y - 5, y + 5)
+        canvas.draw()
+        pixels.append(np.asarray(canvas.buffer_rgba()).copy())
+    assert (pixels[0] != pixels[1]).any() == is_drawn
 
 
 def test_names_stay_as_they_are() -> None:
@@ -153,15 +226,19 @@ def test_names_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_battery_has_to_last_for_the_way_up_and_the_wait(smooth: bool) -> None:
-    """The sheet says how long drones are in the air, and whose battery is too small for that."""
+    """The sheet says how long drones are in the air, and whose battery is too small for that.
+
+    A reserve is rounded down, so that no warning contradicts its own number.
+    """
     problem, plan = scene()
     flight = Flight.of(problem, plan, smooth)
     heights = flight.columns(flight.flown.seconds)
     rise = heights["above_takeoff"][heights["t"] == 0].max()
     seconds = rise + (0 if smooth else 10) + flight.flown.seconds
     for endurance, words in (
-        (seconds - 0.1, "THE BATTERY OF DRONE 1 DOES NOT LAST"),
-        (seconds / 0.81, "Drone 1 has 19 % of its battery in reserve"),
+        (seconds - 0.1, "THE BATTERY OF DRONE 1 DOES NOT LAST: it lasts "),
+        (seconds / 0.815, "Drone 1 has 18 % of its battery in reserve"),
+        (seconds / 0.803, "Drone 1 has 19 % of its battery in reserve: less than a fifth"),
         (seconds / 0.79, ""),
     ):
         limits = Limits(endurance=endurance)
@@ -384,6 +461,47 @@ def test_texts_do_not_overlap_nor_leave_the_page() -> None:
     pages = pages_of(Flight.of(problem, plan, False), 0.01, [USUAL])
     assert len(pages.figures) > 5
     require_apart(pages)
+
+
+@pytest.mark.slow
+def test_sixty_people_fit_on_the_pages() -> None:
+    """Strips go on in another picture, cards list the first people, long sentences are parted."""
+    problem, plan = scene()
+    (actor,) = problem.actors
+    people = tuple(actor.replace(name=f"person {k} of a large crowd") for k in range(60))
+    flight = Flight.of(problem.replace(actors=people), plan, False)
+    pages = pages_of(flight, None, [USUAL])
+    require_apart(pages)
+    strips = []
+    for figure in pages.figures:
+        for ax in figure.axes:
+            box = ax.get_position(original=True)
+            assert box.y0 * HEIGHT > 14.0 and box.y1 * HEIGHT < HEIGHT - 13.9
+            labels = [tick.get_text() for tick in ax.get_yticklabels()]
+            strips += [label for label in labels if label.startswith("P")]
+    assert strips == [f"P{k}" for k in range(60)]
+    for card in cards_of(flight):
+        listed = re.findall(r"P(\d+) ", card["films"])
+        assert card["films"] == "nobody" or listed == [str(k) for k in range(20)]
+        assert card["films"] == "nobody" or card["films"].endswith(" and 40 more")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_box", [False, True])
+def test_text_longer_than_a_page_goes_on_in_the_next(is_box: bool) -> None:
+    """No word of it is lost; text that a page holds is not parted."""
+    words = [f"{k:03}-{'W' * 32}" for k in range(100)]  # each fills a line
+    for count, on_pages in ((69, [1, 69]), (100, None)):
+        pages = Pages([USUAL])
+        pages.sentence("before")
+        if is_box:
+            pages.box(words[:count])
+        else:
+            pages.sentence(" ".join(words[:count]))
+        require_apart(pages)
+        found = [[text.get_text() for text in figure.texts] for figure in pages.figures]
+        assert [line for page in found for line in page] == ["before", *words[:count]]
+        assert on_pages is None or [len(page) for page in found] == on_pages
 
 
 @pytest.mark.slow

@@ -22,11 +22,10 @@ from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people
 from cocap_opt.missions.sheet.clock import Clock, phases_of
 from cocap_opt.missions.sheet.filmed import (
     STRIP,
-    draw_strips,
     quality_notes,
     quality_of,
     quality_table,
-    strip_height,
+    strips,
     who_films_whom,
 )
 from cocap_opt.missions.sheet.fonts import families_of
@@ -43,7 +42,7 @@ from cocap_opt.missions.sheet.words import (
 )
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEGEND, _TITLE, _LIST = 120.0, 13.0, 6.0, 40.0  # mm
+_MAP, _LEGEND, _TITLE, _LIST = 120.0, 14.0, 6.0, 40.0  # mm
 
 
 def write(flight: Flight, every: float | None) -> Export:
@@ -140,12 +139,13 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, found: Quality | None
         return
     names = [label_of(flight.flown.problem, person.actor) for person in found.by_person]
     pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
-    pages.sentence("Drones that see the person at half of the steps or more; in brackets those "
-                   "that do at fewer.", SMALL)  # fmt: skip
+    pages.sentence("Drones that see the person at half of the steps or more; in brackets: drones "
+                   "that see them less often.", SMALL)  # fmt: skip
     pages.section("How people are filmed", [quality_table(found, names)], BODY)
     for words in quality_notes(found):
         pages.sentence(words, SMALL)
-    pages.picture(strip_height(found), partial(draw_strips, found=found), STRIP)
+    for height, draw_strips in strips(found):
+        pages.picture(height, draw_strips, STRIP)
 
 
 def _printed(pages: Pages) -> bytes:

@@ -14,6 +14,7 @@ from cocap_opt.missions.sheet.filmed import filmed_by
 from cocap_opt.missions.sheet.pages import Card, Table
 from cocap_opt.missions.sheet.places import degrees
 from cocap_opt.missions.sheet.words import label_of
+from cocap_opt.problem import Robot
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
 _ROWS = 12  # cues of a card, at most
@@ -37,20 +38,26 @@ def people_cards(flight: Flight, clock: Clock) -> list[Card]:
 def battery_warnings(flight: Flight, clock: Clock) -> Iterator[str]:
     """Yields the drones whose battery does not last, or has less than a fifth in reserve."""
     for drone, robot in enumerate(flight.flown.problem.robots):
-        lasts = robot.limits.endurance if robot.limits else None
+        lasts = _endurance(robot)
         if lasts is None:
             continue
         needed = _in_the_air(flight, clock, drone)
+        reserve = 1 - needed / lasts
         if needed > lasts:
             yield (
-                f"THE BATTERY OF DRONE {drone} DOES NOT LAST: {lasts:.4g} s are less than "
-                f"{needed:.4g} s."
+                f"THE BATTERY OF DRONE {drone} DOES NOT LAST: it lasts {_minutes(lasts)}, and the "
+                f"flight takes {_minutes(math.ceil(needed))}."
             )
-        elif lasts - needed < _LEAST_RESERVE * lasts:
+        elif reserve < _LEAST_RESERVE:
             yield (
-                f"Drone {drone} has {_percent(1 - needed / lasts)} of its battery in reserve: less "
-                "than a fifth."
+                f"Drone {drone} has {_percent(reserve)} of its battery in reserve: less than a "
+                "fifth."
             )
+
+
+def _endurance(robot: Robot) -> float | None:
+    """Returns how long a drone's battery lasts (s); None if unknown."""
+    return robot.limits.endurance if robot.limits else None
 
 
 def _in_the_air(flight: Flight, clock: Clock, drone: int) -> float:
@@ -91,12 +98,12 @@ def _battery(flight: Flight, clock: Clock, drone: int) -> str:
     robot, needed = flight.flown.problem.robots[drone], _in_the_air(flight, clock, drone)
     down = "" if clock.parts else ", plus the way down"
     air = f"in the air {_minutes(math.ceil(needed))}{down}"
-    lasts = robot.limits.endurance if robot.limits else None
+    lasts = _endurance(robot)
     if lasts is None:
         return f"__________ min; {air}"
     left = lasts - needed
     reserve = f"reserve {_minutes(left)} ({_percent(left / lasts)})" if left >= 0 else "TOO SHORT"
-    return f"{_minutes(lasts)} by the maker; {air}; {reserve}"
+    return f"{_minutes(lasts)} (manufacturer's figure); {air}; {reserve}"
 
 
 def _drone_cues(flight: Flight, clock: Clock, drone: int) -> Table:
@@ -174,8 +181,10 @@ def _place(flight: Flight, x: float, y: float, z: float | None = None) -> str:
 
 
 def _minutes(seconds: float) -> str:
+    """Returns a time in minutes and whole seconds, rounded down."""
     return f"{int(seconds) // 60}:{int(seconds) % 60:02} min"
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    """Returns a reserve in whole per cent, rounded down."""
+    return f"{math.floor(100 * share)} %"

@@ -1,7 +1,8 @@
 """Who films whom, and how well, phase by phase."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,16 +10,19 @@ from matplotlib.axes import Axes
 from cocap_opt.data import BoolArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.footage.quality import Quality
+from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import whole_percent
 from cocap_opt.missions.sheet.clock import TAKE, Clock, Phase
 from cocap_opt.missions.sheet.pages import Inset, Table
 from cocap_opt.missions.sheet.words import label_of
 from cocap_opt.problem import Problem
-from cocap_opt.text import in_ranges
+from cocap_opt.text import in_ranges, shortened
 
 _OFTEN = 0.5  # of a phase's steps
 _ROW = 5.0  # mm, of a person's strip
-STRIP = Inset(12.0, 9.0, 6.0)  # around all strips
+_MOST_STRIPS = 40  # people, in one picture
+_MOST_NAMES, _LETTERS = 20, 40  # people on a drone's card, and letters of each
+STRIP = Inset(12.0, 9.0, 6.0)  # around the strips of a picture
 
 
 def quality_of(flight: Flight) -> Quality | None:
@@ -65,7 +69,7 @@ def _drones(seen: BoolArray) -> str:
 
 
 def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
-    """Returns the people that a drone sees, and at how many of the steps that count."""
+    """Returns the first people that a drone sees, and at how many of the steps that count."""
     if found is None:
         return ""
     told = []
@@ -73,8 +77,10 @@ def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
         j = person.actor
         share = float(found.seen[found.counts[:, j], drone, j].mean())
         if share:
-            told.append(f"{label_of(problem, j)} {whole_percent(share)}")
-    return ", ".join(told) or "nobody"
+            told.append(f"{shortened(label_of(problem, j), _LETTERS)} {whole_percent(share)}")
+    more = len(told) - _MOST_NAMES
+    rest = f" and {more} more" if more > 0 else ""
+    return ", ".join(told[:_MOST_NAMES]) + rest or "nobody"
 
 
 def quality_table(found: Quality, names: Sequence[str]) -> Table:
@@ -102,15 +108,25 @@ def quality_notes(found: Quality) -> list[str]:
     ]
 
 
-def strip_height(found: Quality) -> float:
-    """Returns the height (mm) of the strips of all people."""
-    return STRIP.below + STRIP.above + _ROW * len(found.by_person)
+def strips(found: Quality) -> Iterator[tuple[float, Callable[[Axes], None]]]:
+    """Yields pictures of strips, of so many people each that a page holds it.
+
+    Yields
+    ------
+    height (mm), and the function that draws in axes within `STRIP`
+    """
+    people = [person.actor for person in found.by_person]
+    for k in range(0, len(people), _MOST_STRIPS):
+        part = people[k : k + _MOST_STRIPS]
+        height = STRIP.below + STRIP.above + _ROW * len(part)
+        yield height, partial(_draw_strips, found=found, people=part)
 
 
-def draw_strips(ax: Axes, found: Quality) -> None:
-    """Draws the number of cameras see each person at each moment."""
-    found.plot(ax)
-    ax.set_yticks(ax.get_yticks(), [f"P{person.actor}" for person in found.by_person])
+def _draw_strips(ax: Axes, found: Quality, people: Sequence[int]) -> None:
+    """Draws the number of cameras that see each of some people at each moment."""
+    counts = found.counts & np.isin(np.arange(found.counts.shape[1]), people)
+    draw_strip(ax, found.people, found.views, counts, found.times)
+    ax.set_yticks(ax.get_yticks(), [f"P{person}" for person in people])
 
 
 def _millimetres(error: float) -> str:

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import AbstractPathEffect, withStroke
@@ -13,20 +13,17 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.sheet.clock import BACK, OUT, TAKE, Phase
+from cocap_opt.missions.sheet.kinds import FREE, KINDS, draw_kinds
 from cocap_opt.missions.sheet.labels import placed
 from cocap_opt.missions.zones import outlines
-from cocap_opt.problem.pictures import TopView, drone_colour
+from cocap_opt.problem.pictures import TopView, drone_colour, land_colour
 
 _MARGIN = 6.0  # m around flights and walks
 _DASHES = "-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))
-# Free, covered, blocked, lower obstacle, above the ceiling.
-_GROUNDS = "#ffffff", "#efeee9", "#bdbdbd", "#e3e6dc", "#bdbdbd"
-_KINDS = {
-    1: "something above", 2: "obstacle as high as drones fly", 3: "lower obstacle",
-    4: "drones would be above the ceiling",
-}  # fmt: skip
+
 _INK, _PERSON, _ZONE = "#000000", "#7a1020", "#a00000"
-_HATCH = "xxx"  # of no-fly zones; nothing else is hatched
+_HATCH = "xxx"  # of no-fly zones
+LAND = 0.3  # strength of its colours, paler than all else
 _DOTS = 4  # on a way in a phase, besides its ends
 _LETTER = 6.5  # points, of labels and numbers
 _MOVES = 0.1  # m, less is none
@@ -59,16 +56,17 @@ def ground_of(flight: Flight) -> TopView:
 def draw(ax: Axes, flight: Flight, phase: Phase, ground: TopView) -> None:
     """Draws a phase in axes whose size is final.
 
-    Numbers in circles are where drones are at its begin, numbers in squares where they are at its
-    end; one that hovers has a circle alone.
+    Numbers in circles show drones at its start, numbers in squares at its end; a drone that hovers
+    has a circle alone.
     """
     problem = flight.flown.problem
-    ground.draw_map(ax, _GROUNDS)
+    ground.draw_map(ax, [FREE, *(kind.fill for kind in KINDS.values())], LAND)
     size = _millimetres(ax)
     (left, right), (low, high) = ends = _frame(flight, phase, size[0] / size[1])
     ax.set_xlim(left, right)
     ax.set_ylim(low, high)
-    _draw_edges(ax, flight)
+    _draw_end_of_map(ax, flight)
+    draw_kinds(ax, ground, ends)
     for mesh in problem.airspace.no_fly:
         for outline in outlines(mesh):
             corners = np.array(outline.exterior.coords)
@@ -93,7 +91,7 @@ def draw_legend(ax: Axes, flight: Flight, has_homes: bool, ground: TopView) -> N
         return Line2D([], [], ls="none", marker=shape, mfc=fill, mec=_INK, mew=0.8, ms=8,
                       label=words)  # fmt: skip
 
-    handles: list[Artist] = [
+    handles: list[Line2D | Patch] = [
         mark("o", "white", "number in a circle: drone, at the start"),
         mark("s", "white", "number in a square: drone, at the end"),
         Line2D([], [], color=_INK, lw=1.6, marker=".", ms=6, label="flight, dots at equal times"),
@@ -107,14 +105,17 @@ def draw_legend(ax: Axes, flight: Flight, has_homes: bool, ground: TopView) -> N
         handles.append(mark("h", "#d8d8d8", "H and a number: home of that drone"))
     if problem.airspace.no_fly:
         handles.append(Patch(fc="white", ec=_ZONE, hatch=_HATCH, lw=1.2, label="no-fly zone"))
-    handles += [
-        Patch(fc=_GROUNDS[kind], ec="#999999", lw=0.4, label=words)
-        for kind, words in _KINDS.items()
-        if (ground.kinds == kind).any()
-    ]
+    handles += [kind.patch for number, kind in KINDS.items() if (ground.kinds == number).any()]
+    words = [str(handle.get_label()) for handle in handles]
+    marks: list[Line2D | Patch | tuple[Patch, ...]] = [*handles]
+    if ground.land:
+        colours = dict.fromkeys(land_colour(area.kind, LAND) for area in ground.land)
+        marks.append(tuple(Patch(fc=colour, ec="#999999", lw=0.3) for colour in [*colours][:4]))
+        words.append("ground, in pale colours")
     ax.axis("off")
-    ax.legend(handles=handles, loc="upper left", ncols=3, fontsize=_LETTER, frameon=False,
-              borderaxespad=0.0, borderpad=0.0, columnspacing=1.6)  # fmt: skip
+    ax.legend(marks, words, loc="upper left", ncols=3, fontsize=_LETTER, frameon=False,
+              borderaxespad=0.0, borderpad=0.0, columnspacing=1.6,
+              handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)})  # fmt: skip
 
 
 def _millimetres(ax: Axes) -> FloatArray:
@@ -148,12 +149,12 @@ def _frame(flight: Flight, phase: Phase, aspect: float) -> FloatArray:
 
 
 def _times(flight: Flight, phase: Phase, parts: int) -> FloatArray:
-    """Returns moments (s) from the begin of a phase to its end, in so many parts."""
+    """Returns moments (s) from the start of a phase to its end, in so many parts."""
     step = flight.flown.step
     return np.linspace(phase.first * step, phase.last * step, max(parts, 1) + 1)
 
 
-def _draw_edges(ax: Axes, flight: Flight) -> None:
+def _draw_end_of_map(ax: Axes, flight: Flight) -> None:
     """Draws where the map ends."""
     height_map = flight.flown.problem.height_map
     width, depth = np.array(height_map.shape) * height_map.resolution

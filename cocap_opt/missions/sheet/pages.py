@@ -24,6 +24,7 @@ from cocap_opt.missions.sheet.letters import (
 WIDTH, HEIGHT = 210.0, 297.0  # mm
 SIDE, TOP, BOTTOM = 14.0, 14.0, 14.0  # mm, margins
 INNER = WIDTH - 2 * SIDE
+_WHOLE = HEIGHT - TOP - BOTTOM  # mm, of a page
 _MM = 25.4  # of an inch
 _GAP = 3.0  # mm between columns of a table
 _PAD, _BETWEEN = 2.0, 4.0  # mm, inside of a card, and between two of them
@@ -117,7 +118,7 @@ class Pages:
         Where no page has, it is on a page of its own.
         """
         look = HEAD
-        self.need(min(look.line + 5.0 + below, HEIGHT - TOP - BOTTOM))
+        self.need(min(look.line + 5.0 + below, _WHOLE))
         if self._y > TOP:
             self.skip(3.0)
         self._write(SIDE, self._y, words, look, INNER)
@@ -125,25 +126,31 @@ class Pages:
         self.skip(2.0)
 
     def sentence(self, words: str, look: Text = BODY, mark: str = "") -> None:
-        """Writes a sentence, which no page break parts, after a mark if there is one."""
+        """Writes a sentence after a mark if there is one; parted only if no page holds it."""
         inset = self._wide(mark + "  ", look) if mark else 0.0
         lines = self._wrapped(words, INNER - inset, look)
-        self.need(len(lines) * look.line)
-        if mark:
-            self._put(SIDE, self._y, mark, look)
-        self._lines(SIDE + inset, lines, look)
+        if len(lines) * look.line <= _WHOLE:
+            self.need(len(lines) * look.line)
+        for k, line in enumerate(lines):
+            self.need(look.line)
+            if mark and k == 0:
+                self._put(SIDE, self._y, mark, look)
+            self._lines(SIDE + inset, [line], look)
         self.skip(_AFTER_LINES)
 
     def box(self, words: Sequence[str]) -> None:
-        """Writes sentences in a thick frame, which nobody is to overlook."""
+        """Writes sentences in a thick frame, which nobody is to overlook; in several if need be."""
         inner = INNER - 2 * _PAD
         lines = [line for text in words for line in self._wrapped(text, inner, STRONG)]
-        height = len(lines) * STRONG.line + 2 * _PAD
-        self.need(height)
-        self._frame(SIDE, self._y, INNER, height, 1.6)
-        self.skip(_PAD)
-        self._lines(SIDE + _PAD, lines, STRONG)
-        self.skip(_PAD + 2.0)
+        most = int((_WHOLE - 2 * _PAD) / STRONG.line)
+        for k in range(0, len(lines), most):
+            part = lines[k : k + most]
+            height = len(part) * STRONG.line + 2 * _PAD
+            self.need(height)
+            self._frame(SIDE, self._y, INNER, height, 1.6)
+            self.skip(_PAD)
+            self._lines(SIDE + _PAD, part, STRONG)
+            self.skip(_PAD + 2.0)
 
     def section(self, words: str, blocks: Sequence[Block], look: Text = SMALL) -> None:
         """Writes a heading, and sentences and tables below it; parted only if no page holds all.

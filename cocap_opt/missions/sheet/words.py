@@ -110,7 +110,8 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
             yield clock.at(begin, number), "all people", f"{what} ({step})"
         yield clock.at(begin, number), "all drones", f"the take begins ({step})"
         is_last = number == len(parts) - 1
-        what = "the take ends" if is_last else "the take is paused at the latest; people stop, too"
+        pause = "latest time to pause the take; people stop as well"
+        what = "the take ends" if is_last else pause
         yield clock.at(end, number), "all", f"{what} (step {last})"
         if part is not None:
             back = sorted((drone.back for drone in part.drones), key=lambda way: way.waits)
@@ -186,16 +187,17 @@ def _distances(flight: Flight) -> Iterator[str]:
     else:
         x, y, z = near.place.tolist()
         yield (
-            f"Between drones: {near.distance:.2f} m at least, of {near.first} and {near.second} "
-            f"at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
+            f"Minimum distance between drones: {near.distance:.2f} m (drones {near.first} and "
+            f"{near.second}, at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}); rules: "
+            f"{rules}."
         )
     close = Nearest.of_people(flight.flown)
     if close is not None:
         x, y, z = close.place.tolist()
         yield (
-            f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.first} "
-            f"and {problem.person(close.second)} at {close.t:.2f} s "
-            f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
+            f"Minimum distance to people, seen from above: {close.distance:.2f} m (drone "
+            f"{close.first} and {problem.person(close.second)}, at {close.t:.2f} s near "
+            f"x {x:.1f}, y {y:.1f}, z {z:.1f})."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
     if problem.airspace.ceiling is not None:
@@ -220,9 +222,9 @@ def _delays(flight: Flight) -> Iterator[str]:
     """Yields how late drones or people may be before a distance is lost."""
     rules, delay = flight.flown.problem.rules, tolerated_delay(flight)
     if delay is not None and math.isinf(delay):
-        yield f"Between drones: {rules} is kept however late any of them is."
+        yield f"Between drones: {rules} holds for any delay of any drone."
     elif delay is not None:
-        yield f"Between drones: {rules} is kept while none is {delay:.2f} s or more behind another."
+        yield f"Between drones: {rules} holds while none is {delay:.2f} s or more behind another."
     to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
     yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
 

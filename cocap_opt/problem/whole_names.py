@@ -1,0 +1,16 @@
+"""Names on a map that are drawn whole or not at all."""
+
+from matplotlib.backend_bases import RendererBase
+from matplotlib.text import Text
+
+
+class WholeName(Text):
+    """Text in axes, left out where an edge of the axes would cut it."""
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw the text if it fits into the axes, whose limits are final only now."""
+        if self.axes is None:
+            return
+        room, own = self.axes.get_window_extent(renderer), self.get_window_extent(renderer)
+        if room.x0 <= own.x0 and own.x1 <= room.x1 and room.y0 <= own.y0 and own.y1 <= room.y1:
+            super().draw(renderer)
