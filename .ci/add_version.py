@@ -3,17 +3,18 @@
     python .ci/add_version.py build/docs site v0.2.0
 
 The folder then has a folder for each version, versions.json, which the choice of versions reads,
-and at its root a way to the newest release, and llms.txt of it.
+and at its root a way to the newest release, and llms.txt of it. A candidate such as v1.0.0rc1 comes
+first only where there is no release yet.
 """
 
 import json
-import re
 import shutil
 import sys
 from pathlib import Path
 
+from packaging.version import InvalidVersion, Version
+
 LATEST = "latest"  # of the main branch
-_TAG = re.compile(r"v?(\d+(?:\.\d+)*)")
 
 
 def add_version(built: Path, site: Path, name: str) -> None:
@@ -22,16 +23,20 @@ def add_version(built: Path, site: Path, name: str) -> None:
     Raises
     ------
     ValueError
-        If the name is neither `latest` nor a number such as v0.2.0.
+        If the name is neither `latest` nor a version such as v0.2.0 or v1.0.0rc1.
     """
-    found = _TAG.fullmatch(name)
-    if name != LATEST and found is None:
-        raise ValueError(f"{name}: must be {LATEST} or a number such as v0.2.0")
-    version = LATEST if found is None else found[1]
-    shutil.rmtree(site / version, ignore_errors=True)
-    shutil.copytree(built, site / version, ignore=shutil.ignore_patterns(".doctrees", ".buildinfo"))
-    versions = sorted((p.name for p in site.iterdir() if _is_version(p)), key=_newest_first)
-    first = next((name for name in versions if name != LATEST), LATEST)
+    version = _version(name)
+    if name != LATEST and version is None:
+        raise ValueError(f"{name}: must be {LATEST} or a version such as v0.2.0 or v1.0.0rc1")
+    folder = site / (LATEST if version is None else str(version))
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(built, folder, ignore=shutil.ignore_patterns(".doctrees", ".buildinfo"))
+    numbers = [number for path in site.iterdir() if (number := _version(path.name)) is not None]
+    numbers.sort(reverse=True)  # a candidate is less than its release
+    final = [number for number in numbers if not number.is_prerelease]
+    first = str(next(iter(final or numbers), LATEST))
+    latest = [LATEST] if (site / LATEST).is_dir() else []
+    versions = [*latest, *map(str, numbers)]
     (site / "versions.json").write_text(json.dumps(versions) + "\n")
     (site / "index.html").write_text(
         f'<!doctype html><meta charset="utf-8"><title>cocap-opt</title>'
@@ -42,13 +47,12 @@ def add_version(built: Path, site: Path, name: str) -> None:
     (site / ".nojekyll").touch()  # folders such as _static are published, too
 
 
-def _is_version(path: Path) -> bool:
-    return path.is_dir() and (path.name == LATEST or _TAG.fullmatch(path.name) is not None)
-
-
-def _newest_first(version: str) -> tuple[bool, list[int]]:
-    """Returns the key by which `latest` comes first, and then greater numbers before smaller."""
-    return version != LATEST, [-int(n) for n in version.split(".")] if version != LATEST else []
+def _version(name: str) -> Version | None:
+    """Returns the version that a tag or a folder names, None if it names none."""
+    try:
+        return Version(name)
+    except InvalidVersion:
+        return None
 
 
 if __name__ == "__main__":

@@ -2,7 +2,10 @@
 
     python docs/write.py            text between the marks, and schemas of files
     python docs/write.py pictures   all pictures, too
-    python docs/write.py player     those of the player, too, which need Chromium
+    python docs/write.py player     those of the player, too
+
+The first two need the extra `docs` (`pip install -e '.[docs]'`); the third needs `test`, too, for
+selenium, PDFium and pymavlink, and Chromium with its driver.
 
 It prints each file that it has changed. The tests fail where a page differs from what this writes.
 """

@@ -31,14 +31,17 @@ class FilmOptions:
     ] = None
     size: Annotated[
         str | None,
-        Parameter(help="of a film, px (default: 1280x720; WebP and GIF 800x450)"),
+        Parameter(help="size of a film, px (default: 1280x720; WebP and GIF 800x450)"),
     ] = None
     speed: Annotated[
         float | None,
         Parameter(help="of a film, steps a second (default: 2; with more than 24 steps 4)"),
     ] = None
     time_limit: Annotated[
-        Seconds, Parameter(help="of a film, after which none is written; inf for no limit")
+        Seconds,
+        Parameter(
+            help="that making a film may take; if it takes longer none is written; inf: no limit"
+        ),
     ] = 600.0
 
     @property

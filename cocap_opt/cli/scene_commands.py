@@ -62,8 +62,11 @@ def _recipe(
         raise UsageError(f"PLACE: must be one of {', '.join(places.SCENES)}, not {place}")
     if output is None:
         raise UsageError(f"--output: must name a folder for the files of {place}")
-    make_folder(output)
     copies = {output / name: content for name, content in places.files(place).items()}
+    for path, content in copies.items():
+        if path.exists() and not (path.is_file() and path.read_bytes() == content):
+            raise UsageError(f"{path}: is there and has been changed; name another folder")
+    make_folder(output)
     save_files(copies)
     print_result({"recipe": output / f"{place}.toml", "files": list(copies)}, json)
     return 0

@@ -177,7 +177,7 @@ def _told_gap(row: Record) -> str:
     """Returns the meaning of a gap; J of the best plan is the bound at most."""
     if row.get("optimal") or row.get("reason") == "optimal" or row.get("state") == "solved":
         return "proved, no plan is better"
-    return "at most so far below the best plan"
+    return "J is at most this far below the best possible"
 
 
 def harmless(json: str) -> str:

@@ -43,6 +43,8 @@ class LandCover(Data, frozen=True, eq=False):
         known = ", ".join(LANDS)
         require(self.kind in LANDS, "kind", f"must be one of {known}, not {self.kind!r}")
         msgspec.structs.force_setattr(self, "outline", _rim(self.outline, "outline"))
+        wide = bool((np.ptp(self.outline, axis=0) > 0).all())
+        require(wide, "outline", "must have corners that do not lie on each other")
         holes = tuple(_rim(hole, f"holes[{k}]") for k, hole in enumerate(self.holes))
         msgspec.structs.force_setattr(self, "holes", holes)
         if self.name is not None:

@@ -1,4 +1,4 @@
-"""Statements that files prove, in the words of `cocap-check` and of nobody else.
+"""Statements that files prove, as `cocap-check` states them.
 
 The checker is called as its page describes it: by its command, with files, an exit code and a line;
 and in a process of its own, which a file that was made to keep it busy cannot outlast.
@@ -72,6 +72,9 @@ def proved(instance: Path, content: bytes, name: str, time_limit: float = TIME_L
             raise FileError(f"{name}: {words}; --time-limit allows more") from error
         code, lines = said.returncode, said.stdout.splitlines()
         words = "".join(line.removeprefix(f"{claim}: ") for line in lines[1:])
+    if code < 0 or not lines:
+        last = "".join(said.stderr.splitlines()[-1:])[:200]
+        raise FileError(f"{name}: not judged: `cocap-check` ended with code {code}: {last}")
     if code == _BY_SEARCH:
         raise FileError(f"{name}: refused: a part of its claim rests on a search")
     if code == _HOLDS:

@@ -156,8 +156,8 @@ class Library:
         rows = _rows(self.folder / RECORDS, Record)
         return [row for row in rows if name in (None, row.name)]
 
-    def standings(self) -> list[Standing]:
-        """Returns the best plan and the best bound of each instance.
+    def standings(self, name: str | None = None) -> list[Standing]:
+        """Returns the best plan and the best bound of each instance, or of one.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Library:
             If a plan has more J than a bound allows, of which one must be wrong then.
         """
         digests, plans, bounds = self.digests(), dict[str, Record](), dict[str, Record]()
-        for row in self.records():
+        for row in self.records(name):
             best = plans if row.kind == PLAN else bounds
             if row.name not in best or _improves(row, best[row.name].value):
                 best[row.name] = row
@@ -175,12 +175,14 @@ class Library:
         return [
             Standing(e, digests.get(e.name), plans.get(e.name), bounds.get(e.name))
             for e in self.entries
+            if name in (None, e.name)
         ]
 
     def standing(self, name: str) -> Standing:
         """Returns the best plan and the best bound of an instance."""
         self.entry(name)
-        return next(found for found in self.standings() if found.entry.name == name)
+        (found,) = self.standings(name)
+        return found
 
     def content(self, record: Record) -> bytes:
         """Returns the file of a record.
@@ -313,8 +315,10 @@ class Library:
             })  # fmt: skip
         return record
 
-    def recheck(self, record: Record, folder: Path | None = None) -> Proved:
-        """Has the checker judge a record again.
+    def recheck(
+        self, record: Record, folder: Path | None = None, time_limit: float = math.inf
+    ) -> Proved:
+        """Has the checker judge a record again; `time_limit` in seconds.
 
         Raises
         ------
@@ -322,7 +326,7 @@ class Library:
             If the file does not prove what the record says.
         """
         instance = self.instance(self.entry(record.name), folder)
-        found = proved(instance, self.content(record), record.file)
+        found = proved(instance, self.content(record), record.file, time_limit)
         if found != (record.kind, record.value):
             raise FileError(f"{record.file}: proves {found.value:.6f}, not {record.value:.6f}")
         return found

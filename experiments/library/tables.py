@@ -20,7 +20,7 @@ def short_rows(standings: Sequence[Standing]) -> list[Row]:
             # Without commas, so that a line has room for all.
             "J": _number(found.plan, found).replace(",", ""),
             "bound": _number(found.bound, found).replace(",", ""),
-            "gap": found.gap if math.isfinite(found.gap) else None,
+            "gap": None if found.has_no_plan or math.isinf(found.gap) else found.gap,
             "state": found.state,
         }
         for found in standings
@@ -41,7 +41,7 @@ def full_rows(standings: Sequence[Standing]) -> list[Row]:
             "steps": size.steps or None,
             "reward": None if found.plan is None else found.plan.value,
             "bound": None if found.bound is None or found.has_no_plan else found.bound.value,
-            "gap": found.gap if math.isfinite(found.gap) else None,
+            "gap": None if found.has_no_plan or math.isinf(found.gap) else found.gap,
         }
         for kind, best in (("plan", found.plan), ("bound", found.bound)):
             row |= {f"{kind}_{key}": getattr(best, key, None) for key in ("who", "date", "program")}
@@ -95,7 +95,7 @@ def library_in_markdown() -> str:
             "steps": found.digest.steps,
             "J": _number(found.plan, found),
             "bound": _number(found.bound, found),
-            "gap": found.gap if math.isfinite(found.gap) else None,
+            "gap": None if found.has_no_plan or math.isinf(found.gap) else found.gap,
             "state": found.state,
             "since": max(r.date for r in (found.plan, found.bound) if r is not None),
         }

@@ -262,7 +262,7 @@ class EnvelopeParameters(Section):
     first_nodes : nodes
         of a search of a step that is tried first; longer ones wait for what it closes
     next_times : times
-        as many nodes for those that have not ended
+        the nodes of before, for searches that have not ended
     nodes_of_stage : nodes
         of searches after which better prices of some steps are a stage of their own
     least_of_stage : share

@@ -64,7 +64,7 @@ class LandCoverTable(Table):
         areas: list[LandCover] = []
         for item, polygon in zip(found, polygons, strict=True):
             word, name = item.properties.get(self.property), item.properties.get("name")
-            kind = self.kinds.get(str(word)) or _BY_WORD.get(word)
+            kind = self.kinds.get(str(word)) or _BY_WORD.get(str(word))
             shown = () if polygon is None else _parts(shapely.make_valid(polygon) & frame)
             if kind is None and shown:
                 others[str(word)] += 1

@@ -215,6 +215,17 @@ def test_a_file_that_keeps_the_checker_busy_is_refused(
     assert not empty.records()
 
 
+def test_a_checker_that_was_killed_is_told(
+    empty: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not the file that is to blame, nor the instance."""
+    checker = tmp_path / "checker.py"
+    checker.write_text("import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    monkeypatch.setattr("cocap_opt.experiments.library.judge._CHECKER", checker)
+    with pytest.raises(FileError, match="not judged: `cocap-check` ended with code -9"):
+        empty.submit(empty.folder / GOOD[1])
+
+
 def test_a_plan_above_a_bound_is_told(empty: Library) -> None:
     """Records changed by hand that contradict each other are no solved instance."""
     empty.submit(empty.folder / GOOD[0])
@@ -225,6 +236,8 @@ def test_a_plan_above_a_bound_is_told(empty: Library) -> None:
     assert path.read_text() != told
     with pytest.raises(FileError, match=r"records.csv: trap-0: a plan has J .* one of them is wr"):
         empty.standings()
+    other = next(entry.name for entry in empty.entries if entry.name != record.name)
+    assert empty.standing(other).state == "none"
 
 
 @pytest.mark.parametrize("renamed", [0, 1])

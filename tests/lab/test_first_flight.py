@@ -9,8 +9,10 @@ from pages import DOCS, blocks
 from PIL import Image
 from test_docs import Reader
 
-from cocap_opt.experiments.lab.studies.first_flight import FILM, PAGE, STILLS, made_from, stamp
+from cocap_opt.experiments.lab.studies import pictures
+from cocap_opt.experiments.lab.studies.first_flight import FILM, PAGE, STILLS, digest
 from cocap_opt.experiments.lab.studies.pictures import Browser
+from cocap_opt.experiments.lab.studies.stamped import stamp
 from cocap_opt.player.player import Player
 from cocap_opt.problem import LandCover, Problem
 from cocap_opt.scenarios import load_scene
@@ -38,9 +40,14 @@ def test_the_first_flight_runs_as_it_is_written(
 
 @pytest.mark.parametrize("name", [*STILLS, FILM])
 def test_pictures_are_made_of_what_there_is(name: str) -> None:
-    """A picture has the digest of its scene, of coverage and of the commands of the page."""
-    assert stamp(PICTURES / name) == made_from(), "python docs/write.py player"
+    """A picture has the digest of the place, of what draws it, and of the commands of the page."""
+    assert stamp(PICTURES / name) == digest(), "python docs/write.py player"
     assert name == FILM or f"](../pictures/{name})" in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_picture_of_two_plans_is_of_the_player_as_it_is() -> None:
+    """It is made with the others."""
+    assert stamp(PICTURES / "player.png") == pictures.digest(), "python docs/write.py player"
 
 
 def test_the_film_is_small_and_moves() -> None:

@@ -11,7 +11,7 @@ import cocap_opt as co
 from cocap_opt.experiments.lab.studies.notebooks import Notebook
 
 NOTEBOOKS = Notebook.all()
-LARGEST = 350_000  # bytes of a stored notebook
+LARGEST = 400_000  # bytes of a stored notebook; a player has half of them
 FACE = {"cocap_opt", "pandas", "matplotlib.pyplot"}  # all that a notebook may import
 LOGIC = (
     ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda, ast.For, ast.AsyncFor,

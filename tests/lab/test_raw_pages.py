@@ -36,7 +36,6 @@ _MOST = 4_000_000  # bytes of all pictures
 _LARGEST = 600_000  # of one of them
 _REST = re.compile(r"\{\{|\}\}|^:::|\{[a-z-]+\}`", re.MULTILINE)
 _NUMBER = re.compile(r"-?\d[\d,]*(?:\.\d+)?(?:e-?\d+)?")
-_CLOSE = 0.02  # relative, of numbers of another processor
 
 
 def parsed(page: Path) -> list[Token]:
@@ -99,6 +98,13 @@ def test_formulas_are_those_of_github(page: Path) -> None:
 
 
 @each
+def test_marks_are_in_pairs(page: Path) -> None:
+    """Each has its end, also on pages on which nothing else is made."""
+    if page in written.pages():
+        written.rewritten(page, str)
+
+
+@each
 def test_links_and_pictures_lead_somewhere(page: Path) -> None:
     """Each file that a page names is in the repository, and each heading on its page."""
     missing = []
@@ -155,7 +161,7 @@ def test_pages_hold_what_is_solved(entry: Callable[[str], str]) -> None:
                 again = entry(name)
                 words, numbers = _NUMBER.split(text), numbers_of(text)
                 assert words == _NUMBER.split(again), name
-                assert numbers == pytest.approx(numbers_of(again), rel=_CLOSE, abs=1e-3), name
+                assert numbers == pytest.approx(numbers_of(again), rel=1e-3), name
 
 
 def numbers_of(text: str) -> list[float]:
@@ -214,9 +220,36 @@ def test_pictures_are_drawn_from_what_is_stored(name: str) -> None:
     if name.endswith(".svg"):
         stored, now = there.decode(), again.decode()
         assert _NUMBER.split(stored) == _NUMBER.split(now), "run python docs/write.py pictures"
-        assert numbers_of(stored) == pytest.approx(numbers_of(now), rel=_CLOSE, abs=0.05)
+        assert numbers_of(stored) == pytest.approx(numbers_of(now), rel=1e-4, abs=0.05)
     else:
         assert np.abs(pixels(there) - pixels(again)).max() <= 2
+
+
+@pytest.mark.parametrize(
+    ("number", "short"),
+    [
+        (b"71.999999", b"72"), (b"71.994", b"71.99"), (b"-71.996", b"-72"), (b"-0.001", b"0"),
+        (b"-0", b"0"), (b"-0.126", b"-0.13"), (b"0.5", b"0.5"), (b"100", b"100"),
+    ],
+)  # fmt: skip
+def test_places_are_rounded(number: bytes, short: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To 0.01 points, wherever a picture states them; factors keep their digits."""
+    svg = b'<path d="M %b 1" transform="translate(%b 2) rotate(%b) scale(0.015625 -0.11)"/>'
+    monkeypatch.setattr(written, "DRAWN", {"a.svg": lambda: svg.replace(b"%b", number)})
+    assert written.drawn("a.svg") == svg.replace(b"%b", short)
+
+
+def test_pictures_of_others_are_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that nothing draws is named, and stays; nothing is drawn before."""
+    monkeypatch.setattr(written, "PICTURES", tmp_path)
+    monkeypatch.setattr(written, "DRAWN", {"a.svg": lambda: b"<svg/>"})
+    (tmp_path / "mine.svg").write_text("work of hours")
+    with pytest.raises(FileError, match=r"mine\.svg: unlisted; delete it, or add it"):
+        list(written.write_pictures())
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.svg"]
+    (tmp_path / "mine.svg").rename(tmp_path / "player.png")
+    assert list(written.write_pictures()) == [tmp_path / "a.svg"]
+    assert list(written.write_pictures()) == []
 
 
 def pixels(content: bytes) -> "np.ndarray[tuple[int, ...], np.dtype[np.int16]]":
@@ -240,13 +273,46 @@ def test_marks_are_filled() -> None:
 
 
 def test_wrong_marks_are_refused() -> None:
-    """Words that begin a line would be HTML; several lines are no words; names must be known."""
+    """Words that begin a line would be HTML; several lines are no words; names must be known.
+
+    A mark without its end would take the text up to the next end with it.
+    """
     with pytest.raises(FileError, match="y: must not begin a line"):
         filled("<!-- n: y -->1<!-- /n --> c", str)
     with pytest.raises(FileError, match="y: has several lines"):
         filled("b <!-- n: y -->1<!-- /n -->", lambda _: "1\n2")
-    with pytest.raises(FileError, match="none: is no name"):
+    with pytest.raises(FileError, match="none: unknown entry"):
         all_entries(app, co)("none")
+
+
+QUOTED = "<!-- quote: b -->\nx\n<!-- end of quote -->\n"
+
+
+@pytest.mark.parametrize(
+    ("page", "words"),
+    {
+        f"<!-- quote: a -->\nold\n\nPROSE\n\n{QUOTED}": "quote: a -->: must end with .* before",
+        f"{QUOTED}\n<!-- quote: a -->\nold\n\nPROSE\n": "quote: a -->: must end with",
+        f"{QUOTED}\nPROSE\n<!-- end of quote -->\n": "<!-- end of quote -->: ends no mark",
+        "a <!-- n: y -->1, b <!-- n: z -->2<!-- /n -->": "n: y -->: must end with .* before",
+        "a <!-- n: y -->1<!-- /n -->, b <!-- n: z -->2": "n: z -->: must end with <!-- /n -->",
+        "a 1<!-- /n -->, b <!-- n: z -->2<!-- /n -->": "<!-- /n -->: ends no mark",
+        f"a <!-- n: y -->1\n{QUOTED}<!-- /n -->": "n: y -->: must end with .* before",
+        "<!-- quote: a -->\n1<!-- /n -->\n": "<!-- /n -->: ends no mark",
+        "<!-- quote: a --> x\n<!-- end of quote -->\n": "quote: a -->: must be alone",
+        "<!-- quote: a -->\nx <!-- end of quote -->\n": "end of quote -->: must be alone",
+        f"<!-- off the site -->\na\n\n{QUOTED}<!-- end -->\n": "off the site -->: must end",
+        "<!-- off the site -->\na\n\nPROSE\n": "off the site -->: must end with <!-- end -->",
+        f"<!-- on the site\na\n\n{QUOTED}": "on the site: must end with --> before",
+    }.items(),
+)  # fmt: skip
+def test_marks_that_would_take_prose_are_refused(page: str, words: str) -> None:
+    """A mark has its end before another begins, on the built site, too."""
+    with pytest.raises(FileError, match=words):
+        filled(page, str)
+    if "alone" not in words:
+        with pytest.raises(FileError, match=words):
+            on_the_site(page)
 
 
 def test_an_entry_says_something(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import msgspec
@@ -59,9 +60,10 @@ def commands_of_readme() -> list[list[str]]:
     ]
 
 
-# Endings of files that are code or data; the last four are of the library.
+# Endings of files that are code, looks or data.
 SHIPPED = (
-    ".py", ".js", ".css", ".html", ".csv", ".gz", ".toml", ".asc", ".md",
+    ".py", ".js", ".css", ".html", ".mplstyle", ".csv", ".gz", ".toml", ".asc", ".geojson", ".prj",
+    ".md",
 )  # fmt: skip
 
 
@@ -170,6 +172,14 @@ def test_the_version_is_stated_once() -> None:
     assert heads[0] == (project["version"], str(citation["date-released"]))
 
 
+def test_pictures_are_drawn_by_the_release_that_tests_compare() -> None:
+    """What writes the pages is the same in the extra that writes and in the one that compares."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    assert any(requirement.startswith("matplotlib") for requirement in extras["docs"])
+    assert set(extras["docs"]) <= set(extras["test"])
+
+
 def test_the_changelog_says_first_what_changes_numbers() -> None:
     """It goes by versions, and of each that has several sections numbers come first."""
     first = CHANGES.read_text(encoding="utf-8").split("\n## ")[1]
@@ -177,39 +187,100 @@ def test_the_changelog_says_first_what_changes_numbers() -> None:
     assert "COVERAGE_VERSION" in first.split("### ")[1]
 
 
+def workflow(name: str) -> dict[object, Any]:
+    """Returns a workflow of GitHub's, in which `on` is a truth value."""
+    text = (ROOT / ".github" / "workflows" / f"{name}.yml").read_text(encoding="utf-8")
+    return dict(yaml.safe_load(text))
+
+
 def test_the_workflow_runs_what_is_run_here() -> None:
-    """It runs .ci/run, builds the pages with warnings as errors, and tries the stated Pythons."""
-    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
-    jobs = yaml.safe_load(text)["jobs"]
-    test = [step.get("run") for step in jobs["test"]["steps"]]
-    docs = [step.get("run", "") for step in jobs["docs"]["steps"]]
-    assert ".ci/run" in test
-    assert any("sphinx -W" in line for line in docs)
-    assert min(jobs["test"]["strategy"]["matrix"]["python"]) == "3.11"
+    """It runs .ci/run on each Python that is stated, with the programs that tests need."""
+    job = workflow("ci")["jobs"]["test"]
+    lines = [line for step in job["steps"] for line in step.get("run", "").splitlines()]
+    programs = [f"{name} --version" for name in ("chromium", "chromedriver", "coqc")]
+    assert set(programs) <= set(lines[: lines.index(".ci/run")])
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    stated = re.findall(r"Python :: (3\.\d+)", "\n".join(project["classifiers"]))
+    assert job["strategy"]["matrix"]["python"] == stated
 
 
 def test_the_workflow_publishes_each_version() -> None:
-    """Pages of main and of tags are built without warnings, and put beside those of before."""
-    text = (ROOT / ".github" / "workflows" / "site.yml").read_text(encoding="utf-8")
-    workflow = yaml.safe_load(text)
-    assert workflow[True]["push"] == {"branches": ["main"], "tags": ["v*"]}  # `on` is a truth value
-    steps = "\n".join(step.get("run", "") for step in workflow["jobs"]["site"]["steps"])
-    for words in ("sphinx -W", ".ci/add_version.py build/docs site", "HEAD:gh-pages"):
-        assert words in steps
+    """Pages of all changes are built without warnings, in one job; those pushed are published.
+
+    No run takes the place of one of another branch or tag that waits.
+    """
+    site = workflow("site")
+    assert site[True] == {"push": {"branches": ["main"], "tags": ["v*"]}, "pull_request": None}
+    assert "github.ref" in site["concurrency"]["group"]
+    steps = site["jobs"]["site"]["steps"]
+    assert any("sphinx -W" in step.get("run", "") for step in steps)
+    assert not any("sphinx" in str(job) for job in workflow("ci")["jobs"].values())
+    (publish,) = [step for step in steps if ".ci/publish" in step.get("run", "")]
+    assert publish["if"] == "github.event_name == 'push'"
+
+
+def add_version(built: Path, site: Path, name: str) -> None:
+    """Adds pages whose `llms.txt` has the name."""
+    (built / "llms.txt").write_text(f"- [{name}](_sources/index.md)")
+    run([sys.executable, ROOT / ".ci" / "add_version.py", built, site, name], built.parent)
 
 
 def test_versions_stand_beside_each_other(tmp_path: Path) -> None:
-    """A new version leaves the others; the newest release is first for whoever comes."""
+    """A new version leaves the others; the newest release is first for whoever comes.
+
+    A candidate is older than its release, and first only while there is no release.
+    """
     built, site = tmp_path / "built", tmp_path / "site"
     (built / ".doctrees").mkdir(parents=True)
     site.mkdir()
-    for name in ("latest", "v0.9.0", "v0.10.0", "latest"):
-        (built / "llms.txt").write_text(f"- [{name}](_sources/index.md)")
-        run([sys.executable, ROOT / ".ci" / "add_version.py", built, site, name], tmp_path)
+    firsts = {
+        "latest": "latest", "v0.9.0rc1": "0.9.0rc1", "v0.9.0": "0.9.0", "v0.10.0": "0.10.0",
+        "v1.0.0rc1": "0.10.0", "v1.0.0rc10": "0.10.0", "v1.0.0rc2": "0.10.0",
+    }  # fmt: skip
+    for name, first in firsts.items():
+        add_version(built, site, name)
+        assert f'url={first}/"' in (site / "index.html").read_text()
+    add_version(built, site, "latest")
     assert msgspec.json.decode((site / "versions.json").read_bytes()) == [
-        "latest", "0.10.0", "0.9.0",
+        "latest", "1.0.0rc10", "1.0.0rc2", "1.0.0rc1", "0.10.0", "0.9.0", "0.9.0rc1",
     ]  # fmt: skip
-    assert 'url=0.10.0/"' in (site / "index.html").read_text()
     assert (site / "llms.txt").read_text() == "- [v0.10.0](0.10.0/_sources/index.md)"
     assert not (site / "latest" / ".doctrees").exists()
     assert (site / "0.9.0" / "llms.txt").read_text().startswith("- [v0.9.0]")
+    add_version(built, site, "v1.0.0")
+    assert 'url=1.0.0/"' in (site / "index.html").read_text()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    add_version(built, site, f"v{project['version']}")
+    assert (site / project["version"]).is_dir()
+    with pytest.raises(AssertionError, match="main: must be latest or a version"):
+        add_version(built, site, "main")
+
+
+@pytest.mark.slow(seconds=3)
+def test_runs_that_publish_at_once_lose_nothing(tmp_path: Path) -> None:
+    """A push that another run has overtaken is made again, beside the other run's pages."""
+    origin, clone, other = tmp_path / "origin", tmp_path / "clone", tmp_path / "other"
+    run(["git", "init", "-q", "--bare", "-b", "main", origin], tmp_path)
+    for folder in (clone, other):
+        run(["git", "clone", "-q", origin, folder], tmp_path)
+        shutil.copytree(ROOT / ".ci", folder / ".ci")
+        (folder / "built").mkdir()
+        (folder / "built" / "llms.txt").write_text(folder.name)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    hook = clone / ".git" / "hooks" / "pre-push"  # runs once git knows what is published
+    hook.parent.mkdir(exist_ok=True)
+    hook.write_text(
+        f'#!/bin/sh\nrm "$0"\nunset $(git rev-parse --local-env-vars)\n'
+        f"cd {shlex.quote(str(other))} && .ci/publish built v0.2.0\n"
+    )
+    hook.chmod(0o755)
+    for name in ("latest", "v0.3.0rc1"):
+        run([".ci/publish", "built", name], clone, PATH=path)
+    assert not hook.exists()
+    run(["git", "clone", "-q", "-b", "gh-pages", origin, "site"], tmp_path)
+    site = tmp_path / "site"
+    versions = msgspec.json.decode((site / "versions.json").read_bytes())
+    assert versions == ["latest", "0.3.0rc1", "0.2.0"]
+    texts = [(site / version / "llms.txt").read_text() for version in versions]
+    assert texts == ["clone", "clone", "other"]
+    assert run(["git", "worktree", "list"], clone).count("\n") == 1

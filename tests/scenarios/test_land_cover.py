@@ -53,6 +53,14 @@ def scene(folder: Path, *features: dict[str, object], more: str = 'unit = "m"') 
     return read(path)
 
 
+@pytest.mark.parametrize("kind", [["water"], {"water": 1}, None, 7, True])
+def test_a_kind_that_is_no_word_is_other(kind: object, tmp_path: Path) -> None:
+    """Files of others hold anything there."""
+    area = feature(RING)
+    area["properties"] = {"kind": kind}
+    assert [land.kind for land in scene(tmp_path, area).land_cover] == ["other"]
+
+
 def test_areas_are_cut_to_the_map(tmp_path: Path) -> None:
     """An area has its kind, name and holes, and ends where the map does."""
     sea = [[-5.0, 7.0], [40.0, 7.0], [40.0, 40.0], [-5.0, 40.0], [-5.0, 7.0]]
@@ -101,6 +109,7 @@ def test_refusals_name_the_table(
     [
         ({"kind": "sea", "outline": RING}, "kind: must be one of water, green"),
         ({"kind": "water", "outline": RING[:2]}, "outline: must hold three or more corners"),
+        ({"kind": "water", "outline": [[1, 1]] * 3}, "outline: must have corners that do not"),
         ({"kind": "water", "outline": RING, "holes": [[[0, 0, 0]]]}, "holes[0]: must hold three"),
     ],
 )

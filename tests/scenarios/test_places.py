@@ -86,6 +86,20 @@ def test_a_place_is_copied_to_be_changed(
         assert (run.code, told in run.err) == (2, True), run.err
 
 
+def test_a_copy_that_was_changed_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To copy a place twice loses nobody's work."""
+    words = "recipe", "delft", "-o", tmp_path / "shoot"
+    assert [Run(capsys, *words).code for _ in range(2)] == [0, 0]
+    recipe = tmp_path / "shoot" / "delft.toml"
+    recipe.write_text(f"{recipe.read_text()}# mine\n")
+    run = Run(capsys, *words)
+    assert run.code == 2
+    assert f"{recipe}: is there and has been changed" in run.err
+    assert recipe.read_text().endswith("# mine\n")
+
+
 def test_the_files_are_those_that_the_study_cuts(tmp_path: Path) -> None:
     """The maps are made by `cocap-opt study place`, to the last byte."""
     place(data("delft"), out=tmp_path)

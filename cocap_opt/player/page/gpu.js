@@ -233,7 +233,13 @@ export function openGpu(isAnyWelcome) {
   if (!gl) return undefined;
   const known = gl.getExtension("WEBGL_debug_renderer_info");
   const name = String(gl.getParameter(known ? known.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
-  if (isAnyWelcome || !SOFTWARE.test(name)) return new Gpu(gl);
+  if (isAnyWelcome || !SOFTWARE.test(name)) {
+    try {
+      return new Gpu(gl);
+    } catch (error) {
+      console.warn(`The processor draws: ${error.message}`); // a shader that this card's driver refuses
+    }
+  }
   gl.getExtension("WEBGL_lose_context")?.loseContext(); // its memory is free again
   return undefined;
 }

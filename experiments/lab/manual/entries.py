@@ -52,7 +52,7 @@ def all_entries(program: App, face: ModuleType) -> Callable[[str], str]:
     @cache
     def entry(name: str) -> str:
         if name not in made:
-            raise FileError(f"{name}: is no name that a page can hold; it must be in {__name__}")
+            raise FileError(f"{name}: unknown entry; add it to {__name__}")
         text = made[name]().strip()
         if not text:
             raise FileError(f"{name}: stands for nothing")

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache, partial
+from itertools import chain
+from textwrap import wrap
 
 from cocap_opt.experiments.lab.results import markdown
 from cocap_opt.experiments.tables.columns import TableColumn
@@ -55,16 +57,24 @@ def _search_parameters(of_root: bool) -> str:
 
 
 def _recipe() -> str:
-    lines = map(_without_end, EXAMPLE.strip().splitlines())
-    return "\n".join(["```toml", *lines, "```"])
+    """Returns the example of a recipe; comments that are too wide for a page stand above."""
+    keys: list[list[str]] = []  # each with the lines on which its comment goes on
+    for line in EXAMPLE.strip().splitlines():
+        if keys and line.startswith(" ") and line.lstrip().startswith("#"):
+            keys[-1].append(line)
+        else:
+            keys.append([line])
+    return "\n".join(["```toml", *chain.from_iterable(map(_narrow, keys)), "```"])
 
 
-def _without_end(line: str) -> str:
-    """Returns a line of TOML; if it is too wide for a page, its comment stands above it."""
-    content, sign, comment = line.partition("  #")
-    if len(line) <= _WIDEST or not sign:
-        return line
-    return f"# {comment.strip()}\n{content.rstrip()}"
+def _narrow(lines: list[str]) -> list[str]:
+    """Returns a key of TOML with its comment above it, if it is too wide for a page."""
+    content, sign, _ = lines[0].partition("  #")
+    if max(map(len, lines)) <= _WIDEST or not sign:
+        return lines
+    comment = " ".join(line.partition("#")[2].strip() for line in lines)
+    above = wrap(comment, _WIDEST, initial_indent="# ", subsequent_indent="# ")
+    return [*above, content.rstrip()]
 
 
 def _long_tables() -> str:

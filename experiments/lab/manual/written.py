@@ -13,7 +13,7 @@ import matplotlib as mpl
 
 from cocap_opt.experiments.lab.manual.diagrams import DIAGRAMS
 from cocap_opt.experiments.lab.manual.formats import schemas
-from cocap_opt.experiments.lab.manual.marks import filled, names_in
+from cocap_opt.experiments.lab.manual.marks import filled
 from cocap_opt.experiments.lab.studies.drawings import DRAWINGS
 from cocap_opt.experiments.lab.studies.first_flight import FILM, STILLS
 from cocap_opt.files.documents import FileError
@@ -27,8 +27,10 @@ SCHEMAS = DOCS / "reference" / "schemas"
 _OTHERS = ("README.md", "formulations/certificates/coq/README.md")  # pages outside of docs
 _DATED = re.compile(rb"\s*<metadata>.*?</metadata>", re.DOTALL)
 _HASHED = re.compile(rb"\b([a-z])[0-9a-f]{10}\b")
-_PLACES = re.compile(rb'\b(?:d|x|y|points)="[^"]*"')
-_DECIMALS = re.compile(rb"\.(\d\d)\d+")
+_PLACES = re.compile(
+    rb'\b(?:d|x|y|points|width|height|viewBox)="[^"]*"|\b(?:translate|rotate)\([^)]*\)'
+)  # not scales, which are factors: that of letters is 1/64
+_DECIMAL = re.compile(rb"-?\d+(?:\.\d+)?")
 
 
 def _diagram(name: str) -> bytes:
@@ -40,7 +42,7 @@ DRAWN: Mapping[str, Callable[[], bytes]] = {
     **DRAWINGS,
     **{f"{name}.svg": partial(_diagram, name) for name in DIAGRAMS},
 }
-# In a browser and other programs, which draw as their releases do.
+# Taken with a browser and PDFium; they differ between releases, so no test compares pixels.
 PHOTOGRAPHED = ("player.png", FILM, *STILLS)
 
 
@@ -65,7 +67,7 @@ def rewritten(page: Path, entry: Callable[[str], str]) -> str:
 
 def write_text(entry: Callable[[str], str]) -> Iterator[Path]:
     """Writes between the marks of all pages, and the schemas; yields each file that changed."""
-    files = {page: rewritten(page, entry) for page in pages() if names_in(read_text(page))}
+    files = {page: rewritten(page, entry) for page in pages()}
     files |= {SCHEMAS / name: text for name, text in schemas().items()}
     make_folder(SCHEMAS)
     for path, text in files.items():
@@ -75,16 +77,25 @@ def write_text(entry: Callable[[str], str]) -> Iterator[Path]:
 
 
 def write_pictures() -> Iterator[Path]:
-    """Draws all pictures; yields each file that changed."""
+    """Draws all pictures; yields each file that changed.
+
+    Raises
+    ------
+    FileError
+        If there is a file that nothing here draws, as it may be somebody's work.
+    """
     make_folder(PICTURES)
+    listed = {*DRAWN, *PHOTOGRAPHED}
+    if others := sorted(path.name for path in PICTURES.iterdir() if path.name not in listed):
+        raise FileError(
+            f"{PICTURES}: {', '.join(others)}: unlisted; delete it, or add it to DRAWN or "
+            f"PHOTOGRAPHED of {__name__}"
+        )
     for name in DRAWN:
         path, content = PICTURES / name, drawn(name)
         if not path.exists() or path.read_bytes() != content:
             save_bytes(path, content)
             yield path
-    for path in set(PICTURES.iterdir()) - {PICTURES / name for name in (*DRAWN, *PHOTOGRAPHED)}:
-        path.unlink()
-        yield path
 
 
 def drawn(name: str) -> bytes:
@@ -108,4 +119,9 @@ def _settled(svg: bytes) -> bytes:
         return known[found[0]]
 
     text = _HASHED.sub(numbered, _DATED.sub(b"", svg))
-    return _PLACES.sub(lambda found: _DECIMALS.sub(rb".\1", found[0]), text)
+    return _PLACES.sub(lambda found: _DECIMAL.sub(_rounded, found[0]), text)
+
+
+def _rounded(number: re.Match[bytes]) -> bytes:
+    """Returns a number with two decimals at most, and no zero at its end or below zero."""
+    return f"{round(float(number[0]), 2) + 0.0:.2f}".rstrip("0").rstrip(".").encode()

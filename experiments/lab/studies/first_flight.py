@@ -5,7 +5,6 @@ by the reader of missions of MAVProxy. Each picture says of what it is made, so 
 tell when it is no longer that.
 """
 
-import hashlib
 import re
 import shlex
 import subprocess
@@ -18,12 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 
 from cocap_opt.experiments.lab.studies.mission_map import mission_map
-from cocap_opt.files.documents import problem_digest
+from cocap_opt.experiments.lab.studies.stamped import made_from, stamped
 from cocap_opt.output.files import save_bytes
-from cocap_opt.problem import COVERAGE_VERSION
 from cocap_opt.scenarios import load_scene
 
 if TYPE_CHECKING:
@@ -34,14 +31,11 @@ FILM = "player.webp"
 STILLS = tuple(
     f"first-flight-{name}.png" for name in ("scene", "steps", "player", "strip", "sheet", "mission")
 )
-MADE_FROM = "made-from"  # the text in a picture
 
 _STEP = 4  # of the still; the film opens at it, too
 _WIDE, _NARROW = (960, 800), (560, 870)  # px, pages of the stills and of the film
 _SCALE = 1.4  # px of a picture for each of its page
 _EVERY, _PACE, _QUALITY = 0.5, 300, 70  # of the film: steps and ms between pictures; of WebP
-_PLAIN = Image.Dither.NONE
-_COLOURS = 256  # of a still
 _SHEET_SCALE = 1.5  # px of a picture for each point of the sheet
 _PROGRAM = "import sys; from cocap_opt.cli.main import main; sys.exit(main())"
 _STRIP, _PICTURE = ".filmed", "canvas.view"
@@ -63,23 +57,15 @@ def write_first_flight(folder: Path) -> Iterator[Path]:
                 stdout=subprocess.DEVNULL,
             )  # fmt: skip
         for name, still in zip(STILLS, _stills(shoot), strict=True):
-            save_bytes(folder / name, _png(still))
+            save_bytes(folder / name, stamped(still, digest()))
             yield folder / name
         save_bytes(folder / FILM, _film(shoot / "flight.html"))
         yield folder / FILM
 
 
-def made_from() -> str:
-    """Returns a digest of the scene, the law of coverage and the commands of the tutorial."""
-    parts = problem_digest(load_scene("delft")), str(COVERAGE_VERSION), str(list(_commands()))
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def stamp(picture: Path) -> str:
-    """Returns the digest that a picture has in it; empty if there is none."""
-    with Image.open(picture) as image:
-        found = image.info.get(MADE_FROM) or image.info.get("xmp") or ""
-    return found.decode() if isinstance(found, bytes) else str(found)
+def digest() -> str:
+    """Returns a digest of the commands of the tutorial, and of all that draws what they make."""
+    return made_from(str(list(_commands())))
 
 
 def _commands() -> Iterator[list[str]]:
@@ -129,7 +115,7 @@ def _film(page: Path) -> bytes:
     content = BytesIO()
     frames[0].save(
         content, "webp", save_all=True, append_images=frames[1:], duration=_PACE, loop=0,
-        quality=_QUALITY, method=6, xmp=made_from().encode(),
+        quality=_QUALITY, method=6, xmp=digest().encode(),
     )  # fmt: skip
     return content.getvalue()
 
@@ -138,12 +124,3 @@ def _shot(browser: "Browser", part: str) -> Image.Image:
     """Returns a picture of a part of the page, by its CSS selector."""
     found = browser.find_element("css selector", part)
     return Image.open(BytesIO(found.screenshot_as_png)).convert("RGB")
-
-
-def _png(picture: Image.Image) -> bytes:
-    """Returns a picture in few colours, with the digest of what it is made of."""
-    content, info = BytesIO(), PngInfo()
-    info.add_text(MADE_FROM, made_from())
-    few = picture.convert("RGB").quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=_PLAIN)
-    few.save(content, "png", pnginfo=info, optimize=True)
-    return content.getvalue()

@@ -6,15 +6,19 @@ It needs Chromium and its driver from the system's packages, and selenium.
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple, Self
 
+from PIL import Image
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 
+from cocap_opt.experiments.lab.studies.stamped import made_from, stamped
+from cocap_opt.output.files import save_bytes
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Problem
 from cocap_opt.run.engine import run
@@ -39,6 +43,11 @@ class _Programs(NamedTuple):
     driver: str
 
 
+def digest() -> str:
+    """Returns a digest of what player.png is made of."""
+    return made_from(_SCENE, *_PLANNERS)
+
+
 def write_pictures(folder: Path) -> list[Path]:
     """Writes player.png, of two plans of the bottleneck, and returns its path.
 
@@ -55,7 +64,8 @@ def write_pictures(folder: Path) -> list[Path]:
             browser.go_to(_STEP)
             browser.press(_KEYS)
             browser.go_to(_STEP)
-            browser.save_screenshot(str(still))
+            shot = Image.open(BytesIO(browser.get_screenshot_as_png()))
+    save_bytes(still, stamped(shot, digest()))
     return [still]
 
 

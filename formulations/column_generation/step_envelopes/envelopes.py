@@ -443,8 +443,8 @@ class _Envelopes:
 
         A step has a height if the search ends for one that no joint state exceeds. Once heights
         lower the bound they are a stage, so that fewer states are left to the searches after it.
-        Long searches wait until all short ones have ended: among fewer states they are shorter, for
-        all who check the certificate, too.
+        Long searches wait until all short ones have ended: among fewer states they are shorter,
+        here and for anyone who later checks the certificate.
         """
         heights = _Heights(bundle, prices, self.nodes)
         left = sorted(bundle.joints, key=lambda t: len(bundle.joints[t].states))
@@ -466,7 +466,7 @@ class _Envelopes:
         limit = parameters.first_nodes
         while limit < most:
             yield limit
-            limit *= parameters.next_times
+            limit = max(limit * parameters.next_times, limit + 1)
         yield most
 
     def _find_height(self, heights: "_Heights", t: int, most_nodes: int) -> bool:
