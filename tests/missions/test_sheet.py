@@ -495,7 +495,7 @@ def test_a_card_lists_the_first_twenty_people() -> None:
         assert re.findall(r"P(\d+) ", words) == [str(k) for k in range(listed)]
         assert words.endswith(end) and words.count("100 %") == listed
         assert max(map(len, words.split(", "))) <= 60
-    assert filmed_by(replace(found, seen=np.zeros_like(found.seen)), 0, crowd) == "nobody"
+        assert filmed_by(replace(found, seen=np.zeros_like(found.seen)), 0, crowd) == "nobody"
 
 
 @pytest.mark.slow
