@@ -23,7 +23,7 @@ from cocap_opt.missions import FORMATS
 from cocap_opt.missions.sheet import pages_of
 from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
 from cocap_opt.missions.sheet.clock import TAKE, Clock, phases_of
-from cocap_opt.missions.sheet.filmed import quality_of, quality_table, who_films_whom
+from cocap_opt.missions.sheet.filmed import filmed_by, quality_of, quality_table, who_films_whom
 from cocap_opt.missions.sheet.fonts import USUAL, families_of
 from cocap_opt.missions.sheet.kinds import KINDS
 from cocap_opt.missions.sheet.labels import placed
@@ -465,7 +465,7 @@ def test_texts_do_not_overlap_nor_leave_the_page() -> None:
 
 @pytest.mark.slow
 def test_sixty_people_fit_on_the_pages() -> None:
-    """Strips go on in another picture, cards list the first people, long sentences are parted."""
+    """Strips go on in another picture, and nothing leaves the paper."""
     problem, plan = scene()
     (actor,) = problem.actors
     people = tuple(actor.replace(name=f"person {k} of a large crowd") for k in range(60))
@@ -480,10 +480,22 @@ def test_sixty_people_fit_on_the_pages() -> None:
             labels = [tick.get_text() for tick in ax.get_yticklabels()]
             strips += [label for label in labels if label.startswith("P")]
     assert strips == [f"P{k}" for k in range(60)]
-    for card in cards_of(flight):
-        listed = re.findall(r"P(\d+) ", card["films"])
-        assert card["films"] == "nobody" or listed == [str(k) for k in range(20)]
-        assert card["films"] == "nobody" or card["films"].endswith(" and 40 more")
+
+
+def test_a_card_lists_the_first_twenty_people() -> None:
+    """It says how many more there are; long names lose their middle there."""
+    problem, plan = scene()
+    (actor,) = problem.actors
+    for count, listed, end in ((1, 1, " %"), (20, 20, " %"), (21, 20, " and 1 more")):
+        people = tuple(actor.replace(name=f"{k}{'x' * 90}") for k in range(count))
+        crowd = problem.replace(actors=people)
+        found = quality_of(Flight.of(crowd, plan, False))
+        assert found is not None
+        words = filmed_by(replace(found, seen=np.ones_like(found.seen)), 0, crowd)
+        assert re.findall(r"P(\d+) ", words) == [str(k) for k in range(listed)]
+        assert words.endswith(end) and words.count("100 %") == listed
+        assert max(map(len, words.split(", "))) <= 60
+        assert filmed_by(replace(found, seen=np.zeros_like(found.seen)), 0, crowd) == "nobody"
 
 
 @pytest.mark.slow
