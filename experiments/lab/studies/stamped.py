@@ -17,7 +17,8 @@ from cocap_opt.problem import COVERAGE_VERSION
 from cocap_opt.scenarios.built_in import places
 
 _MADE_FROM = "made-from"  # the text in a picture
-_DRAWN_BY = ("player/page/*.*", "missions/sheet/*.py", "problem/pictures.py")
+_DRAWN_BY = ("player/page/*.*", "missions/sheet/*.py", "problem/pictures.py",
+             "problem/whole_names.py")  # fmt: skip
 _PLAIN = Image.Dither.NONE
 _COLOURS = 256
 
