@@ -152,8 +152,8 @@ def start_of(text: str, suffix: str, is_dated: bool) -> datetime:
         raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)
-        # A flight of days from then on, or before it, is still in the calendar.
-        if found.tzinfo is not None and 1 < found.astimezone(UTC).year < 9999:
+        if found.tzinfo is not None:
+            found.astimezone(UTC)  # which may be out of range
             return found
     except (ValueError, OverflowError):
         pass
