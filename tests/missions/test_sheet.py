@@ -1,6 +1,6 @@
 import re
 from dataclasses import replace
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -601,3 +601,10 @@ def test_the_command_names_the_file_after_the_plan(
     co.save(files[1], plan, unknown)
     run = Run(capsys, "sheet", *files)
     assert run.code == 2 and "--step" in run.err
+
+
+def test_a_flight_that_leaves_the_calendar_is_refused() -> None:
+    """It is the start that must be another."""
+    late = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
+    with pytest.raises(ProblemError, match="start: must be such that the flight lies in the years"):
+        Clock(late, (), 4.0).at(10.0)

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from typing import NamedTuple
 
+from cocap_opt.data import FieldError
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.ways import Part, Way
 
@@ -44,7 +45,11 @@ class Clock(NamedTuple):
             sign, (minutes, rest) = "-" if since < 0 else "+", divmod(abs(since), 600)
             name = f"T{part + 1}" if part else "T"
             return f"{name}{sign}{minutes}:{rest // 10:02}" + (f".{rest % 10}" if rest % 10 else "")
-        moment = self.start + timedelta(seconds=tenths / 10)
+        try:
+            moment = self.start + timedelta(seconds=tenths / 10)
+        except OverflowError as error:
+            words = "must be such that the flight lies in the years 1 to 9999"
+            raise FieldError("start", words) from error
         tenth = moment.microsecond // 100_000
         return f"{moment:%H:%M:%S}" + (f".{tenth}" if tenth else "")
 
