@@ -38,6 +38,11 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
         return "must not be nested so deeply"
     if isinstance(error, UnicodeDecodeError):
         return no_text(error)
+    if isinstance(content, bytes):
+        try:
+            content.decode()
+        except UnicodeDecodeError as found:  # of which msgspec 0.23 does not say where
+            return no_text(found)
     words = " ".join(str(error).split()) or type(error).__name__
     raw = content.encode() if isinstance(content, str) else content
     if not raw.strip():

@@ -11,6 +11,6 @@ class WholeName(Text):
         """Draw the text if it fits into the axes, whose limits are final only now."""
         if self.axes is None:
             return
-        room, own = self.axes.get_window_extent(renderer), self.get_window_extent(renderer)
-        if room.x0 <= own.x0 and own.x1 <= room.x1 and room.y0 <= own.y0 and own.y1 <= room.y1:
+        room, name = self.axes.get_window_extent(renderer), self.get_window_extent(renderer)
+        if room.x0 <= name.x0 and name.x1 <= room.x1 and room.y0 <= name.y0 and name.y1 <= room.y1:
             super().draw(renderer)

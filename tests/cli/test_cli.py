@@ -368,10 +368,11 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
 
 
 def test_answers_come_first_and_internals_on_request(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """J, the gap in words, the cameras and the file; --verbose and JSON have the rest."""
-    plan = tmp_path / "plan.json"
+    monkeypatch.chdir(tmp_path)
+    plan = Path("plan.json")  # short, so that no line is folded
     words = "solve", "corridor-tight", "-o", plan
     short = Run(capsys, *words).out.splitlines()
     keys = [line.split()[0] for line in short]
@@ -961,8 +962,11 @@ def test_verify_keeps_the_lower_of_two_bounds(
 
 
 @pytest.mark.slow
-def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_gap_is_explained(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """`verify --explain` prints terms that add up and says what they mean; --json has them all."""
+    monkeypatch.setenv("COLUMNS", "300")  # a sentence is a line
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
     Run(capsys, "solve", "corridor-tight", "--certificate", proof)
     Run(capsys, "plan", "corridor-tight", "--planner", "cocap", "-o", plan)

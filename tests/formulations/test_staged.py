@@ -1017,11 +1017,12 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
         return prices
 
-    def noted(self: object, heights: envelopes._Heights, t: int) -> None:
-        find_height(self, heights, t)
+    def noted(self: object, heights: envelopes._Heights, t: int, most: int) -> bool:
+        has_ended: bool = find_height(self, heights, t, most)
         found = heights.adopted | heights.waiting
         if t in found:
             kept.append((found[t], heights.bundle.constants[t]))
+        return has_ended
 
     monkeypatch.setattr(PriceBundle, "run", meant_higher)
     monkeypatch.setattr(envelopes._Envelopes, "_find_height", noted)

@@ -56,7 +56,7 @@ def battery_warnings(flight: Flight, clock: Clock) -> Iterator[str]:
 
 
 def _endurance(robot: Robot) -> float | None:
-    """Returns how long a drone's battery lasts (s); None if unknown."""
+    """Returns the endurance (s) of a drone's battery; None if unknown."""
     return robot.limits.endurance if robot.limits else None
 
 
