@@ -41,8 +41,8 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
     if isinstance(content, bytes):
         try:
             content.decode()
-        except UnicodeDecodeError as found:  # of which msgspec 0.23 does not say where
-            return no_text(found)
+        except UnicodeDecodeError as wrong:  # of which msgspec 0.23 does not say where
+            return no_text(wrong)
     words = " ".join(str(error).split()) or type(error).__name__
     raw = content.encode() if isinstance(content, str) else content
     if not raw.strip():
