@@ -76,8 +76,9 @@ class PathTrials:
         report : tells what has been proved
         """
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
-        for share in self._parameters.shares:
-            before = self.nodes
+        share = 1.0
+        while share > 0:
+            before, share = self.nodes, max(share - self._parameters.less, 0.0)
             if not self._has_ended(
                 narrowing, share, min(allowed, self._parameters.most_nodes), stages
             ):
