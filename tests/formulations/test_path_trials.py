@@ -7,7 +7,7 @@ import pytest
 
 from cocap_opt.formulations.certificates import Staged, verify
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
-from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, best_plan
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
     EnvelopeParameters,
@@ -110,11 +110,13 @@ def test_higher_targets_come_down_until_a_trial_fails(
     told: list[float] = []
     trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
-    assert shares == pytest.approx(DEFAULTS.trials.shares[:3])
+    less = DEFAULTS.trials.less
+    assert shares == pytest.approx([1 - less * k for k in range(1, len(shares) + 1)])
+    assert shares[-1] < 0.4 <= shares[-2] + 1e-9
     assert trials.stages == 7
-    assert trials.bound == pytest.approx(ending.targets[1], rel=1e-9)
-    assert trials.above == ending.targets[1]
-    assert told[0] > told[1] == trials.bound
+    assert trials.bound == pytest.approx(ending.targets[-2], rel=1e-9)
+    assert trials.above == ending.targets[-2]
+    assert told == sorted(told, reverse=True) and told[-1] == trials.bound
     assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
 
 
@@ -143,13 +145,21 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     """The file says above which J plans were tried, and its bound is that."""
     root = solved_root()
     root.search.parameters = Parameters(
-        trials=TrialParameters(shares=(share,)), envelopes=EnvelopeParameters(most_rounds=0)
+        trials=TrialParameters(less=1 - share), envelopes=EnvelopeParameters(most_rounds=0)
     )
+    bound = root.relaxation.best.bound
+    above = root.search.value + share * (bound - root.search.value)
+
+    def only_first(narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+        if narrowing.target < above * (1 - 1e-12):
+            raise NotEndedError
+        return best_plan(narrowing, most_nodes, stop)
+
+    monkeypatch.setattr(path_trials, "best_plan", only_first)
     monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
-    file, bound = root.search.spare, root.relaxation.best.bound
+    file = root.search.spare
     assert file is not None and root.search.value < file.proved < bound
-    above = root.search.value + share * (bound - root.search.value)
     assert file.certificate.paths_above == pytest.approx(above, rel=1e-9)
     assert file.proved == pytest.approx(above, rel=1e-9)
     assert verify(root.search.model.problem, file).bound == file.proved

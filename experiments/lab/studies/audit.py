@@ -10,6 +10,7 @@ from cocap_opt.experiments.lab.results import STORED, Results, load_csv, markdow
 from cocap_opt.experiments.lab.studies.options import Out, Scenes, of_extra
 from cocap_opt.experiments.lab.studies.runs import processor_seconds
 from cocap_opt.formulations.independent import instance_of
+from cocap_opt.formulations.independent.audit import NARROW
 from cocap_opt.model import compiled
 from cocap_opt.output.printing import Listing, counted
 from cocap_opt.planners.greedy import greedy
@@ -108,8 +109,8 @@ def _shown(name: str, rows: list[AuditedScene]) -> dict[str, str]:
         "reachable states": f"{reached:,}",
         "enclosed": f"{enclosed:,}",
         "numbers": f"{numbers:,}",
-        "different": f"{different}",
-        "undecided": f"{undecided}",
+        "different": f"{different:,}",
+        "undecided": f"{undecided:,}",
         "widest": f"{max(row.wide_share for row in rows):.1g}",
         "widest, px/m2": f"{max(row.wide_pixels for row in rows):.1g}",
         "time": f"{sum(row.seconds for row in rows):.0f} s",
@@ -123,8 +124,8 @@ def audits_in_words() -> str:
         sum(getattr(row, field) for row in rows) for field in ("numbers", "undecided", "different")
     )
     return (
-        f"Of {numbers:,} numbers of {len(rows)} scenes {different} are outside of their enclosures "
-        f"and {undecided} are undecided; the widest enclosure of the others is "
-        f"{max(row.wide_pixels for row in rows):.1g} px/m2 wide, or "
-        f"{max(row.wide_share for row in rows):.1g} of the number."
+        f"Of {numbers:,} numbers of {len(rows)} scenes {different} are outside of their enclosures. "
+        f"The enclosures of {undecided:,} are wider than {NARROW:.0e} of the number, and these are "
+        f"left undecided; the widest of the others is {max(row.wide_pixels for row in rows):.1g} "
+        "px/m2 wide."
     )
