@@ -1,4 +1,7 @@
-"""A second opinion on certificates: the bound that one proves, added up anew with networkx.
+"""A second opinion on certificates: the bound that one proves, found anew by other code.
+
+Of staged certificates it is that of `cocap_check`, which searches joint states itself. Of all
+others it is added up with networkx.
 
 `certificates.pricing` says which inequalities bound J, and prices them by value iteration over
 arrays. Here the same sums are made in plain loops over states and moves, and each drone's best path
@@ -15,15 +18,18 @@ step T; it has T + 1 edges, which take the constant off again.
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
+import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from cocap_opt.files.documents import encode
 from cocap_opt.formulations.certificates import (
     Branch,
+    CertificateError,
     CertificateFile,
     ClassCurve,
     Decision,
@@ -36,8 +42,10 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
 from cocap_opt.formulations.explanation import reward_of_move
+from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.networks import Node, edges_in_reach, keep_paths, reached_graph
+from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Objective, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
@@ -60,15 +68,16 @@ class TooLargeError(ValueError):
 
 
 class SecondOpinion(NamedTuple):
-    """The bound that a certificate or a proof proves, by networkx."""
+    """The bound that a certificate or a proof proves, by code that is not `verify`'s."""
 
     bound: float
     magnitude: float  # sum of the absolute values that it is made of
+    by: Literal["networkx", "cocap-check"] = "networkx"
 
     @classmethod
     def of(
         cls,
-        problem: Problem,
+        model: Model,
         file: CertificateFile | ProofFile,
         progress: Callable[[int, int], None] = lambda done, total: None,
     ) -> SecondOpinion:
@@ -76,25 +85,33 @@ class SecondOpinion(NamedTuple):
 
         Parameters
         ----------
+        model : of the problem
         file : valid, as `certificates.verify` finds it
-        progress : told how many best paths are found, and of how many
+        progress : told how many best paths networkx has found, or files cocap-check, and of how
+            many
 
         Raises
         ------
+        CertificateError
+            If cocap-check refuses the file.
         TooLargeError
             If that would take longer than some minutes, or more than a gigabyte for a drone.
         """
-        require_small(problem, file)
+        problem = model.problem
         leaves: list[_Leaf]
         if isinstance(file, ProofFile):
             leaves = [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
+        elif isinstance(file.certificate, Staged):
+            progress(0, 1)  # some seconds or minutes, of which nothing can be told
+            bound = _by_cocap_check(model, file)
+            return cls(bound, abs(bound), "cocap-check")
         else:
-            assert not isinstance(file.certificate, Staged)
             leaves = [(file.certificate, ())]
+        require_small(problem, file)
         return cls(*max(_Prices(problem, file.classes == "single").of(leaves, progress)))
 
     def agrees(self, pricing: Pricing) -> bool:
-        """Returns True if the sweep finds the same bound.
+        """Returns True if `verify` finds the same bound.
 
         They may part by 1e-9 of the absolute values that the bound is made of, and by what the
         sweep has added for rounding.
@@ -106,15 +123,9 @@ class SecondOpinion(NamedTuple):
 
 
 def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
-    """Raises TooLargeError if pricing a file would take too long, by an estimate.
-
-    It is also raised for a staged certificate, whose joint states networkx knows nothing of.
-    """
+    """Raises TooLargeError if networkx would price a file for too long, by an estimate."""
     if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
-        raise TooLargeError(
-            "the certificate narrows joint states down in stages, which networkx cannot price; "
-            "on scenes of a few steps `bound` with --method envelope gives one of multipliers alone"
-        )
+        return
     known: dict[tuple[object, ...], int] = {}
     edges = 0
     for i, robot in enumerate(problem.robots):
@@ -135,6 +146,31 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
             f"networkx would price {edges:,} edges at {leaves:,} "
             f"{'leaf' if leaves == 1 else 'leaves'}; at most {MOST_WORK:,} in all are allowed"
         )
+
+
+# -- staged certificates ---------------------------------------------------------------------------
+
+
+def _by_cocap_check(model: Model, file: CertificateFile) -> float:
+    """Returns the bound of a staged certificate by `cocap_check`, rounded up.
+
+    Raises
+    ------
+    CertificateError, TooLargeError
+        If it refuses the file, or may not search for so long.
+    """
+    try:
+        instance = cocap_check.Instance(instance_of(model))
+        bound, is_part = cocap_check.bound_of_file(instance, json.loads(encode(file)))
+    except cocap_check.Refused as refused:
+        raise CertificateError(f"certificate: cocap-check refuses it: {refused}") from refused
+    if is_part:
+        raise TooLargeError(
+            f"its searches have more than {cocap_check.MOST_BRANCHES:,} branches, which is too "
+            "many for cocap-check"
+        )
+    assert bound is not None, "a staged certificate has a target"
+    return math.nextafter(bound / cocap_check.ONE, math.inf)
 
 
 # -- sums ------------------------------------------------------------------------------------------

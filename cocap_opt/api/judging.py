@@ -54,7 +54,7 @@ def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
 def verify(
     problem: Problem,
     *claims: Plan | Result | Bound | None,
-    networkx: bool = False,
+    second_opinion: bool = False,
     plain: bool = False,
 ) -> Verified:
     """Independently verify plans, certificates and proofs, without a solver.
@@ -64,7 +64,8 @@ def verify(
     problem : that the claims are about
     claims : plans, certificates, proofs or results to check, at most one plan among them; of a
         result its plan, value, bound and certificate
-    networkx : price bounds a second time, by networkx alone, which takes seconds
+    second_opinion : find bounds a second time by code that is not the first's, which takes much
+        longer: that of networkx, or of cocap-check where a certificate is staged
     plain : use no code that is compiled by numba; staged certificates take about twenty times as
         long then, others as long as ever
 
@@ -78,9 +79,9 @@ def verify(
     ------
     CertificateError
         If a certificate belongs to another problem, is not valid, or claims a lower bound than its
-        numbers prove, or networkx finds another bound.
+        numbers prove, or the second opinion is another bound.
     TooLargeError
-        If networkx would take longer than some minutes.
+        If the second opinion would take longer than some minutes.
     ValueError
         If a plan or a result is for another problem, a plan breaks a rule or cannot be flown, its J
         is not the one claimed or above the bound, a result claims a lower bound than its
@@ -102,7 +103,9 @@ def verify(
         _require_checkable(given, plans)
     model = Model(problem, plain=True) if bounds else None
     proved = [
-        ProvedBound.of(model, file, networkx, plain=plain) for file in bounds if model is not None
+        ProvedBound.of(model, file, second_opinion, plain=plain)
+        for file in bounds
+        if model is not None
     ]
     for claim in given:
         if isinstance(claim, Result):

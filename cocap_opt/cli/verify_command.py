@@ -67,9 +67,12 @@ def _verify(
         bool,
         FLAG(name="--all", help="with --explain: all sentences, and tables that add up to the gap"),
     ] = False,
-    networkx: Annotated[
+    second_opinion: Annotated[
         bool,
-        FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
+        FLAG(
+            help="find bounds again by other code, networkx or cocap-check, which takes much "
+            "longer; both must agree"
+        ),
     ] = False,
     plain: Annotated[
         bool,
@@ -81,7 +84,8 @@ def _verify(
     time_limit: Annotated[
         float,
         Parameter(
-            help="seconds for checking bounds, coverage included, networkx not; inf: no limit"
+            help="seconds for checking bounds, coverage included, second opinions not; inf: no "
+            "limit"
         ),
     ] = _USUAL_LIMIT,
     json: Json = False,
@@ -110,11 +114,11 @@ def _verify(
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if all_terms and not explain:
         raise UsageError("--all: is for explanations; add --explain")
-    if networkx and not claims.bounds:
-        raise UsageError("--networkx: name a certificate or a proof")
+    if second_opinion and not claims.bounds:
+        raise UsageError("--second-opinion: name a certificate or a proof")
     if plain and not claims.bounds:
         raise UsageError("--plain: name a certificate or a proof")
-    bounds, failed = claims.proved(networkx, time_limit, plain)
+    bounds, failed = claims.proved(second_opinion, time_limit, plain)
     verified = Verified.of(
         claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed, plain=plain
     )
@@ -270,19 +274,20 @@ class _Claims(NamedTuple):
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
     def proved(
-        self, by_networkx: bool, seconds: float, plain: bool
+        self, twice: bool, seconds: float, plain: bool
     ) -> tuple[list[ProvedBound], list[str]]:
         """Returns the bounds that are proved, and what is wrong with the others, in words.
 
         Parameters
         ----------
-        seconds : limit of all that comes before networkx; infinite if there is none
+        twice : with second opinions
+        seconds : limit of all that comes before these; infinite if there is none
         plain : without compiled code
 
         Raises
         ------
         UsageError
-            If one is too large for networkx.
+            If one is too large for a second opinion.
         """
         bounds, failed = list[ProvedBound](), list[str]()
         if not self.bounds:
@@ -297,13 +302,13 @@ class _Claims(NamedTuple):
             name = printable(str(path))
             with Watch.on_terminal(name) as watch:
                 part = "leaf" if isinstance(file, ProofFile) else "search of a step"
-                counters = watch.counter(part), watch.counter("best path by networkx")
+                counters = watch.counter(part), watch.counter("second opinion")
                 try:
-                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters, stop, plain))
+                    bounds.append(ProvedBound.of(model, file, twice, *counters, stop, plain))
                 except CertificateError as error:
                     failed.append(f"{name}: {error}")
                 except TooLargeError as error:
-                    raise UsageError(f"--networkx: {error}") from error
+                    raise UsageError(f"--second-opinion: {error}") from error
         return bounds, failed
 
     @property
@@ -364,10 +369,11 @@ class _Claims(NamedTuple):
                 found |= {
                     "bound_proved": verified.proved_bound, "bound_claimed": verified.claimed_bound
                 }  # fmt: skip
-            if verified.proved is not None and verified.proved.second_opinion is not None:
+            if verified.proved is not None and (second := verified.proved.second_opinion):
                 found |= {
-                    "bound_by_sweep": finite(verified.proved.pricing.bound),
-                    "bound_by_networkx": finite(verified.proved.second_opinion.bound),
+                    "bound_by_verify": finite(verified.proved.pricing.bound),
+                    "second_bound": finite(second.bound),
+                    "second_opinion": second.by,
                 }
             if verified.plain:
                 found["plain"] = True

@@ -67,6 +67,8 @@ _LABELS = {
     "widest_pixels": "widest of the other enclosures (px/m2)",
     "rewards_enclosed": "J of each plan, by the scene alone",
     "agrees": "the instance is the scene's",
+    "second_opinion": "second opinion by",
+    "second_bound": "bound by that",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }
 # Lists of rewards: what each is of, and the number of the first.
@@ -78,7 +80,8 @@ _ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
 # What was asked for, in the order in which people read it; all else comes after.
 _FIRST = (
     "cut_short", "valid", "agrees", "reward", "bound", "gap", "optimal", "cameras", "takes",
-    "violations", "file", "files", "certificate", "rest_scene", "rest_plan", "message",
+    "second_opinion", "second_bound", "violations", "file", "files", "certificate", "rest_scene",
+    "rest_plan", "message",
 )  # fmt: skip
 # How it was computed, which developers read.
 _INTERNAL = frozenset({
@@ -87,7 +90,7 @@ _INTERNAL = frozenset({
     "rows", "cuts", "stages", "paths_above", "proof", "reward_per_step", "reward_per_person",
     "reward_per_face", "reward_at_start", "rules", "motion", "places", "moves", "states_reached",
     "states_that_see", "numbers_enclosed", "widest_share", "widest_pixels", "draw", "sha256",
-    "bound_by_sweep", "bound_by_networkx",
+    "bound_by_verify",
 })  # fmt: skip
 
 

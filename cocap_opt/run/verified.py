@@ -38,7 +38,7 @@ class ProvedBound(NamedTuple):
     model: Model  # by which it is priced, with coverage that is computed afresh
     file: CertificateFile | ProofFile
     pricing: Pricing  # what the sweep finds of it
-    second_opinion: SecondOpinion | None = None  # what networkx finds; None if nobody has asked
+    second_opinion: SecondOpinion | None = None  # None if nobody has asked
 
     @property
     def problem(self) -> Problem:
@@ -50,7 +50,7 @@ class ProvedBound(NamedTuple):
         cls,
         model: Model,
         file: CertificateFile | ProofFile,
-        by_networkx: bool = False,
+        twice: bool = False,
         progress: Progress = _tell_nobody,
         second: Progress = _tell_nobody,
         stop: Stop = never,
@@ -62,34 +62,34 @@ class ProvedBound(NamedTuple):
         ----------
         model : of the problem that the bound is on, or of the same with another objective, and then
             one is made of that
-        by_networkx : it is added up a second time, with networkx
+        twice : other code finds the bound, too
         progress : told how many leaves are done, and of how many
-        second : told how many best paths networkx has found, and of how many
-        stop : limit of what comes before networkx
+        second : told how far the second opinion is, as `SecondOpinion.of` tells it
+        stop : limit of what comes before the second opinion
         plain : use no code that is compiled by numba; only staged certificates take longer then
 
         Raises
         ------
         CertificateError
-            If it proves nothing, or less than it claims, or networkx finds another bound.
+            If it proves nothing, or less than it claims, or the second opinion is another bound.
         UnfinishedError
             If a limit is reached: it may hold all the same.
         TooLargeError
-            If it is to be priced by networkx, and is too large for that.
+            If there is to be a second opinion, and it is too large for that.
         """
         problem = file.problem_of(model.problem)
         if problem.objective != model.problem.objective:
             model = Model(problem, plain=True)
-        if by_networkx:
+        if twice:
             require_small(problem, file)
         pricing = verify(problem, file, progress, model, stop, plain)
-        if not by_networkx:
+        if not twice:
             return cls(model, file, pricing)
-        opinion = SecondOpinion.of(problem, file, second)
+        opinion = SecondOpinion.of(model, file, second)
         if not opinion.agrees(pricing):
             raise CertificateError(
-                f"bound: the sweep finds {pricing.bound!r}, networkx {opinion.bound!r}, so one of "
-                "the two is wrong"
+                f"bound: `verify` finds {pricing.bound!r}, {opinion.by} {opinion.bound!r}, so one "
+                "of the two is wrong"
             )
         return cls(model, file, pricing, opinion)
 

@@ -86,24 +86,26 @@ def test_verify_asks_networkx(
     """Both bounds are printed; where they part the claim is false; too large a graph is refused."""
     path = tmp_path / "c.json"
     Run(capsys, "bound", "tiny-share", "-o", path)
-    found = Run(capsys, "verify", "tiny-share", path, "--networkx", "--json").json
+    found = Run(capsys, "verify", "tiny-share", path, "--second-opinion", "--json").json
     assert found["valid"]
-    assert found["bound_by_sweep"] == pytest.approx(found["bound_by_networkx"], rel=1e-12)
-    assert "bound_by_networkx" not in Run(capsys, "verify", "tiny-share", path, "--json").json
+    assert found["bound_by_verify"] == pytest.approx(found["second_bound"], rel=1e-12)
+    assert "second_bound" not in Run(capsys, "verify", "tiny-share", path, "--json").json
     plan = tmp_path / "plan.json"
     Run(capsys, "plan", "tiny-share", "-o", plan)
-    run = Run(capsys, "verify", "tiny-share", plan, "--networkx")
+    run = Run(capsys, "verify", "tiny-share", plan, "--second-opinion")
     assert run.code == 2
-    assert run.err == "cocap-opt: --networkx: name a certificate or a proof\n"
+    assert run.err == "cocap-opt: --second-opinion: name a certificate or a proof\n"
     with monkeypatch.context() as patch:
         patch.setattr("cocap_opt.formulations.second_opinion.TOLERANCE", -1.0)
-        run = Run(capsys, "verify", "tiny-share", path, "--networkx", "--json")
+        run = Run(capsys, "verify", "tiny-share", path, "--second-opinion", "--json")
     assert (run.code, run.json["valid"]) == (1, False)
-    assert "the sweep finds" in run.json["violations"][0]
+    assert "`verify` finds" in run.json["violations"][0]
     monkeypatch.setattr("cocap_opt.formulations.second_opinion.MOST_EDGES", 3)
-    run = Run(capsys, "verify", "tiny-share", path, "--networkx")
+    run = Run(capsys, "verify", "tiny-share", path, "--second-opinion")
     assert run.code == 2
-    assert run.err.startswith("cocap-opt: --networkx: the graph of robots[0] has more than 3 edges")
+    assert run.err.startswith(
+        "cocap-opt: --second-opinion: the graph of robots[0] has more than 3 edges"
+    )
 
 
 def test_verify_without_compiled_code_says_so(

@@ -1,4 +1,4 @@
-"""The second opinion: plain loops and networkx find the bound that the sweep finds."""
+"""The second opinion: networkx and cocap-check find the bound that `verify` finds."""
 
 import math
 
@@ -7,6 +7,7 @@ import pytest
 from counting import either
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from pool import problems
 from random_certificates import (
     random_multipliers,
@@ -21,18 +22,22 @@ from cocap_opt.formulations.certificates import (
     CertificateFile,
     Pricing,
     ProofFile,
+    Staged,
     pricing,
 )
+from cocap_opt.formulations.column_generation.branch_and_price import column_generation
+from cocap_opt.formulations.independent import cocap_check
 from cocap_opt.formulations.result import certify
 from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, _highest_corner
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.run.verified import ProvedBound
+from cocap_opt.scenarios import load_scene
 
 
 def assert_same(problem: Problem, file: CertificateFile | ProofFile, swept: Pricing) -> None:
     """Networkx finds the sweep's bound, as nearly as both can say."""
-    second = SecondOpinion.of(problem, file)
+    second = SecondOpinion.of(Model(problem, use_cache=False), file)
     assert second.agrees(swept)
     if math.isfinite(swept.bound):
         near = 1.001 * swept.rounding + 1e-11 * second.magnitude + 1e-300
@@ -71,17 +76,17 @@ def small() -> tuple[Problem, CertificateFile]:
 
 
 def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A value that the sweep finds too small would be a false bound: networkx contradicts it."""
+    """A value that `verify` finds too small would be a false bound: networkx contradicts it."""
     problem, file = small()
     model = Model(problem, use_cache=False)
-    proved = ProvedBound.of(model, file, by_networkx=True)
+    proved = ProvedBound.of(model, file, twice=True)
     assert proved.second_opinion is not None
     assert proved.second_opinion.bound == pytest.approx(file.proved, rel=1e-12)
     sweep = pricing.plain_sweep
     monkeypatch.setattr(pricing, "plain_sweep", lambda *args: sweep(*args) * (1 - 1e-6))
     ProvedBound.of(model, file)
-    with pytest.raises(CertificateError, match=r"^bound: the sweep finds .*, networkx "):
-        ProvedBound.of(model, file, by_networkx=True)
+    with pytest.raises(CertificateError, match=r"^bound: `verify` finds .*, networkx "):
+        ProvedBound.of(model, file, twice=True)
 
 
 @pytest.mark.parametrize(
@@ -100,4 +105,22 @@ def test_what_is_too_large_is_refused_in_words(
     _highest_corner.cache_clear()
     monkeypatch.setattr(f"cocap_opt.formulations.second_opinion.{limit}", number)
     with pytest.raises(TooLargeError, match=words):
-        SecondOpinion.of(problem, file)
+        SecondOpinion.of(Model(problem, use_cache=False), file)
+
+
+@pytest.mark.slow
+def test_of_staged_certificates_it_is_that_of_cocap_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It agrees; a file that it refuses is false, and one that it cannot search is too large."""
+    problem = load_scene("bottleneck", 0)
+    file = column_generation(problem).certificate
+    assert isinstance(file, CertificateFile) and isinstance(file.certificate, Staged)
+    proved = ProvedBound.of(Model(problem), file, twice=True)
+    assert proved.second_opinion is not None and proved.second_opinion.by == "cocap-check"
+    assert proved.second_opinion.bound == pytest.approx(file.proved, rel=1e-9)
+    with monkeypatch.context() as patch:
+        patch.setattr(cocap_check, "MOST_BRANCHES", 1)
+        with pytest.raises(TooLargeError, match="more than 1 branches"):
+            SecondOpinion.of(Model(problem), file)
+    wrong = replace(file.certificate, target=math.inf)
+    with pytest.raises(CertificateError, match="cocap-check refuses it"):
+        SecondOpinion.of(Model(problem), replace(file, certificate=wrong))

@@ -83,7 +83,7 @@ from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import OPTIMALITY, certify
-from cocap_opt.formulations.second_opinion import TooLargeError, require_small
+from cocap_opt.formulations.second_opinion import SecondOpinion
 from cocap_opt.mixtures.columns import Arc
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, compiled
@@ -972,8 +972,9 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
     reward = check(problem, result.plan).reward
     explanation = explain(compiled(problem), result.plan, reward, file, pricing.bound)
     assert explanation.total() == pytest.approx(file.proved - reward, abs=1e-9 * file.proved)
-    with pytest.raises(TooLargeError, match="in stages"):
-        require_small(problem, file)
+    second = SecondOpinion.of(compiled(problem), file)
+    assert second.by == "cocap-check" and second.agrees(pricing)
+    assert not second.agrees(pricing._replace(bound=pricing.bound * (1 + 1e-6) + 1e-6))
 
 
 def stages_of(search: Search, duals: Duals) -> None:
