@@ -56,7 +56,6 @@ from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.built_in import places
 from cocap_opt.vision.projection import Projection
 
-MEASURED = [name for name in SCENES if name not in places.SCENES]  # real places are not yet
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "quality.md"
 POSED = Assumptions(position_error=0.05, attitude_error=math.radians(0.5))
 
@@ -288,9 +287,9 @@ def test_all_scenes_with_two_drones_are_stored() -> None:
     stored = {(row.scene, row.seed) for row in stored_plans()}
     expected = {
         (name, seed)
-        for name in MEASURED
+        for name in SCENES
         if not name.startswith("tiny-")
-        for seed in range(1 if name.startswith("field-l") else 3)
+        for seed in range(1 if name.startswith("field-l") or name in places.SCENES else 3)
     }
     assert {key for key in stored if not key[0].startswith("tiny-")} == expected
     triangulated = {(step.scene, step.seed) for step in stored_steps()}
@@ -345,7 +344,7 @@ def test_the_words_for_and_against_the_objective_hold() -> None:
     shown = {
         kind: {
             scene: fmean(p.by_two for p in stored_plans() if p[:3:2] == (scene, kind))
-            for scene in MEASURED
+            for scene in SCENES
             if not scene.startswith("tiny-")
         }
         for kind in ("formation", "cocap-lns")
