@@ -19,6 +19,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
 from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
+from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, certify
 from cocap_opt.model import compiled
@@ -177,7 +178,7 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     search.parameters = Parameters(envelopes=EnvelopeParameters(most_rounds=1))
     envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
     assert narrowing is not None and search.spare is not None
-    proved = envelopes.Stages(narrowing)
+    proved = Stages(narrowing)
     for stage in search.spare.certificate.stages:
         proved = proved.then(stage)
     before = proved.narrowing

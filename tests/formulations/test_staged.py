@@ -71,6 +71,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.counting import (
     states_left,
 )
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.heights import Heights
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import (
     KERNEL as LOCAL_SEARCH,
 )
@@ -1007,7 +1008,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
 
     They are those of the best prices; and where a search finds lower ones, they are kept.
     """
-    run, find_height, kept = PriceBundle.run, envelopes._Envelopes._find_height, []
+    run, find, kept = PriceBundle.run, Heights.find, []
 
     def meant_higher(self: PriceBundle, *arguments: object) -> FloatArray | None:
         prices = run(self, *arguments)
@@ -1018,15 +1019,15 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
         return prices
 
-    def noted(self: object, heights: envelopes._Heights, t: int, most: int) -> bool:
-        has_ended: bool = find_height(self, heights, t, most)
+    def noted(heights: Heights, t: int, most: int) -> bool:
+        has_ended: bool = find(heights, t, most)
         found = heights.adopted | heights.waiting
         if t in found:
             kept.append((found[t], heights.bundle.constants[t]))
         return has_ended
 
     monkeypatch.setattr(PriceBundle, "run", meant_higher)
-    monkeypatch.setattr(envelopes._Envelopes, "_find_height", noted)
+    monkeypatch.setattr(Heights, "find", noted)
     model = compiled(load_scene("bottleneck", 0).replace(horizon=5))
     search = Search(model, parameters=Parameters(envelopes=ONLY_LISTS))
     search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))

@@ -23,27 +23,17 @@ above higher targets are tried.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from itertools import chain
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from cocap_opt.arithmetic import exact_sum
 from cocap_opt.compiling import is_there
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
-from cocap_opt.formulations.certificates.format import Stage, StepConstant
-from cocap_opt.formulations.certificates.staged import (
-    JointStates,
-    Narrowing,
-    NotEndedError,
-    most_profitable,
-)
-from cocap_opt.formulations.certificates.staged.search import MostProfitable
+from cocap_opt.formulations.certificates.format import StepConstant
+from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
@@ -51,10 +41,13 @@ from cocap_opt.formulations.column_generation.step_envelopes.counting import (
     joint_states_left,
     states_left,
 )
+from cocap_opt.formulations.column_generation.step_envelopes.heights import Heights
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
+from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
+from cocap_opt.formulations.column_generation.step_envelopes.step_searches import StepSearches
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.problem import COVERAGE_VERSION
@@ -111,66 +104,6 @@ def step_envelopes(
             envelopes.offer()
 
 
-class Stages(NamedTuple):
-    """Stages and the narrowing that they lead to, which only change together.
-
-    Searches among more states have found the constants. They get as much room for rounding as a
-    checker gives them, who searches among fewer.
-    """
-
-    narrowing: Narrowing
-    stages: tuple[Stage, ...] = ()
-
-    def then(self, stage: Stage) -> "Stages":
-        """Returns the stages with one more, whose constants no joint state is known to exceed."""
-        narrowing = self.narrowing.after(stage, lambda k, _: stage.constants[k].constant)
-        return Stages(narrowing, (*self.stages, stage))
-
-    def lowered(self, constants: Sequence[StepConstant]) -> "Stages":
-        """Returns the stages with one of constants alone; those that lower nothing are left out."""
-        narrowing = self.then(Stage(constants=tuple(constants))).narrowing
-        lower = narrowing.constants < self.narrowing.constants
-        stage = Stage(constants=tuple(claim for claim in constants if lower[claim.t]))
-        return Stages(narrowing, (*self.stages, stage))
-
-    def again(self, narrowing: Narrowing, tell: Callable[[], None]) -> "Stages":
-        """Returns the same stages from another narrowing on, of a higher target.
-
-        Parameters
-        ----------
-        tell : called before each stage
-        """
-        found = Stages(narrowing)
-        for stage in self.stages:
-            tell()
-            found = found.then(stage)
-        return found
-
-
-@dataclass
-class _Heights:
-    """The heights of steps at new prices, which no joint state exceeds.
-
-    Attributes
-    ----------
-    bundle, prices : that they are of
-    nodes : of all searches when a stage was made or thought of last
-    adopted : by step, those that are part of a stage
-    waiting : by step, those that are not yet
-    """
-
-    bundle: PriceBundle
-    prices: FloatArray
-    nodes: int
-    adopted: dict[int, float] = field(default_factory=dict)
-    waiting: dict[int, float] = field(default_factory=dict)
-
-    def adopt(self) -> None:
-        """Notes that all are part of a stage now."""
-        self.adopted |= self.waiting
-        self.waiting = {}
-
-
 @dataclass
 class _Envelopes:
     """The stages so far, and what is known of joint states and paths.
@@ -181,7 +114,7 @@ class _Envelopes:
     steps : at which views count
     trials : of the paths of all robots together
     lengths : of the lists of states
-    nodes : of all searches of steps so far
+    searches : for joint states, of steps
     responses : iterations' worth of best responses for the next look for plans
     lists_stall : true once a round with the longest lists has closed little
     """
@@ -193,13 +126,13 @@ class _Envelopes:
     steps: range
     trials: PathTrials
     lengths: ListLengths
-    nodes: int = 0
     lists_stall: bool = False
     responses: int = 0
 
     def __post_init__(self) -> None:
         """Begins with as many responses as the parameters say."""
         self.responses = self._parameters.responses
+        self.searches = StepSearches(self.known, self.search.stop, self._parameters)
 
     @property
     def _parameters(self) -> EnvelopeParameters:
@@ -252,7 +185,7 @@ class _Envelopes:
         self._raise_target()
         if self.bound > cutoff():
             self.trials.for_higher_targets(
-                self.narrowing, len(self.proved.stages), self.nodes, self.offer
+                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer
             )
 
     def _has_better_plan(self) -> bool:
@@ -282,7 +215,9 @@ class _Envelopes:
 
     def try_paths(self) -> bool:
         """Tries all paths of better plans that are left; returns True if that has ended."""
-        has_ended = self.trials.after_stages(self.narrowing, len(self.proved.stages), self.nodes)
+        has_ended = self.trials.after_stages(
+            self.narrowing, len(self.proved.stages), self.searches.nodes
+        )
         if has_ended:
             self.offer()
         return has_ended
@@ -331,7 +266,8 @@ class _Envelopes:
                 self.search.report_again()
                 least = self.known.highest(self.narrowing.joint_states(t))
                 higher = self.narrowing.joint_states(t, least)
-                found = self._searched(higher, least, self._few_nodes(len(higher.states)))
+                most_nodes = self.searches.few_nodes(len(higher.states))
+                found = self.searches.highest(higher, least, most_nodes)
                 if found is None:
                     continue
                 self.known.add(higher, found.positions)
@@ -340,16 +276,6 @@ class _Envelopes:
             # What was lowered before a limit counts, so that the certificate has to tell of it.
             self.proved = self.proved.lowered(constants)
             self.report()
-
-    def _searched(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
-        """Returns the joint state of most profit; None if that takes too many nodes."""
-        found, nodes = None, most_nodes
-        with suppress(NotEndedError):
-            found = most_profitable(joint, least, most_nodes, self.search.stop)
-            nodes = found.nodes
-        self.known.note(nodes, joint, self.search.stop)
-        self.nodes += nodes
-        return found
 
     def report(self) -> None:
         """Tells what is proved so far."""
@@ -366,8 +292,18 @@ class _Envelopes:
             prices = bundle.run(cutoff, self.report)
             if ceilings and bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None or self._adopt(bundle, prices):
+            if (
+                prices is None
+                or Heights(
+                    bundle, prices, self.proved, self.searches, self.lengths, self._keep
+                ).adopt()
+            ):
                 return
+
+    def _keep(self, proved: Stages) -> None:
+        """Takes the stages so far, and tells what they prove; raises LimitReached."""
+        self.proved = proved
+        self.report()
 
     def _look_for_plans(self, flow: Mapping[Arc, float]) -> None:
         """Offers plans that are made of the mixture behind the latest prices.
@@ -425,121 +361,3 @@ class _Envelopes:
             np.flatnonzero(part & (values <= most))
             for part, values in zip(parts, slack, strict=True)
         ]
-
-    def _few_nodes(self, states: int) -> int:
-        """Returns the nodes of a search among so many states that is worth a try."""
-        parameters = self._parameters
-        work = parameters.few_work if is_there() else parameters.few_plain_work
-        return min(parameters.few_nodes, work // max(states, 1))
-
-    def _many_nodes(self) -> int:
-        """Returns the nodes of a search that should end."""
-        parameters = self._parameters
-        is_compiled = is_there()
-        return parameters.many_nodes if is_compiled else parameters.many_plain_nodes
-
-    def _adopt(self, bundle: PriceBundle, prices: FloatArray) -> bool:
-        """Makes prices a stage or several if they are better; steps without a height keep theirs.
-
-        A step has a height if the search ends for one that no joint state exceeds. Once heights
-        lower the bound they are a stage, so that fewer states are left to the searches after it.
-        Long searches wait until all short ones have ended: among fewer states they are shorter,
-        here and for anyone who later checks the certificate.
-        """
-        heights = _Heights(bundle, prices, self.nodes)
-        left = sorted(bundle.joints, key=lambda t: len(bundle.joints[t].states))
-        for most in self._limits_of_nodes():
-            left = [t for t in left if not self._find_height(heights, t, most)]
-        for t in left:
-            self.lengths.note(t, len(bundle.joints[t].states), None)
-        if heights.waiting or not heights.adopted:
-            total = self._total(heights)
-            if heights.waiting and total < self.narrowing.bound:
-                self._add(heights)
-            elif not heights.adopted:
-                bundle.correct(total)
-        return bool(heights.adopted)
-
-    def _limits_of_nodes(self) -> Iterable[int]:
-        """Yields the nodes that searches may have, first few and then more, up to the most."""
-        parameters, most = self._parameters, self._many_nodes()
-        limit = parameters.first_nodes
-        while limit < most:
-            yield limit
-            limit = max(limit * parameters.next_times, limit + 1)
-        yield most
-
-    def _find_height(self, heights: "_Heights", t: int, most_nodes: int) -> bool:
-        """Looks for the height of a step, and makes a stage of all that wait where it is time.
-
-        Returns
-        -------
-        bool
-            False if the search does not end within so many nodes.
-        """
-        self.report()
-        bundle = heights.bundle
-        joint, paid = bundle.joints[t], heights.prices[bundle.span(t)]
-        if heights.adopted:
-            joint, paid = self._still_left(joint, paid)
-        joint = _repriced(joint, paid, self.narrowing.ceiling(t))
-        least = self.known.highest(joint)
-        if bundle.has_lists:
-            least = max(least, bundle.constants[t])
-        found = self._searched(joint, least, most_nodes)
-        if found is None:
-            return False
-        self.lengths.note(t, len(bundle.joints[t].states), found.nodes)
-        if found.positions and not heights.adopted:
-            bundle.remember(t, found.positions)
-        heights.waiting[t] = found.profit
-        if self.nodes - heights.nodes >= self._parameters.nodes_of_stage:
-            heights.nodes = self.nodes
-            room = self.narrowing.bound - self.narrowing.target
-            least_gain = self._parameters.least_of_stage * room
-            if self.narrowing.bound - self._total(heights) >= least_gain:
-                self._add(heights)
-        return True
-
-    def _still_left(self, joint: JointStates, prices: FloatArray) -> tuple[JointStates, FloatArray]:
-        """Returns the joint states of a step that are still left, and their states' prices."""
-        left = np.zeros(len(joint.states), dtype=np.bool_)
-        states = []
-        for number, of_class in enumerate(self.narrowing.left):
-            mine = joint.class_of == number
-            left[mine] = of_class[joint.t, joint.states[mine]]
-            states.append(joint.states[mine & left])
-        return self.narrowing.joint_states_of(joint.t, states), prices[left]
-
-    def _total(self, heights: "_Heights") -> float:
-        """Returns the bound at new prices of the steps that have a height."""
-        bundle, known = heights.bundle, heights.adopted | heights.waiting
-        chosen = bundle.centre.copy()
-        for t in known:
-            chosen[bundle.span(t)] = heights.prices[bundle.span(t)]
-        constants = self.narrowing.constants
-        total = exact_sum(known.get(t, float(constants[t])) for t in self.steps)
-        return total + bundle.rest + bundle.best_paths(chosen, known)[0]
-
-    def _add(self, heights: "_Heights") -> None:
-        """Adds a stage of the new prices of the steps whose heights wait for one."""
-        bundle, waiting = heights.bundle, heights.waiting
-        written = (bundle.written(t, heights.prices[bundle.span(t)], waiting[t]) for t in waiting)
-        constants = tuple(StepConstant(t, height) for t, height in waiting.items())
-        self.proved = self.proved.then(Stage(tuple(chain.from_iterable(written)), constants))
-        heights.adopt()
-        self.report()
-
-
-def _repriced(joint: JointStates, price: FloatArray, constant: float) -> JointStates:
-    """Returns the same joint states at other prices.
-
-    Parameters
-    ----------
-    constant : that no joint state's profit exceeds at the present prices, rounding included
-    """
-    raised = price - joint.price
-    ceilings = [(profit, before + raised) for profit, before in joint.ceilings]
-    if constant < math.inf:
-        ceilings.append((constant, raised))
-    return replace(joint, price=price, ceilings=tuple(ceilings))
