@@ -90,7 +90,7 @@ _INTERNAL = frozenset({
     "rows", "cuts", "stages", "paths_above", "proof", "reward_per_step", "reward_per_person",
     "reward_per_face", "reward_at_start", "rules", "motion", "places", "moves", "states_reached",
     "states_that_see", "numbers_enclosed", "widest_share", "widest_pixels", "draw", "sha256",
-    "bound_by_verify",
+    "bound_by_verify", "responses", "mixtures", "searches",
 })  # fmt: skip
 
 
