@@ -43,7 +43,8 @@ Seconds = Annotated[
     float,
     Parameter(
         name="--time-limit",
-        help="seconds for each computation, including its coverage; inf: no limit; in `gap` finite "
+        help="seconds for each computation, including its coverage; reading and estimating the "
+        "scene, compiling code and checking the plan come on top; inf: no limit; in `gap` finite "
         "and excluding coverage",
     ),
 ]

@@ -125,7 +125,8 @@ def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
     for row in cut[:_NAMED]:
         yield f"{_CUT} {row.planner} on {_case(row)}: {row.cut_short}."
     if len(cut) > _NAMED:
-        yield f"{_CUT} {len(cut) - _NAMED} more plans were cut short; --json or --out DIR has all."
+        others = counted(len(cut) - _NAMED, "more plan")
+        yield f"{_CUT} Cut short, too: {others}; --json or --out DIR has all."
 
 
 def _shown(row: GapRow, key: str) -> object:
