@@ -17,6 +17,7 @@ _FIRST = "%s is compiled first, once on this machine: some %.0f s, which no time
 _LOADING = 1.0  # s of NumPy's way, from which on loading is worth it
 _REPAID = 1.25  # times as long as compiling NumPy's way must take
 _FASTER = 8.0  # times, at least
+_PATIENT = 10.0  # times the seconds of compiling, on a machine that has much else to do
 _LONG = 5.0  # s of NumPy's way, after which advice is wanted
 
 
@@ -167,9 +168,12 @@ class Kernel:
             self._is_missing = not (self.is_loaded or self._load_kept())
 
     def _take_over_within(self, work: float, stop: Stop) -> None:
-        """Does as `takes_over` does, but waits no longer than the work (s) takes without it."""
+        """Does as `takes_over` does, but gives it up where it takes far longer than elsewhere.
+
+        It may take longer than the work (s) does without it, since it is done once on a machine.
+        """
         try:
-            self.takes_over(stop, patience=work)
+            self.takes_over(stop, patience=max(work, _PATIENT * self._compiling))
         except LimitReached:
             stop.check()
             self._fail("compiling takes long here; `cocap-opt compile` does it ahead")

@@ -292,10 +292,10 @@ def compiles_for_ever(use: Kernel, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(use, "_made", compile_)
 
 
-def test_who_has_waited_as_long_as_numpy_takes_waits_no_longer(
+def test_compiling_is_given_up_at_last(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Other machines, and those with much else to do, compile several times as long."""
+    """Machines with much else to do compile several times as long, but not for ever."""
     use = Kernel(MODULE, "value iteration", 0.0)
     compiles_for_ever(use, monkeypatch)
     with caplog.at_level(logging.WARNING):
