@@ -239,7 +239,7 @@ def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
     """
     optimal = obeys and gap.share(gap.gap) <= OPTIMALITY
     if optimal:
-        gap = replace(gap, terms=())
+        gap = replace(gap, terms=tuple(term._replace(amount=0.0) for term in gap.terms))
     first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
     faces = np.zeros((problem.view_sum_steps, len(problem.face_weights)))
     for term in gap.of_kind("face"):
