@@ -60,8 +60,7 @@ class LandCover(Data, frozen=True, eq=False):
 
         area = shapely.Polygon(self.outline, self.holes)
         shapely.prepare(area)  # an index of its sides, of which a map may have 100,000
-        inside: BoolArray = shapely.intersects_xy(area, *points.T)
-        return inside
+        return np.asarray(shapely.intersects_xy(area, *points.T), dtype=np.bool_)
 
     @property
     def label(self) -> tuple[float, float]:
@@ -82,7 +81,7 @@ class LandCover(Data, frozen=True, eq=False):
         sides = [
             np.stack([rim, np.roll(rim, -1, axis=0)], axis=1) for rim in (self.outline, *self.holes)
         ]
-        tree = shapely.STRtree(shapely.linestrings(np.concatenate(sides)))
+        tree = shapely.STRtree(np.asarray(shapely.linestrings(np.concatenate(sides))))
         (of, _), apart = tree.query_nearest(
             shapely.points(points), return_distance=True, all_matches=False
         )

@@ -131,7 +131,8 @@ def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
 def _triangles(polygon: Polygon) -> list[FloatArray]:
     """Cuts a polygon into triangles [3, 2], counter-clockwise."""
     pieces = shapely.constrained_delaunay_triangles(polygon).geoms
-    return [np.asarray(orient(piece).exterior.coords)[:3] for piece in pieces]
+    triangles = (orient(piece) for piece in pieces if isinstance(piece, Polygon))
+    return [np.asarray(triangle.exterior.coords)[:3] for triangle in triangles]
 
 
 def _side(ring: FloatArray, bottom: float, height: float) -> FloatArray:
