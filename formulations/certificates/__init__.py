@@ -65,7 +65,7 @@ Libraries that have to be trusted, too:
 
 - lower storey: `numpy`, `msgspec`, which decodes files, `psutil`, which says how much memory is
   free, `scipy`, where a scene has meshes, `embreex`, where these are not convex, and
-  `matplotlib`, where something is drawn. `numba` is never loaded here.
+  `matplotlib` and `shapely`, where something is drawn. `numba` is never loaded here.
 - upper storey: these, and numba where it is installed and wanted.
 """
 

@@ -319,7 +319,7 @@ def test_scenes_are_warned_of_and_recipes_printed(
     assert Run(capsys, "recipe", "--json").json["recipe"] == run.out
     scene = tmp_path / "scene.toml"
     scene.write_text(
-        "steps = 2\n[map]\nsize = [20, 12]\n[[walk]]\npoints = [[500, 600]]\n"
+        "steps = 2\n[map]\nsize = [20, 12]\n[[walk]]\npoints = [[90, 60]]\n"
         "[[drones]]\nstarts = [{ x = 2.5, y = 6.5, heading = 225 }]\n"
     )
     run = Run(capsys, "plan", scene, "--json")
