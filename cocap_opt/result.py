@@ -30,7 +30,7 @@ class UnsupportedError(ValueError):
 
 
 def remedy(limit: Limit | None) -> str:
-    """Returns what to do about a limit that came before there was a plan; empty for nothing."""
+    """Returns advice for a limit that came before there was a plan; empty if there is none."""
     return "" if limit is None else _REMEDIES.get(limit, "")
 
 

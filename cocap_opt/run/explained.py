@@ -83,7 +83,7 @@ class Explained:
 
     @property
     def taken_off(self) -> float:
-        """What stages, and paths that were tried, take off the other terms, in units of J."""
+        """The part of the other terms that stages and tried paths take off, in units of J."""
         return max(-self.explanation.total("stages"), 0.0)
 
     @property

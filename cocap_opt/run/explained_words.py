@@ -64,7 +64,7 @@ def _sentence(words: str) -> str:
 
 
 def _told_off(explained: Explained) -> str:
-    """Returns how much of the other terms is taken off again; empty where that is little."""
+    """Returns words for the part of the other terms that is taken off again; empty if little."""
     off = explained.taken_off
     if explained.explanation.share(off) < SHOWN:
         return ""

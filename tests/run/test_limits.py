@@ -414,7 +414,7 @@ def test_without_a_limit_nothing_is_cut_short(
 
 
 def test_a_limit_that_left_no_plan_comes_with_what_to_do() -> None:
-    """Where nothing was found, and where all drones stay; but not for Ctrl-C."""
+    """So it is if nothing was found and if all drones stay; Ctrl-C has no advice."""
     ways = "set a larger --time-limit, and run `cocap-opt compile`"
     found = Result.stopped_without_plan(Limit.TIME)
     assert found.message.startswith(f"no plan was found before the time limit: {ways}")

@@ -174,7 +174,7 @@ SPIKED = [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0], [-3, 0], [0, 0]]  # and a line
 def test_an_area_that_crosses_itself_keeps_its_parts(
     ring: list[list[float]], tmp_path: Path
 ) -> None:
-    """What is left of it may be polygons in a collection in a collection, with lines beside."""
+    """Mending it may leave polygons in a collection in a collection, with lines beside."""
     ring = [[float(x) + 3, float(y) + 1] for x, y in ring]
     areas = scene(tmp_path, feature(ring, kind="green")).land_cover
     whole = sum(Polygon(area.outline).area for area in areas)
