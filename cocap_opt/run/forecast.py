@@ -153,21 +153,22 @@ class RecipeTrial(NamedTuple):
 
         kinds = lighter(self.path, self.problem)
         together = (Change.all_of(changes) for changes in _combined(kinds))
-        alone = list(filter(None, ([*filter(expected, kind)] for kind in kinds)))
         found = list[tuple[Change, Forecast] | None]()
-        for changes in alone:
+        for changes in filter(None, ([*filter(expected, kind)] for kind in kinds)):
             if found and stop.reached():
                 break
-            found.append(self._first(changes, seconds))
+            found.append(self._first(changes, seconds, stop))
         if not any(found) and not (found and stop.reached()):
-            found = [self._first([*filter(expected, together)], seconds)]
+            found = [self._first([*filter(expected, together)], seconds, stop)]
         return [tried for tried in found if tried is not None]
 
     def _first(
-        self, changes: "Sequence[Change]", seconds: float
+        self, changes: "Sequence[Change]", seconds: float, stop: Stop
     ) -> "tuple[Change, Forecast] | None":
         """Returns the first change that fits; after a few that do not there is none."""
-        for change in changes[:_TRIES]:
+        for number, change in enumerate(changes[:_TRIES]):
+            if number and stop.reached():
+                return None
             try:
                 with without_warnings("cocap_opt.scenarios"):
                     forecast = Forecast.of(Model(change.scene(self.path, self.seed)))
