@@ -18,8 +18,20 @@ if TYPE_CHECKING:
     from cocap_opt.problem.pictures import WholeAxes
 
 
+# What helps where a limit came before there was a plan; Ctrl-C and accuracy have no remedy.
+_REMEDIES = {
+    Limit.TIME: "set a larger --time-limit, and run `cocap-opt compile` once if you never did",
+    Limit.WORK: "set a larger --work-limit",
+}
+
+
 class UnsupportedError(ValueError):
     """A method does not take problems of this kind; the message says which it takes."""
+
+
+def remedy(limit: Limit | None) -> str:
+    """Returns advice for a limit that came before there was a plan; empty if there is none."""
+    return "" if limit is None else _REMEDIES.get(limit, "")
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,8 +81,9 @@ class Result:
         cls, limit: Limit, statistics: Mapping[str, float] | None = None
     ) -> Self:
         """Make a result without a plan, since a limit was reached."""
-        words = f"no plan was found before the {limit} limit"
-        return replace(cls.without_plan(Reason.STOPPED, words, statistics), limit=limit)
+        words = [f"no plan was found before the {limit} limit", remedy(limit)]
+        message = ": ".join(filter(None, words))
+        return replace(cls.without_plan(Reason.STOPPED, message, statistics), limit=limit)
 
     @property
     def gap(self) -> float:

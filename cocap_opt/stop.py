@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from numbers import Real
 from types import FrameType
@@ -83,6 +83,14 @@ class Stop:
         Who is interrupted while something is prepared gets what can be made of it soon.
         """
 
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Let no time count inside; other limits stay.
+
+        So it is with what is done once on a machine, such as compiling code.
+        """
+        yield
+
     def before(self, seconds: float) -> "Stop":
         """Return a stop that is reached with this one, or so many seconds before its time limit.
 
@@ -113,6 +121,12 @@ class _Before(Stop):
         """Let Ctrl-C wait in the other stop."""
         self._stop.put_off(seconds)
 
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Let no time count inside, in the other stop."""
+        with self._stop.paused():
+            yield
+
     @property
     def seconds_left(self) -> float:
         """Seconds until this stop is reached, >= 0."""
@@ -141,8 +155,17 @@ class TimeLimit(Stop):
 
     @property
     def seconds_left(self) -> float:
-        """Seconds until the limit, >= 0."""
+        """Seconds until the limit, >= 0; infinite while it is paused."""
         return max(0.0, self._deadline - time.monotonic())
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Let no time count inside."""
+        left, self._deadline = self._deadline - time.monotonic(), math.inf
+        try:
+            yield
+        finally:
+            self._deadline = time.monotonic() + left
 
     def __repr__(self) -> str:
         return f"TimeLimit({self._seconds})"
@@ -193,6 +216,14 @@ class FirstOf(Stop):
         """Let Ctrl-C wait in all criteria."""
         for stop in self._criteria:
             stop.put_off(seconds)
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Let no time count inside, in all criteria."""
+        with ExitStack() as stack:
+            for stop in self._criteria:
+                stack.enter_context(stop.paused())
+            yield
 
     @property
     def seconds_left(self) -> float:

@@ -1,5 +1,6 @@
 """The face's planners, bounds and exact methods: by name or callable, with a limit."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar, overload
@@ -289,8 +290,10 @@ def _answer(problem: Problem, given: object, method: Method[R], stop: Stop, **op
 def _limits(problem: Problem, method: Method[Any], seconds: float | None, stop: Stop) -> Stop:
     """Returns a stop with a time limit; warns of one in which coverage will hardly be done."""
     require(stop, "stop", "a stopping criterion, such as WorkLimit(100)", Stop)
+    allowance = Allowance(math.inf)
     if seconds is not None:
         require_number(seconds, "time_limit")
-        stop = Allowance(Option("time_limit").require_limit(seconds)).begin(stop)
-    warn_of_limit(problem, method, stop.seconds_left, option="time_limit =")
-    return stop
+        allowance = Allowance(Option("time_limit").require_limit(seconds))
+    left = min(stop.seconds_left, allowance.seconds)
+    warn_of_limit(problem, method, left, option="time_limit =")
+    return allowance.begin(stop)

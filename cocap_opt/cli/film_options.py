@@ -1,12 +1,11 @@
 """Options of films, and the film of plans that `show` writes."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import Seconds
 from cocap_opt.console.progress import Watch
 from cocap_opt.player.filming import MOVING, VIEWS, Filming
 from cocap_opt.run.options import Option, UsageError
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
 _VIDEO_SIZE, _MOVING_SIZE = (1280, 720), (800, 450)  # px
 _LEAST, _MOST = 200, 3840  # px
 _SPEEDS = 0.1, 60.0
+_SECONDS = 600.0  # that making a film may take
 
 
 @Parameter(name="*")
@@ -38,16 +38,18 @@ class FilmOptions:
         Parameter(help="of a film, steps a second (default: 2; with more than 24 steps 4)"),
     ] = None
     time_limit: Annotated[
-        Seconds,
+        float | None,
         Parameter(
-            help="that making a film may take; if it takes longer none is written; inf: no limit"
+            help="seconds that making a film may take; if it takes longer none is written; inf: no "
+            "limit (default: 600)"
         ),
-    ] = 600.0
+    ] = None
 
     @property
-    def is_asked_for(self) -> bool:
-        """True if an option says something of a film."""
-        return (self.view, self.size, self.speed) != (None, None, None)
+    def given(self) -> list[str]:
+        """The options that say something of a film, as people write them."""
+        values = asdict(self).items()
+        return [f"--{name.replace('_', '-')}" for name, value in values if value is not None]
 
     def filming(self, suffix: str) -> Filming:
         """Returns the kind of a film that is asked for.
@@ -89,7 +91,8 @@ class FilmOptions:
         """Returns a film, and what an answer says of it."""
         from cocap_opt.player.film import FilmError, filmed_plans
 
-        stop = TimeLimit(Option("--time-limit").require_limit(self.time_limit))
+        seconds = _SECONDS if self.time_limit is None else self.time_limit
+        stop = TimeLimit(Option("--time-limit").require_limit(seconds))
         with Watch.on_terminal(f"{player.scene} seed {seed}") as watch:
             try:
                 content, count = filmed_plans(player, filming, stop, watch.countdown("pictures"))

@@ -1,28 +1,19 @@
-"""Options of commands that fly a plan, and the words in which they refuse one."""
+"""Options of commands that fly a plan."""
 
-import logging
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.files.documents import FileError
 from cocap_opt.flight.flight_scene import FlightScene
 from cocap_opt.flight.flights import Flight, LimitError
-from cocap_opt.missions import FORMATS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.options import Option, UsageError
 
-_log = logging.getLogger(__name__)
-
-_OF_FLIGHTS = "every", "smooth", "start"
-_PLACES = "earth.crs", "earth.origin"
 _MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
 
 Start = Annotated[
@@ -119,64 +110,3 @@ def _margins_that_do(problem: Problem, plan: Plan) -> Iterator[str]:
         kept = nearer.problem.airspace.people_aside
         yield f"fly with --margin {margin:g}, {kept:g} m from people in place of {asked:g} m"
         return
-
-
-def in_words(
-    error: ProblemError, scene: str, plan: Path, suffix: str, by_option: bool
-) -> Exception:
-    """Returns the error that names the option or the file that is to be changed.
-
-    Parameters
-    ----------
-    suffix : of the file that is asked for
-    by_option : True: `--step` says how long a step lasts, not the scene
-    """
-    field = error.field if isinstance(error, FieldError) else None
-    if field in _OF_FLIGHTS or (field == "step" and by_option):
-        return UsageError(f"--{error}")
-    if field in ("earth", "step") or (field or "").startswith("robots["):
-        return FileError(f"{scene}: {error}")
-    if field == "crs":  # something of the scene is where its system is not defined
-        return FileError(f"{scene}: earth.{error}")
-    if field in _PLACES:
-        way_out = (
-            "" if FORMATS[suffix].on_earth else "; --local leaves latitudes and longitudes out"
-        )
-        return FileError(f"{scene}: {error}{way_out}")
-    return FileError(f"{plan}: {error}")
-
-
-def start_of(text: str, suffix: str, is_dated: bool) -> datetime:
-    """Returns the time at which a flight starts, for a file of some ending."""
-    if not is_dated:
-        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
-    try:
-        found = datetime.fromisoformat(text)
-        if found.tzinfo is not None:
-            found.astimezone(UTC)  # which may be out of range
-            return found
-    except (ValueError, OverflowError):
-        pass
-    raise UsageError(
-        f"--start: must be a date and a time with its offset from UTC, such as "
-        f"2026-05-01T10:00:00+02:00 or 2026-05-01T08:00:00Z, not {text[:40]!r}"
-    )
-
-
-def require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> None:
-    """Refuses a plan in which no drone moves, unless that is asked for; warns of one cut short."""
-    if plan.stays and not hovering:
-        why, longer = cut_short or "all drones stay at their starts", ""
-        if cut_short:
-            longer = "a longer --time-limit of `plan` may give one that moves, "
-        raise FileError(f"{path}: no drone moves ({why}); {longer}--hovering flies it as it is")
-    if cut_short:
-        _log.warning(
-            "%s: %s; a longer --time-limit of `plan` may give a better one", path, cut_short
-        )
-
-
-def require_spacing(every: float | None) -> None:
-    """Refuses rows that are no seconds apart."""
-    if every is not None and not Option("--every").require_seconds(every) > 0:
-        raise UsageError("--every: must be more than 0 seconds")

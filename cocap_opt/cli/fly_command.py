@@ -15,17 +15,13 @@ from cocap_opt.cli.flight_options import (
     Hovering,
     Local,
     Start,
-    in_words,
-    require_motion,
-    require_spacing,
-    start_of,
 )
-from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, Whole, load_planned
-from cocap_opt.data import ProblemError
+from cocap_opt.cli.flown_plan import Order
+from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, Whole
 from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.answer import print_result
-from cocap_opt.output.files import PlanReader, check_output, save_files
+from cocap_opt.output.files import check_output, save_files
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
@@ -89,27 +85,12 @@ def _fly(
     """
     suffix = Option("-o").ending(output, tuple(FORMATS))
     assert output is not None
-    begins = None if start is None else start_of(start, suffix, FORMATS[suffix].has_dates)
-    require_spacing(every)
-    if local and FORMATS[suffix].on_earth:
-        raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     write = _writer(suffix, autopilot, items)
-    check_output(output, scene, plan)
-    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
-    problem, planned, cut_short = given.problem, given.plan, given.cut_short
-    if FORMATS[suffix].takes_off and problem.begins_in_the_air:
-        raise UsageError(
-            f"-o: must not end with {suffix}, for these missions take off, and the scene is the "
-            "rest of a mission whose drones are in the air; .csv has their places"
-        )
-    try:
-        flight = flown.flight(problem, planned, local)
-        flight = flight._replace(start=begins, cut_short=cut_short)
-        parts = parts_of_take(flight.flown.problem, planned) if has_homes(problem) else ()
-        mission = write(flight, every)
-    except ProblemError as error:
-        raise in_words(error, scene, plan, suffix, flown.step is not None) from error
-    require_motion(plan, planned, cut_short, hovering)
+    order = Order(scene, seed, plan, output, suffix, flown, start, every, local, hovering)
+    given, flight, mission = order.carried_out(write)
+    problem, cut_short = given.problem, given.cut_short
+    with order.in_words():
+        parts = parts_of_take(flight.flown.problem, given.plan) if has_homes(problem) else ()
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
@@ -121,8 +102,6 @@ def _fly(
     notes += _strays(output, suffix, files)
     if words := pauses_of(parts):
         _log.warning("%s: %s", plan, words)
-    for warning in mission.warnings:
-        _log.warning("%s", warning)
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:

@@ -43,8 +43,8 @@ Seconds = Annotated[
     float,
     Parameter(
         name="--time-limit",
-        help="seconds for each computation, including its coverage; inf: no limit; in `gap` finite "
-        "and excluding coverage",
+        help="seconds for coverage and search; reading, estimating, compiling and checking come on "
+        "top; inf: no limit; in `gap` finite and excluding coverage",
     ),
 ]
 Work = Annotated[

@@ -91,11 +91,13 @@ def _show(
     """
     output = output or _SHOWN
     suffix = Option("-o").ending(output, SHOWN)
-    is_film = suffix in FILMS and (suffix != ".gif" or film.is_asked_for)
+    is_film = suffix in FILMS and (suffix != ".gif" or bool(film.given))
     if not plan and (is_film or suffix == ".gif"):
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
-    if film.is_asked_for and not is_film:
-        raise UsageError(f"--view, --size, --speed: are of films, such as film.webm, not {suffix}")
+    if film.given and not is_film:
+        raise UsageError(
+            f"{', '.join(film.given)}: must be left out for {suffix}, which is no film, as .webm is"
+        )
     if suffix != ".html" and not is_film and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     if certificate and not (plan and (suffix == ".html" or is_film)):

@@ -203,8 +203,8 @@ def _planned(
 ) -> Judged[Any]:
     """Returns the new plan of the rest, which a planner of somebody's own may fail to give."""
     name, method = planner
-    watch.show("estimate of coverage")
-    warn_of_limit(replanning.rest.scene, method, allowance.seconds, seed, scene=scene)
+    rest, seconds = replanning.rest.scene, allowance.seconds
+    warn_of_limit(rest, method, seconds, seed, scene=scene, watch=watch)
     try:
         with redirect_stdout(sys.stderr):  # what a planner prints is no part of the answer
             return replanning.planned(method, allowance.begin(stop), name, watch=watch, seed=seed)

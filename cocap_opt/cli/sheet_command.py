@@ -1,30 +1,17 @@
 """The command `sheet`, which writes what the crew of a flight carries."""
 
-import logging
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.flight_options import (
-    AS_PLANNED,
-    FlightOptions,
-    Hovering,
-    Local,
-    Start,
-    in_words,
-    require_motion,
-    require_spacing,
-    start_of,
-)
-from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, load_planned
-from cocap_opt.data import ProblemError
+from cocap_opt.cli.flight_options import AS_PLANNED, FlightOptions, Hovering, Local, Start
+from cocap_opt.cli.flown_plan import Order
+from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed
 from cocap_opt.missions import FORMATS
 from cocap_opt.output.answer import print_result
-from cocap_opt.output.files import PlanReader, check_output, save_files
+from cocap_opt.output.files import save_files
 from cocap_opt.output.printing import Record
 from cocap_opt.run.options import Option
-
-_log = logging.getLogger(__name__)
 
 _SUFFIX = ".pdf"
 
@@ -58,19 +45,8 @@ def _sheet(
     """
     output = plan.with_suffix(_SUFFIX) if output is None else output
     Option("-o").ending(output, (_SUFFIX,))
-    begins = None if start is None else start_of(start, _SUFFIX, is_dated=True)
-    require_spacing(every)
-    check_output(output, scene, plan)
-    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
-    try:
-        flight = flown.flight(given.problem, given.plan, local)
-        flight = flight._replace(start=begins, cut_short=given.cut_short)
-        found = FORMATS[_SUFFIX].writer()(flight, every)
-    except ProblemError as error:
-        raise in_words(error, scene, plan, _SUFFIX, flown.step is not None) from error
-    require_motion(plan, given.plan, given.cut_short, hovering)
-    for warning in found.warnings:
-        _log.warning("%s", warning)
+    order = Order(scene, seed, plan, output, _SUFFIX, flown, start, every, local, hovering)
+    given, _, found = order.carried_out(FORMATS[_SUFFIX].writer())
     save_files(dict.fromkeys([output], found.files[""]))
     answer: Record = {"file": output, **found.facts, "scene": given.problem.name, "seed": seed}
     print_result(answer | ({"cut_short": given.cut_short} if given.cut_short else {}), json)

@@ -97,8 +97,7 @@ def _plan(
     problem = task.problem
     say_strains(scene, seed, problem)
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
-        watch.show("estimate of coverage")
-        warn_of_limit(problem, method, allowance.seconds, seed, scene=scene)
+        warn_of_limit(problem, method, allowance.seconds, seed, scene=scene, watch=watch)
         stop = allowance.begin(interrupt)
         try:
             with redirect_stdout(sys.stderr):  # what a planner prints is no part of the answer
@@ -262,8 +261,10 @@ class _Task(NamedTuple):
     ) -> Judged[CertifiedResult]:
         """Runs a bound or an exact method, shows progress, and writes a trace if asked to."""
         problem, trace = self.problem, Trace()
-        warn_of_limit(problem, method, allowance.seconds, self.seed, scene=self.scene)
         with Watch.on_terminal(f"{problem.name} seed {self.seed}") as watch:
+            warn_of_limit(
+                problem, method, allowance.seconds, self.seed, scene=self.scene, watch=watch
+            )
             report = trace.beside(watch.report())
             try:
                 judged: Judged[CertifiedResult] = run_keeping(

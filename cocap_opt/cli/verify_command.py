@@ -141,10 +141,10 @@ def _verify(
     if explained and not json:
         print_texts([], [*in_three_sentences(explained), ""])
     print_result(answer if json else answer | claims.by_person(verified), json, verbose)
-    if explained and not json and all_terms:
-        print_texts(explained_tables(explained, line_width()), explained_sentences(explained))
-    elif explained and not json:
-        print_texts([], ["--all adds the other sentences, and tables that add up to the gap."])
+    if explained and not json and not explained.is_closed:
+        more = ["--all adds the other sentences, and tables that add up to the gap."]
+        tables = explained_tables(explained, line_width()) if all_terms else []
+        print_texts(tables, explained_sentences(explained) if all_terms else more)
     return 1 if verified.violations else 0
 
 

@@ -1,6 +1,7 @@
 """Compiled code that does what NumPy does as well, and when a process uses it."""
 
 import logging
+import math
 from importlib import import_module
 from threading import Lock
 from typing import Any
@@ -12,10 +13,11 @@ from cocap_opt.stop import FirstOf, LimitReached, Stop, TimeLimit, never
 _log = logging.getLogger(__name__)
 
 ALL_SECONDS = 28.0  # that `cocap-opt compile` takes, the sum over all kernels
-_FIRST = "%s is compiled first, once on this machine: some %.0f s"
+_FIRST = "%s is compiled first, once on this machine: some %.0f s, which no time limit counts"
 _LOADING = 1.0  # s of NumPy's way, from which on loading is worth it
 _REPAID = 1.25  # times as long as compiling NumPy's way must take
 _FASTER = 8.0  # times, at least
+_PATIENT = 10.0  # times the seconds of compiling, on a machine that has much else to do
 _LONG = 5.0  # s of NumPy's way, after which advice is wanted
 
 
@@ -127,17 +129,24 @@ class Kernel:
             if not (self.is_loaded or self._load_kept()):
                 self._compile(stop)
 
-    def takes_over(self, stop: Stop) -> bool:
+    def takes_over(self, stop: Stop, patience: float = math.inf) -> bool:
         """Loads it, as `load` does, where numba is; returns False, which is said, if that fails.
+
+        Time limits of the stop do not count meanwhile: it is done once on a machine.
+
+        Parameters
+        ----------
+        patience : s, after which it is given up
 
         Raises
         ------
         LimitReached
-            If a limit is reached before it is compiled.
+            If another limit is reached before it is compiled, or the patience is at its end.
         """
         if not self.is_loaded and self.may_be_loaded:
             try:
-                self.load(stop)
+                with stop.paused():
+                    self.load(FirstOf(stop, TimeLimit(patience)))
             except CompilingError as error:
                 self._fail(str(error))
         return self.is_loaded
@@ -159,9 +168,12 @@ class Kernel:
             self._is_missing = not (self.is_loaded or self._load_kept())
 
     def _take_over_within(self, work: float, stop: Stop) -> None:
-        """Does as `takes_over` does, but waits no longer than the work (s) takes without it."""
+        """Does as `takes_over` does, but gives it up where it takes far longer than elsewhere.
+
+        It may take longer than the work (s) does without it, since it is done once on a machine.
+        """
         try:
-            self.takes_over(FirstOf(stop, TimeLimit(work)))
+            self.takes_over(stop, patience=max(work, _PATIENT * self._compiling))
         except LimitReached:
             stop.check()
             self._fail("compiling takes long here; `cocap-opt compile` does it ahead")

@@ -16,6 +16,7 @@ from cocap_opt.flight.footprint import REACH, Footprints
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Camera
 from cocap_opt.problem.pictures import DRONE_COLOURS
+from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.world import HeightMap
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -202,8 +203,7 @@ def rings_of(corners: FloatArray) -> list[FloatArray]:
     for turn in (-1, 0, 1) if jumps.any() else (0,):
         side = shapely.box(360 * turn - 180, -90, 360 * turn + 180, 90)
         part = shapely.orient_polygons(whole & side if jumps.any() else whole, exterior_cw=False)
-        if isinstance(part, shapely.Polygon) and not part.is_empty:
-            rings.append(np.array(part.exterior.coords)[:-1] - [360 * turn, 0])
+        rings += [np.array(p.exterior.coords)[:-1] - [360 * turn, 0] for p in polygons_of(part)]
     return rings
 
 

@@ -9,6 +9,7 @@ import shapely
 from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.flights import Flight
+from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.world import Mesh
 
 ZONE = "#d03030"  # the colour of no-fly zones
@@ -108,6 +109,5 @@ def outlines(mesh: Mesh) -> list[shapely.Polygon]:
     """Returns the polygons that a solid covers, seen from above, without their holes."""
     triangles = [shapely.Polygon(corners) for corners in mesh.corners[:, :, :2]]
     whole = shapely.union_all([triangle for triangle in triangles if triangle.area > 0])
-    parts = shapely.get_parts(shapely.simplify(whole, 0.0))
-    filled = (shapely.Polygon(p.exterior) for p in parts if isinstance(p, shapely.Polygon))
+    filled = (shapely.Polygon(p.exterior) for p in polygons_of(shapely.simplify(whole, 0.0)))
     return [shapely.orient_polygons(polygon, exterior_cw=False) for polygon in filled]

@@ -18,7 +18,7 @@ from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
-_WRAPPED = ("scene", "about", "message", "worst moment")  # columns of small tables
+_WRAPPED = ("scene", "about", "message", "worst moment", "limits")  # columns of small tables
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
@@ -45,10 +45,14 @@ class _Output(Console):
         raise BrokenPipeError  # rich would exit with 1, which here means a false claim
 
 
+def _has_width() -> bool:
+    """Returns True if lines have a width: of a terminal, or the one that COLUMNS asks for."""
+    return sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
+
+
 def terminal(least: int = 0) -> Console:
     """Returns standard output, at least so wide; text that is too long goes on in the next line."""
-    known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
-    console = _Output() if known else _Output(width=_WIDE)
+    console = _Output() if _has_width() else _Output(width=_WIDE)
     console.width = max(console.width, least)
     return console
 
@@ -116,8 +120,8 @@ class Listing(NamedTuple):
     notes: Sequence[str] = ()
 
     def print(self) -> None:
-        """Prints it on standard output; on a terminal that is too narrow as several tables."""
-        for part in self._folded() if sys.stdout.isatty() else [self]:
+        """Prints it on standard output; where lines are too narrow for it as several tables."""
+        for part in self._folded() if _has_width() else [self]:
             terminal(part._least_width).print(part._table())
         console = terminal()
         if len(self.notes) <= _FEW_NOTES:

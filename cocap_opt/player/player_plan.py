@@ -6,6 +6,7 @@ to each other). Steps at which nothing counts have a reward of 0.
 
 import math
 from collections.abc import Container, Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -233,8 +234,12 @@ def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
 
     Only a plan that obeys the rules can be optimal: the others may have more than the bound.
     `losses[i][t]` is what drone i loses by leaving step t, of which the largest are `costliest`,
-    and `faces[t][f]` what is paid for faces.
+    and `faces[t][f]` what is paid for faces. Of an optimum all are 0: terms that cancel cost
+    nothing.
     """
+    optimal = obeys and gap.share(gap.gap) <= OPTIMALITY
+    if optimal:
+        gap = replace(gap, terms=tuple(term._replace(amount=0.0) for term in gap.terms))
     first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
     faces = np.zeros((problem.view_sum_steps, len(problem.face_weights)))
     for term in gap.of_kind("face"):
@@ -244,7 +249,7 @@ def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
     return {
         "bound": gap.bound,
         "total": gap.share(gap.gap),
-        "optimal": obeys and gap.share(gap.gap) <= OPTIMALITY,
+        "optimal": optimal,
         "costliest": _costliest(gap),
         "losses": [[digits(gap.share(x)) for x in row] for row in gap.losses().tolist()],
         "faces": [[digits(value) for value in row] for row in faces.tolist()],

@@ -1,7 +1,6 @@
 """The land of a scene as a map shows it: water, green, streets and the like, for pictures alone."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Literal, get_args
 
 import msgspec
@@ -56,15 +55,12 @@ class LandCover(Data, frozen=True, eq=False):
         return self.outline.min(axis=0), self.outline.max(axis=0)
 
     def holds(self, points: FloatArray) -> BoolArray:
-        """Returns which points [n, 2] (m) lie in the area and in none of its holes."""
-        x, y = points.T
-        inside = np.zeros(len(points), dtype=np.bool_)
-        for rim in (self.outline, *self.holes):
-            for (ax, ay), (bx, by) in pairwise(np.concatenate([rim, rim[:1]]).tolist()):
-                if ay != by:  # a ray along x crosses this side
-                    beside = x < ax + (y - ay) * (bx - ax) / (by - ay)
-                    inside ^= ((ay > y) != (by > y)) & beside
-        return inside
+        """Returns which points [n, 2] (m) lie in the area, its rim included, and in no hole."""
+        import shapely  # few have land
+
+        area = shapely.Polygon(self.outline, self.holes)
+        shapely.prepare(area)  # an index of its sides, of which a map may have 100,000
+        return np.asarray(shapely.intersects_xy(area, *points.T), dtype=np.bool_)
 
     @property
     def label(self) -> tuple[float, float]:
@@ -80,14 +76,16 @@ class LandCover(Data, frozen=True, eq=False):
 
     def _to_rims(self, points: FloatArray) -> FloatArray:
         """Returns the distances [n] (m) of points [n, 2] to the nearest rim."""
-        least = np.full(len(points), np.inf)
-        for rim in (self.outline, *self.holes):
-            for a, b in pairwise(np.concatenate([rim, rim[:1]])):
-                side = b - a
-                along = (points - a) @ side / max(float(side @ side), np.finfo(float).tiny)
-                nearest = a + along.clip(0, 1)[:, None] * side
-                least = np.minimum(least, np.hypot(*(points - nearest).T))
-        return least
+        import shapely
+
+        sides = [
+            np.stack([rim, np.roll(rim, -1, axis=0)], axis=1) for rim in (self.outline, *self.holes)
+        ]
+        tree = shapely.STRtree(np.asarray(shapely.linestrings(np.concatenate(sides))))
+        (of, _), apart = tree.query_nearest(
+            shapely.points(points), return_distance=True, all_matches=False
+        )
+        return np.asarray(apart[of.argsort()])
 
 
 def _rim(rim: FloatArray, field: str) -> FloatArray:

@@ -19,7 +19,7 @@ from cocap_opt.method import Method
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Result
+from cocap_opt.result import Result, remedy
 from cocap_opt.run.judged import Judged, RefereeError, below_certificate
 from cocap_opt.run.options import Allowance
 from cocap_opt.run.own_planners import usable_result
@@ -100,6 +100,9 @@ def run(
         result = _without_claims(name, problem, result)
     else:
         result = _of_instance(model, result)
+    if result.plan is not None and result.plan.stays:  # for want of time
+        words = filter(None, (result.message, remedy(result.limit)))
+        result = replace(result, message="; ".join(words))
     result = replace(result, coverage_seconds=model.tables.seconds - before)
     judged = Judged.of(name, problem, result)
     if known.lazy:

@@ -13,6 +13,7 @@ from cocap_opt.coordination.best_response import Replan, replans
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Explanation, Kind, explain
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import Model, compiled
 from cocap_opt.output.printing import Record
 from cocap_opt.problem import Cell, Plan, Problem
@@ -21,6 +22,7 @@ from cocap_opt.run.verified import ProvedBound, Verified
 
 _MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
+_MANY = 4.0  # times a gap
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "drones leave the best paths of the bound": ("path",),
     "face rewards overestimated": ("face",),
@@ -72,6 +74,22 @@ class Explained:
     def replans(self) -> list[Replan]:
         """The plan with one robot planned again, robot by robot."""
         return replans(self.model, self.plan)
+
+    @property
+    def is_closed(self) -> bool:
+        """The plan obeys the rules, and its J is the bound, but for rounding."""
+        found = self.explanation
+        return found.share(found.gap) <= OPTIMALITY and not any(self.plan.conflicts(self.problem))
+
+    @property
+    def taken_off(self) -> float:
+        """The part of the other terms that stages and tried paths take off, in units of J."""
+        return max(-self.explanation.total("stages"), 0.0)
+
+    @property
+    def is_blurred(self) -> bool:
+        """Far more was taken off than is left, so that no term is the cause of what is left."""
+        return self.taken_off > _MANY * max(self.explanation.gap, 0.0)
 
     # -- data -----------------------------------------------------------------------------
 

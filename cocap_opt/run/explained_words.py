@@ -18,7 +18,12 @@ _WANTED = "cells with a view of somebody at the last step"
 
 
 def explained_sentences(explained: Explained) -> list[str]:
-    """Returns plain sentences: what is broken, what costs most, the leaf, and the way back."""
+    """Returns plain sentences: what is broken, what costs most, the leaf, and the way back.
+
+    Of a proved optimum there is one: that nothing is left. Its terms cancel, and cause nothing.
+    """
+    if explained.is_closed:
+        return [_sentence(_told_gap(explained))]
     broken = _broken(explained)
     costly = _costly(explained)
     nothing = f"no single term is above {100 * SHOWN:g} % of the bound"
@@ -29,21 +34,44 @@ def explained_sentences(explained: Explained) -> list[str]:
     told += [
         *_told_unpriced(explained, broken),
         *(_told(explained, term) for term in costly[:_TOLD]),
+        *filter(None, [_told_off(explained)]),
     ]
     told = [*(told or [nothing]), *_told_leaves(explained), *_told_queue(explained)]
     told += _told_replans(explained)
-    return [f"{words[0].upper()}{words[1:]}." for words in told]
+    return [*map(_sentence, told)]
 
 
 def in_three_sentences(explained: Explained) -> list[str]:
-    """Returns the gap, its largest part, and the largest gain by planning a drone again."""
+    """Returns the gap, its largest part, and the largest gain by planning a drone again.
+
+    Of a proved optimum there is one sentence: that nothing is left.
+    """
+    if explained.is_closed:
+        return [_sentence(_told_gap(explained))]
     costliest_term = next(iter(_broken(explained) or _costly(explained)), None)
     name, amount = max(explained.parts().items(), key=lambda part: part[1])
     largest = f"the largest part of it: {name}, {_amount(explained, amount)}"
     if costliest_term is not None:
         largest += f"; the largest single term: {_told(explained, costliest_term)}"
+    if off := _told_off(explained):
+        largest = off if explained.is_blurred else f"{largest}; {off}"
     told = [_told_gap(explained), largest, next(iter(_told_replans(explained)))]
-    return [f"{words[0].upper()}{words[1:]}." for words in told]
+    return [*map(_sentence, told)]
+
+
+def _sentence(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def _told_off(explained: Explained) -> str:
+    """Returns words for the part of the other terms that is taken off again; empty if little."""
+    off = explained.taken_off
+    if explained.explanation.share(off) < SHOWN:
+        return ""
+    words = f"stages and path search take {_amount(explained, off)} off again"
+    if not explained.is_blurred:
+        return words
+    return f"{words}, far more than is left: no single term can be named as the cause of the gap"
 
 
 def _told_gap(explained: Explained) -> str:
@@ -56,7 +84,10 @@ def _told_gap(explained: Explained) -> str:
             f"bound; bound - J is {_amount(explained, found.gap)}"
         )
     if found.share(found.gap) <= OPTIMALITY:
-        return "no plan is better: J of this one is the bound, but for rounding"
+        return (
+            "no plan is better: J of this one is the bound, but for rounding, and nothing is left "
+            "to explain"
+        )
     return f"the plan is at most {_amount(explained, found.gap)} below the best plan"
 
 
@@ -67,7 +98,12 @@ def _broken(explained: Explained) -> list[Term]:
 
 
 def _costly(explained: Explained) -> list[Term]:
-    """Returns the terms that are worth a sentence, the largest first."""
+    """Returns the terms that are worth a sentence, the largest first.
+
+    There is none where the gap is what is left after far more than that was taken off.
+    """
+    if explained.is_closed or explained.is_blurred:
+        return []
     terms = explained.explanation.of_kind("path", "face", "views", "row", "decision")
     shown = [term for term in terms if explained.explanation.share(term.amount) >= SHOWN]
     return sorted(shown, key=lambda term: -term.amount)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+from cocap_opt.console.progress import Watch
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import problem_digest
@@ -15,6 +16,7 @@ from cocap_opt.model import CoverageEstimate, Model, compiled
 from cocap_opt.problem import Problem
 from cocap_opt.run.engine import record_of
 from cocap_opt.scenarios import FORMATS, SCENES
+from cocap_opt.stop import Stop, TimeLimit, never
 
 if TYPE_CHECKING:
     from cocap_opt.scenarios.recipe.lighter import Change
@@ -26,9 +28,12 @@ _GIGABYTE = 1e9
 # Times an estimate: what a limit must allow so that nothing is said, and so that it is advised.
 _ENOUGH, _AMPLE = 1.2, 1.7
 _TRIES = 3  # changes of a kind that are tried
+_BEFORE = "scene and estimate, before the time limit begins"
 _LONG = 20.0  # s, of which is said how long they are where there is no limit
 _SLOWEST = 1e-3  # s of a view; more than any scene has asked for
 _NEAR = 0.75  # of the limit, that changes which are advised take at the most
+# Part of the limit, and s, after which no further change is tried: one of a large scene takes many.
+_TRYING, _LONGEST_TRYING = 0.2, 10.0
 
 
 class Forecast(NamedTuple):
@@ -94,7 +99,8 @@ class Forecast(NamedTuple):
         limit = duration(seconds) if seconds >= 1 else f"{seconds:.2g} s"
         problem = f"too much for a limit of {limit}: drones may stay at their starts"
         ways = [f"{option} {self.ample:g}"]
-        changes = () if recipe is None else recipe.that_fit(self, _NEAR * seconds)
+        trying = TimeLimit(min(_TRYING * seconds, _LONGEST_TRYING))
+        changes = () if recipe is None else recipe.that_fit(self, _NEAR * seconds, trying)
         ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]
         return f"{self.words}, {problem}; what would do: {'; or '.join(ways)}"
 
@@ -129,10 +135,16 @@ class RecipeTrial(NamedTuple):
             return None
         return cls(path, seed, problem)
 
-    def that_fit(self, now: Forecast, seconds: float) -> "list[tuple[Change, Forecast]]":
+    def that_fit(
+        self, now: Forecast, seconds: float, stop: Stop = never
+    ) -> "list[tuple[Change, Forecast]]":
         """Returns the mildest change of each kind that fits a limit.
 
         Where none does alone, it is one of several kinds together.
+
+        Parameters
+        ----------
+        stop : once it is reached, no further change is tried; the first one is in any case
         """
         from cocap_opt.scenarios.recipe.lighter import Change, lighter  # its readers are slow
 
@@ -140,18 +152,23 @@ class RecipeTrial(NamedTuple):
             return change.share * (_AMPLE * now.coverage.seconds + now.planning) <= seconds
 
         kinds = lighter(self.path, self.problem)
-        alone = [[change for change in kind if expected(change)] for kind in kinds]
-        found = [self._first(changes, seconds) for changes in alone]
-        if not any(found):
-            together = (Change.all_of(changes) for changes in _combined(kinds))
-            found = [self._first(list(filter(expected, together)), seconds)]
+        together = (Change.all_of(changes) for changes in _combined(kinds))
+        found = list[tuple[Change, Forecast] | None]()
+        for changes in filter(None, ([*filter(expected, kind)] for kind in kinds)):
+            if found and stop.reached():
+                break
+            found.append(self._first(changes, seconds, stop))
+        if not any(found) and not (found and stop.reached()):
+            found = [self._first([*filter(expected, together)], seconds, stop)]
         return [tried for tried in found if tried is not None]
 
     def _first(
-        self, changes: "Sequence[Change]", seconds: float
+        self, changes: "Sequence[Change]", seconds: float, stop: Stop
     ) -> "tuple[Change, Forecast] | None":
         """Returns the first change that fits; after a few that do not there is none."""
-        for change in changes[:_TRIES]:
+        for number, change in enumerate(changes[:_TRIES]):
+            if number and stop.reached():
+                return None
             try:
                 with without_warnings("cocap_opt.scenarios"):
                     forecast = Forecast.of(Model(change.scene(self.path, self.seed)))
@@ -216,6 +233,7 @@ def warn_of_limit(
     seed: int | None = None,
     option: str = "--time-limit",
     scene: str = "",
+    watch: Watch | None = None,
 ) -> None:
     """Warns, before coverage begins, of a limit in which it will hardly be done.
 
@@ -224,7 +242,10 @@ def warn_of_limit(
     Parameters
     ----------
     method : that needs the coverage; those that evaluate single views do not
+    watch : shows that no limit counts this
     """
+    if watch is not None:
+        watch.show(_BEFORE)
     if record_of(method).lazy or _is_little(compiled(problem), seconds):
         return
     try:

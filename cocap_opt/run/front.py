@@ -366,7 +366,8 @@ class Front:
         """Yields sentences: what counts as a view, what is proved, and of the share asked for."""
         if not self.plans:
             none = "there is no plan that obeys the rules: that is proved"
-            yield none if self.no_plan else "no plan that obeys the rules was found"
+            found = "no plan that obeys the rules was found; a longer time limit may find one"
+            yield none if self.no_plan else found
             return
         yield (
             f"views: drones that see a person, at most {self.views.cameras} counted, over all "

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from msgspec import UNSET
 
 from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, GapRow
-from cocap_opt.output.printing import Listing, Marked, Record
+from cocap_opt.output.printing import Listing, Marked, Record, counted
 from cocap_opt.problem.plan import NO_PLAN
 from cocap_opt.result import Reason
 from cocap_opt.stop import NO_LIMIT
@@ -31,10 +31,11 @@ _SPARE = (
     "reward_rendered", "reward",
 )  # fmt: skip
 _SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
-_SPARE_CAMERAS = ("plans", "by three (%)", "error (mm)")
+_SPARE_CAMERAS = ("plans", "by three (%)", "median error (mm)")
 _SEEN = (
     "By two, by three: share of person-steps at which so many drones or more see the person; "
-    "error: that of a point which half of them do not exceed. `cocap-opt quality` tells more.",
+    "median error: that of a point which half of all person-steps do not exceed, the median over "
+    "plans. `cocap-opt quality` tells more.",
 )
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
@@ -51,7 +52,7 @@ def print_gap_table(rows: Sequence[GapRow], verbose: bool = False) -> None:
     if len(rows) > len(means):
         Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
     if cameras := _cameras(rows):
-        listing = Listing("cameras on people: means of plans that obey the rules", cameras)
+        listing = Listing("cameras on people: mean shares and median error of plans", cameras)
         listing = listing.fitted(_SPARE_CAMERAS, "--json or --out DIR")
         listing._replace(notes=[*listing.notes, *_SEEN]).print()
 
@@ -125,7 +126,8 @@ def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
     for row in cut[:_NAMED]:
         yield f"{_CUT} {row.planner} on {_case(row)}: {row.cut_short}."
     if len(cut) > _NAMED:
-        yield f"{_CUT} {len(cut) - _NAMED} more plans were cut short; --json or --out DIR has all."
+        others = counted(len(cut) - _NAMED, "more plan")
+        yield f"{_CUT} Cut short, too: {others}; --json or --out DIR has all."
 
 
 def _shown(row: GapRow, key: str) -> object:
@@ -221,7 +223,7 @@ def _means(rows: Sequence[GapRow]) -> list[Record]:
 
 
 def _cameras(rows: Sequence[GapRow]) -> list[Record]:
-    """Returns means of the quality of plans, of each scene and planner that has any."""
+    """Returns mean shares and the median error of plans, of each scene and planner that has any."""
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
         filmed = [row for row in group if row.valid and row.seen_by_two is not None]
@@ -233,7 +235,7 @@ def _cameras(rows: Sequence[GapRow]) -> list[Record]:
                     "plans": len(filmed),
                     "by two (%)": _rounded(_mean(filmed, "seen_by_two"), 100),
                     "by three (%)": _rounded(_mean(filmed, "seen_by_three"), 100),
-                    "error (mm)": _rounded(_mean(filmed, "median_error")),
+                    "median error (mm)": _rounded(GapRow.middle_error(filmed)),
                 }
             )
     return table

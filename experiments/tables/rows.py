@@ -9,6 +9,7 @@ every bound is certified, but that of brute force, whose row says so in `message
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from statistics import median_low
 from typing import Annotated, Any, Self
 
 from msgspec import UNSET, UnsetType
@@ -113,7 +114,8 @@ class PlanRow:
         _Number,
         TableColumn(
             "RMS error of a point, by what all drones see of it, that half of all person-steps do "
-            "not exceed; empty where more of them have none that is finite.",
+            "not exceed; empty where more of them have none that is finite. Tables of several "
+            "plans have the median over them.",
             unit="mm",
         ),
     ] = None
@@ -408,6 +410,18 @@ class GapRow(BoundColumns, PlannedRow):
     def percent(rows: "Sequence[GapRow]", name: str) -> list[float]:
         """Returns the shares that rows have in a column, in %."""
         return [100 * value for value in GapRow.values(rows, name)]
+
+    @staticmethod
+    def middle_error(rows: "Sequence[GapRow]") -> float | None:
+        """Returns the median (mm) of the errors of plans, one or more; None if it is infinite.
+
+        All tables have it, not the mean: a plan's is infinite where more than half of its
+        person-steps have no finite one.
+        """
+        error = median_low(
+            math.inf if row.median_error is None else row.median_error for row in rows
+        )
+        return finite(error)
 
     def _plain(self, name: str) -> object:
         value = getattr(self, name)

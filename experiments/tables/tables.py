@@ -8,7 +8,7 @@ rows whose values are already text, so that all formats show the same.
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from statistics import median, median_low
+from statistics import median
 from typing import TYPE_CHECKING
 
 from cocap_opt.experiments.tables.rows import GapRow
@@ -212,22 +212,20 @@ def _price_table(rows: Sequence[GapRow]) -> Table:
 def _camera_table(rows: Sequence[GapRow]) -> Table:
     """Returns which share of person-steps several drones see, and how accurately, by planner.
 
-    Only plans that obey the rules count. The error is the median of those of plans; a plan's is
-    infinite where more than half of its person-steps have none that is finite.
+    Only plans that obey the rules count. The error is the median of those of plans.
     """
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
         filmed = [row for row in group if row.valid and row.seen_by_two is not None]
-        errors = [math.inf if (e := row.median_error) is None else e for row in filmed]
         if filmed:
-            error = median_low(errors)
+            error = GapRow.middle_error(filmed)
             table.append(
                 {
                     "scene": scene,
                     "planner": planner,
                     "seen by two (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_two")),
                     "seen by three (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_three")),
-                    "median error (mm)": f"{error:,.0f}" if error < math.inf else NONE,
+                    "median error (mm)": NONE if error is None else f"{error:,.0f}",
                     "plans": str(len(filmed)),
                 }
             )

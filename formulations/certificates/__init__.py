@@ -25,7 +25,7 @@ The upper storey, the folder `staged`, checks staged certificates by searches, i
 and 660 more that are compiled. It is loaded only where one of these is checked or made. `checking`
 opens it, in one place.
 
-Below both, the trusted core, about 6,000 lines:
+Below both, the trusted core, about 6,700 lines:
 
 - `problem`: `actor`, `airspace`, `camera`, `checks`, `homes`, `motion`, `objective`, `plan`,
   `problem`, `refusals`, `robot`, `rules`, `scene`, `shapes`, `starts`, `takes`; the scene, and
@@ -65,7 +65,7 @@ Libraries that have to be trusted, too:
 
 - lower storey: `numpy`, `msgspec`, which decodes files, `psutil`, which says how much memory is
   free, `scipy`, where a scene has meshes, `embreex`, where these are not convex, and
-  `matplotlib`, where something is drawn. `numba` is never loaded here.
+  `matplotlib` and `shapely`, where something is drawn. `numba` is never loaded here.
 - upper storey: these, and numba where it is installed and wanted.
 """
 

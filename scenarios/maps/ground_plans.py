@@ -24,6 +24,7 @@ from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WKT, Kind, kind_of_text
 from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent
 from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
+from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
 from cocap_opt.scenarios.tables import PER_METRE, Point
 
@@ -216,7 +217,7 @@ def _of_polygons(
             )
         shown = tuple(_shown(item.properties) for item, _ in kept) if kind == GEOJSON else ()
         return GroundPlan((), polygons, tuple(extents), shown, tuple(notes))
-    parts = [part for polygon in polygons for part in _polygons(polygon)]
+    parts = [part for polygon in polygons for part in polygons_of(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     outside = tuple(Polygon(part.exterior) for part in parts)
     return GroundPlan(outside, tuple(holes), notes=tuple(notes))
@@ -238,7 +239,7 @@ def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str],
                 f"{kind.name}: rings must end at the point where they begin"
             ) from error
         raise ProblemError(f"cannot be read as {kind.name}, which is such as {_SOUND}") from error
-    parts = [part for part in _parts(geometry) if not part.is_empty]
+    parts = list(parts_of(geometry))
     others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
     polygons = [
         FoundPolygon(_without_flat_holes(part), "", {})
@@ -281,17 +282,3 @@ def _require_points(polygons: Sequence[Polygon]) -> None:
     """Raises a ProblemError if polygons are endless."""
     if not np.abs(shapely.get_coordinates(polygons)).max() <= LARGEST:  # true for nan, too
         raise ProblemError(f"coordinates: must be finite numbers within +-{LARGEST:g} m")
-
-
-def _parts(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
-    """Yields the single geometries of one that may be nested."""
-    if hasattr(geometry, "geoms"):
-        for part in geometry.geoms:
-            yield from _parts(part)
-    else:
-        yield geometry
-
-
-def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:
-    """Yields the polygons of one that has been made sound, without lines that were left of it."""
-    yield from (part for part in _parts(geometry) if isinstance(part, Polygon))

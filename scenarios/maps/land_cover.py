@@ -13,6 +13,7 @@ from cocap_opt.problem.land_cover import LANDS, Land, LandCover
 from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import GEOJSON, JSON
 from cocap_opt.scenarios.maps.geojson import read_geojson
+from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
 from cocap_opt.scenarios.tables import Table, Unit
 from cocap_opt.scenarios.text import naming, read_text
@@ -65,7 +66,7 @@ class LandCoverTable(Table):
         for item, polygon in zip(found, polygons, strict=True):
             word, name = item.properties.get(self.property), item.properties.get("name")
             kind = self.kinds.get(str(word)) or _BY_WORD.get(str(word))
-            shown = () if polygon is None else _parts(shapely.make_valid(polygon) & frame)
+            shown = () if polygon is None else [*polygons_of(shapely.make_valid(polygon) & frame)]
             if kind is None and shown:
                 others[str(word)] += 1
             areas += (
@@ -90,9 +91,3 @@ def _area(polygon: Polygon, kind: Land, name: str | None) -> LandCover:
     rings = (polygon.exterior, *polygon.interiors)
     outline, *holes = (shapely.get_coordinates(ring)[:-1] for ring in rings)
     return LandCover(kind=kind, outline=outline, holes=tuple(holes), name=name)
-
-
-def _parts(area: shapely.Geometry) -> list[Polygon]:
-    """Returns the polygons of an area, without points and lines."""
-    parts = getattr(area, "geoms", (area,))
-    return [part for part in parts if isinstance(part, Polygon) and part.area > 0]

@@ -7,12 +7,14 @@ import numpy as np
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import JSON, WKT
 from cocap_opt.scenarios.maps.building_heights import Extent
 from cocap_opt.scenarios.maps.ground_plans import GroundPlan, Meaning, ground_plan
+from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.scenarios.tables import (
     Coordinate,
     Length,
@@ -109,7 +111,7 @@ def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
     if not bottom < height:
         raise ProblemError(f"height: must be above {bottom:g} m, not {height:g}")
     # A point that is repeated would make a side of no length, which is no side of a solid.
-    parts = [shapely.remove_repeated_points(part) for part in _polygons(area) if part.area > 0]
+    parts = [orient(shapely.remove_repeated_points(part)) for part in polygons_of(area)]
     if not parts:
         raise ProblemError("must have an area")
     flat = [_triangles(part) for part in parts]
@@ -126,17 +128,11 @@ def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
     return Mesh(vertices=vertices, triangles=triangles.reshape(-1, 3))
 
 
-def _polygons(area: BaseGeometry) -> list[Polygon]:
-    if isinstance(area, Polygon):
-        return [shapely.geometry.polygon.orient(area)]
-    parts = getattr(area, "geoms", ())
-    return [polygon for part in parts for polygon in _polygons(part)]
-
-
 def _triangles(polygon: Polygon) -> list[FloatArray]:
     """Cuts a polygon into triangles [3, 2], counter-clockwise."""
-    pieces = _polygons(shapely.constrained_delaunay_triangles(polygon))
-    return [np.asarray(piece.exterior.coords)[:3] for piece in pieces]
+    pieces = shapely.constrained_delaunay_triangles(polygon).geoms
+    triangles = (orient(piece) for piece in pieces if isinstance(piece, Polygon))
+    return [np.asarray(triangle.exterior.coords)[:3] for triangle in triangles]
 
 
 def _side(ring: FloatArray, bottom: float, height: float) -> FloatArray:

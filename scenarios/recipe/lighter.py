@@ -68,7 +68,7 @@ class Change(NamedTuple):
 
 
 def lighter(path: Path, problem: Problem) -> list[list[Change]]:
-    """Returns changes of a recipe, a list for each kind of them.
+    """Returns changes of a recipe, a list for each kind; first those that are soon tried.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def lighter(path: Path, problem: Problem) -> list[list[Change]]:
     """
     recipe = decoded(path)
     return [
-        list(_windows(recipe, problem)),
         list(_resolutions(recipe, problem)),
         list(_fewer(recipe, "layers")),
-        list(_fewer(recipe, "tilts")),
+        list(_windows(recipe, problem)),
         list(_fewer(recipe, "headings")),
+        list(_fewer(recipe, "tilts")),
     ]
 
 

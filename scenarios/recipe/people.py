@@ -23,6 +23,7 @@ from cocap_opt.scenarios.tables import (
     TimeUnit,
     Unit,
 )
+from cocap_opt.scenarios.text import rectangle
 from cocap_opt.scenarios.tracks import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 from cocap_opt.scenarios.tracks.times import SINCE_1970, Epoch, likely_unit
 
@@ -33,6 +34,7 @@ IMPOSSIBLE = 100.0  # m/s; above it a unit, a frame rate or a step is wrong
 
 Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
 
+_REACH = 100.0  # m off the map; nobody farther away is filmed from above it
 _MOSTLY = 0.5  # of all ways between rows, from which on rows are too far apart for anything
 _LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
 _LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
@@ -88,6 +90,8 @@ class TracksTable(Table):
         names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
         if warning := _pace_warning(names, actors, step, causes):
             log.warning("%s: %s", self._named, warning)
+        shown = [f"file: {self._named}: {name}" for name in names]
+        _require_near_map(shown, actors, terrain, "`at` moves people, `origin` of [map] the map")
         clock = chosen[0].clock
         return actors, clock and clock.later(begin)
 
@@ -244,7 +248,7 @@ class WalkTable(Table):
         Raises
         ------
         ProblemError
-            If the way begins beyond its end, or nobody could be so fast.
+            If the way begins beyond its end, is far off the map, or nobody could be so fast.
         """
         if self.speed > IMPOSSIBLE:  # a short way may end before it shows
             raise ProblemError(f"speed: must be at most {IMPOSSIBLE:g} m/s, not {self.speed:g}")
@@ -258,6 +262,7 @@ class WalkTable(Table):
         walk = f"the walk of {self.name}" if self.name else f"the walk from ({x:.9g}, {y:.9g}) m"
         if warning := _pace_warning([walk], [actor], step, "speed and step"):
             log.warning("%s", warning)
+        _require_near_map(["points:"], [actor], terrain, "`origin` of [map] moves the map")
         if words := self._rest(step * steps):
             log.warning("%s %s", walk, words)
         return actor
@@ -329,6 +334,28 @@ def _is_there(track: Track, begin: float, seconds: float) -> bool:
 def _listed(tracks: list[Track]) -> str:
     shown = ", ".join(str(track.id) for track in tracks[:5])
     return shown + (f" and {len(tracks) - 5} more" if len(tracks) > 5 else "")
+
+
+def _require_near_map(
+    names: Sequence[str], actors: Sequence[Actor], terrain: Terrain, way_out: str
+) -> None:
+    """Refuses people who are far off the map at all steps; who walks into it or out of it may.
+
+    Parameters
+    ----------
+    names : of the people, as messages have them
+    way_out : what moves people or the map, in words
+    """
+    first, last = terrain.height_map.ends
+    for name, actor in zip(names, actors, strict=True):
+        points = actor.poses[:, :2]
+        away = np.hypot(*(points - points.clip(first, last)).T)
+        if away.min() > _REACH:
+            x, y = points[away.argmin()].tolist()
+            raise ProblemError(
+                f"{name} must come within {_REACH:g} m of the map, {rectangle(first, last)}, but "
+                f"({x:.9g}, {y:.9g}) m is the nearest, {away.min():.4g} m away; {way_out}"
+            )
 
 
 def _pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, causes: str) -> str:

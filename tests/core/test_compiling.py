@@ -4,6 +4,7 @@ import logging
 import os
 import subprocess
 import sys
+import time
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 from cocap_opt.compiling import Kernel, apart, functions, kernel, marks
 from cocap_opt.compiling.functions import CompilingError
-from cocap_opt.stop import Interrupt, Limit, LimitReached, Stop, never
+from cocap_opt.stop import FirstOf, Interrupt, Limit, LimitReached, Stop, TimeLimit, never
 
 MODULE = "cocap_opt.graph.sweep_kernel"
 
@@ -291,10 +292,10 @@ def compiles_for_ever(use: Kernel, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(use, "_made", compile_)
 
 
-def test_who_has_waited_as_long_as_numpy_takes_waits_no_longer(
+def test_compiling_is_given_up_at_last(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Other machines, and those with much else to do, compile several times as long."""
+    """Machines with much else to do compile several times as long, but not for ever."""
     use = Kernel(MODULE, "value iteration", 0.0)
     compiles_for_ever(use, monkeypatch)
     with caplog.at_level(logging.WARNING):
@@ -302,6 +303,30 @@ def test_who_has_waited_as_long_as_numpy_takes_waits_no_longer(
             use.prepare(0.01, never)
     assert use.has_failed and not use.is_loaded
     assert caplog.text.count("compiling takes long here; `cocap-opt compile` does it ahead") == 1
+
+
+def test_time_limits_do_not_count_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a machine with much else to do it may take longer than the limit of a plan."""
+    use, limit = Kernel(MODULE, "value iteration", 0.0), TimeLimit(5.0)
+    compiles_for_ever(use, monkeypatch)
+    monkeypatch.setattr(use, "_made", lambda stop: time.sleep(0.3))
+    left = limit.seconds_left
+    use.prepare(100.0, FirstOf(never, limit).before(0.1))
+    assert use.is_loaded and left - limit.seconds_left < 0.2
+
+
+def test_a_paused_limit_goes_on_where_it_was() -> None:
+    """Inside it is not reached; pauses may lie in each other, and an interrupt is none of them."""
+    limit, interrupt = TimeLimit(0.05), Interrupt()
+    both = FirstOf(limit, interrupt)
+    with both.paused(), limit.paused():
+        time.sleep(0.06)
+        assert both.reached() is None
+        interrupt.pressed = True
+        assert both.reached() is Limit.INTERRUPT
+    assert limit.reached() is None
+    time.sleep(0.06)
+    assert limit.reached() is Limit.TIME
 
 
 def test_an_interrupted_kernel_has_not_failed(monkeypatch: pytest.MonkeyPatch) -> None:

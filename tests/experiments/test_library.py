@@ -18,6 +18,7 @@ from cocap_opt.experiments.library.judge import proved
 from cocap_opt.experiments.library.records import MOST_BYTES, Library
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.printing import Record as Row
+from cocap_opt.scenarios import SCENES
 
 LIST = """
 version = "7"
@@ -317,6 +318,12 @@ def test_seeds_for_training_and_for_tests_are_apart() -> None:
             assert all(seed >= FIRST_TEST_SEED for seed in family.test)
     digests = [row.digest for row in library.digests().values()]
     assert len({*digests}) == len(digests)
+
+
+def test_instances_that_are_named_like_a_built_in_scene_are_made_of_it() -> None:
+    """Nobody takes the one for the other."""
+    families = [entry.family for entry in Library(DATA).entries]
+    assert all(made.scene == made.name for made in families if made.name in SCENES)
 
 
 def test_the_library_is_about_a_hundred_instances_from_easy_to_open() -> None:

@@ -253,7 +253,7 @@ def test_cameras_are_counted_of_plans_that_obey_the_rules() -> None:
 def test_the_gap_table_has_a_second_one_of_cameras(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It fits a terminal; a mean of errors, one of which is infinite, is none."""
+    """It fits a terminal, and has the median of errors that `table` has, of the same name."""
     monkeypatch.setenv("COLUMNS", "80")
     rows = [
         row("a", 0, 80.0, seen_by_two=0.5, seen_by_three=0.25, median_error=20.0),
@@ -264,7 +264,10 @@ def test_the_gap_table_has_a_second_one_of_cameras(
     _, title, text = capsys.readouterr().out.rpartition("cameras on people")
     assert title and max(len(line.rstrip()) for line in text.splitlines()) <= 80
     lines = [line.split()[-5:] for line in text.splitlines() if "a|b & c" in line]
-    assert lines == [["a", "1", "50", "25", "20"], ["b", "2", "60", "30", "-"]]
+    assert lines == [["a", "1", "50", "25", "20"], ["b", "2", "60", "30", "20"]]
+    words = " ".join(text.split())
+    assert "median error (mm)" in words
+    assert Tables.of(rows)["Cameras on people"][1]["median error (mm)"] == "20"
     print_gap_table(ROWS)
     assert "cameras" not in capsys.readouterr().out
 

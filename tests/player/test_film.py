@@ -48,7 +48,12 @@ def test_pictures_are_evenly_apart_from_the_first_step_to_the_last(
         (["-o", "film.webm", "--size", "1281x720"], "--size: must be two even numbers"),
         (["-o", "film.webm", "--speed", "0"], "--speed: must be 0.1..60 steps a second, not 0"),
         (["-o", "film.webm", "--steps", "3"], "--steps: needs a plan, and a picture: players and"),
-        (["-o", "plan.png", "--speed", "3"], "--view, --size, --speed: are of films, such as film"),
+        (
+            ["-o", "plan.png", "--speed", "3"],
+            "--speed: must be left out for .png, which is no film",
+        ),
+        (["-o", "plan.pdf", "--time-limit", "3"], "--time-limit: must be left out for .pdf"),
+        (["-o", "plan.html", "--view", "3d", "--time-limit", "3"], "--view, --time-limit: must be"),
         (["-o", "film.webm", "--time-limit", "-1"], "--time-limit: must be a number of seconds"),
     ],
 )

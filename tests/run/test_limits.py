@@ -22,11 +22,12 @@ from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, room_of
 from cocap_opt.model.coverage_tables import BYTES_PER_STATE, CoverageTables
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Ending, Plan
+from cocap_opt.result import Result
 from cocap_opt.run import forecast
 from cocap_opt.run.forecast import Forecast, RecipeTrial, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
-from cocap_opt.stop import Limit, Reason
+from cocap_opt.stop import Limit, Reason, TimeLimit
 from cocap_opt.vision.coverage import GrowingTable
 
 RECIPE = """\
@@ -194,7 +195,7 @@ def test_a_resolution_at_which_drones_fly_farther_says_so(town: Path) -> None:
     """A step of three cells is one of two that are 1.5 times as large; one of one cell is not."""
     for radius, first in ((3, "radius = 2 in [drones.motion]"), (1, "1.5 times as far in a step)")):
         town.write_text(RECIPE.replace("radius = 3", f"radius = {radius}"))
-        assert lighter(town, load_scene(str(town)))[1][0].words.endswith(first)
+        assert lighter(town, load_scene(str(town)))[0][0].words.endswith(first)
 
 
 def written_into(recipe: str, words: str) -> str:
@@ -239,6 +240,8 @@ def test_changes_that_fit_alone_are_the_mildest_of_their_kind(
     [(change, found)] = tried.that_fit(now, 6.0)
     assert " and " in change.words
     assert found.fits(6.0)
+    words = [change.words for change, _ in tried.that_fit(now, 120.0, TimeLimit(0))]
+    assert len(words) == 1  # a limit of time ends the trials after the first
 
 
 def test_python_warns_before_coverage_too(
@@ -408,6 +411,16 @@ def test_without_a_limit_nothing_is_cut_short(
     assert code == 2 and "0 or more, or inf for no limit, not nan" in err
     code, _, err = run(capsys, "gap", "tiny-queue", "--time-limit", "inf")
     assert code == 2 and "--time-limit: must be a finite number of seconds" in err
+
+
+def test_a_limit_that_left_no_plan_comes_with_what_to_do() -> None:
+    """So it is if nothing was found and if all drones stay; Ctrl-C has no advice."""
+    ways = "set a larger --time-limit, and run `cocap-opt compile`"
+    found = Result.stopped_without_plan(Limit.TIME)
+    assert found.message.startswith(f"no plan was found before the time limit: {ways}")
+    assert ways in co.plan(load_scene("corridor"), "sequential", time_limit=0).message
+    assert Result.stopped_without_plan(Limit.WORK).message.endswith("set a larger --work-limit")
+    assert Result.stopped_without_plan(Limit.INTERRUPT).message.endswith("the interrupt limit")
 
 
 def test_results_say_first_that_a_limit_cut_them_short() -> None:

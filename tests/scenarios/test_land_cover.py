@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely import Polygon, contains_xy
+from shapely import (
+    GeometryCollection,
+    LineString,
+    MultiPolygon,
+    Polygon,
+    box,
+    contains_xy,
+    make_valid,
+)
 from strategies import examples
 
 from cocap_opt.data import ProblemError
@@ -17,6 +25,7 @@ from cocap_opt.player.player import Player
 from cocap_opt.problem import LandCover, Problem
 from cocap_opt.problem.land_cover import LANDS, in_cells
 from cocap_opt.scenarios.earth import same_system, wkt_of_code
+from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.recipe import read
 from cocap_opt.world.workspace import HeightMap
 
@@ -155,3 +164,39 @@ def test_a_system_is_known_by_the_code_it_ends_with(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "rasterio", None)
     assert same_system(wkt, "EPSG:28992")
     assert not same_system(wkt, "EPSG:4289")  # that of the geographic system in it
+
+
+CROSSING = [[1, 1], [5, 5], [5, 1], [1, 5], [1, 1]]  # two triangles
+SPIKED = [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0], [-3, 0], [0, 0]]  # and a line
+
+
+@pytest.mark.parametrize("ring", [CROSSING, SPIKED])
+def test_an_area_that_crosses_itself_keeps_its_parts(
+    ring: list[list[float]], tmp_path: Path
+) -> None:
+    """Mending it may leave polygons in a collection in a collection, with lines beside."""
+    ring = [[float(x) + 3, float(y) + 1] for x, y in ring]
+    areas = scene(tmp_path, feature(ring, kind="green")).land_cover
+    whole = sum(Polygon(area.outline).area for area in areas)
+    assert len(areas) == 2 and whole == pytest.approx(make_valid(Polygon(ring)).area)
+
+
+def test_parts_of_an_area_are_found_however_deep_they_lie() -> None:
+    """Without points, lines, and polygons that are empty or flat."""
+    square, flat = box(0, 0, 1, 1), Polygon([(0, 0), (1, 1), (2, 2)])
+    line = LineString([(0, 0), (1, 1)])
+    nested = GeometryCollection(
+        [line, GeometryCollection([MultiPolygon([square]), flat, Polygon()])]
+    )
+    assert list(polygons_of(nested)) == [square]
+    assert [part.geom_type for part in parts_of(nested)] == ["LineString", "Polygon", "Polygon"]
+
+
+def test_land_of_very_many_corners_is_read_in_a_moment() -> None:
+    """Its sides are in an index: every point was held against each of them before."""
+    angles = np.linspace(0.0, 2 * np.pi, 50_000, endpoint=False)
+    radii = 20 + np.cos(9 * angles)
+    rim = 25 + np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+    area, tried = LandCover(kind="water", outline=rim), [[25.0, 25.0], [25.0, 45.9], [46.5, 25.0]]
+    assert area.holds(np.array(tried)).tolist() == [True, False, False]
+    assert np.hypot(*(np.array(area.label) - 25)) < 1.0

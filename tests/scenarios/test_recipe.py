@@ -479,13 +479,60 @@ def test_views_of_a_recipe_survive_a_file(tmp_path: Path) -> None:
 
 def test_people_off_the_map_are_the_cause(tmp_path: Path) -> None:
     """Drones that find no place near them are not to blame."""
-    text = FLAT.replace("[[5, 6], [15, 6]]", "[[505, 6], [515, 6]]") + "[[drones]]\ncount = 1\n"
+    text = FLAT.replace("[[5, 6], [15, 6]]", "[[105, 6], [115, 6]]") + "[[drones]]\ncount = 1\n"
     words = (
-        "all people are off the map, at x 505..511 and y 6..6 m, so that no drone can start near"
+        "all people are off the map, at x 105..111 and y 6..6 m, so that no drone can start near"
     )
     with pytest.raises(ProblemError, match=words) as error:
         read(write(tmp_path, text))
     assert "the map is x 0..20 and y 0..12 m" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("walk", "refused"),
+    [
+        ("[[1015, 6], [1025, 6]]", True), ("[[1021, 6]]", True), ("[[5, -995]]", True),
+        ("[[100, 6]]", False), ("[[15, 6], [1000, 6]]", False), ("[[1000, 6], [15, 6]]", False),
+    ],
+)  # fmt: skip
+def test_who_is_far_off_the_map_all_the_time_is_refused(
+    walk: str, refused: bool, tmp_path: Path
+) -> None:
+    """Nobody films them; who walks into the map or out of it may, and so may who is near it."""
+    text = FLAT.replace("[[5, 6], [15, 6]]", walk).replace("speed = 1.5", "speed = 99")
+    text = f"step = 10.0\n{text}[[drones]]\nstarts = [{{ x = 5, y = 5 }}]\n"
+    if not refused:
+        assert read(write(tmp_path, text)).actors
+        return
+    words = r"walk.0.: points: must come within 100 m of the map, x 0..20 and y 0..12 m, but \("
+    with pytest.raises(ProblemError, match=words):
+        read(write(tmp_path, text))
+
+
+def test_tracks_far_off_the_map_are_refused_by_file_and_person(tmp_path: Path) -> None:
+    """As where a file is in other coordinates than the map."""
+    (tmp_path / "people.csv").write_text(
+        "id,frame,x,y\n"
+        + "".join(f"{i},{t},{1000 * i + 5},6\n" for i in (0, 1) for t in (0, 1, 2, 3, 4))
+    )
+    text = """
+steps = 2
+[map]
+size = [20, 12]
+[[tracks]]
+file = "people.csv"
+unit = "m"
+fps = 1
+ids = [0, 1]
+[[drones]]
+starts = [{ x = 5, y = 5 }]
+"""
+    words = (
+        r"tracks.0.: file: people.csv: id 1 must come within 100 m .* \(1005, 6\) m .* 985 m away"
+    )
+    with pytest.raises(ProblemError, match=words):
+        read(write(tmp_path, text))
+    assert len(read(write(tmp_path, text.replace("[0, 1]", "[0]"))).actors) == 1
 
 
 def test_holes_are_refused_or_filled(tmp_path: Path) -> None:

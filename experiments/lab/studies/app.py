@@ -61,7 +61,7 @@ Measure planned against rendered coverage.
 Example: cocap-opt study views --scene corridor --poses 100 --out views
 """),
     "solvers": Study("solvers.table:solvers", """\
-Measure bounds and exact methods beside their targets and generic solvers.
+Measure bounds and exact methods beside generic solvers.
 
 Seconds are of processor time, on one thread.
 

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from cyclopts import Parameter
 from scipy.ndimage import median_filter
-from shapely import Point, Polygon, box
+from shapely import Point, box
 
 from cocap_opt.data import FloatArray
 from cocap_opt.files.documents import FileError
@@ -23,6 +23,7 @@ from cocap_opt.output.files import make_folder, read_text, save_files
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios.earth import wkt_of_code
 from cocap_opt.scenarios.maps.geojson import read_geojson
+from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.scenarios.maps.raster_files import read_raster
 
 WINDOW = 84888.0, 447474.0, 85016.0, 447602.0  # m of RD New: x0, y0, x1, y1
@@ -105,8 +106,8 @@ def _features(source: Path) -> Iterator[dict[str, Any]]:
         whole = shapely.transform(found.polygon, lambda points: geodesy.metres(*points.T[::-1]))
         inside = shapely.set_precision(shapely.make_valid(whole).intersection(window), 0.01)
         kind = str(found.properties["kind"])
-        for part in getattr(inside, "geoms", [inside]):
-            if not isinstance(part, Polygon) or part.area < _LEAST_AREA:
+        for part in polygons_of(inside):
+            if part.area < _LEAST_AREA:
                 continue
             name = next((label for label in waiting if part.contains(Point(label.at))), None)
             properties = {"kind": _KINDS.get(kind, kind)}

@@ -14,7 +14,7 @@ from cocap_opt.experiments.lab.studies.quality.rows import PersonStep, PlanRow
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.output.printing import Record, counted
 
-_TARGET = 0.1  # by which the median of measured over predicted may differ from 1
+_NEAR = 0.1  # by which the median of measured over predicted may differ from 1
 _ANGLES = (0, 10, 30, 90)  # degrees
 _COARSE = "tiny-"  # scenes whose cameras have 60 px of focal length
 _LARGE = 100.0  # ratios above it say no more than that
@@ -110,7 +110,7 @@ class _Choice(NamedTuple):
 
 
 def sentences(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> list[str]:
-    """Says if the target is met, what differs, and what speaks for and against J."""
+    """Says how far the error is off, what differs, and what speaks for and against J."""
     return [*_on_accuracy(steps), *_on_objective(plans)]
 
 
@@ -142,11 +142,11 @@ def _on_accuracy(steps: Sequence[PersonStep]) -> list[str]:
     middle = _spread(step.measured / step.middle for step in fine)
     posed = _spread(step.measured_posed / step.predicted_posed for step in fine)
     kept = [step.kept for step in fine]
-    met = "met" if abs(middle[1] - 1) <= _TARGET else "missed"
+    far = "at most" if abs(middle[1] - 1) <= _NEAR else "more than"
     said = [
         f"Over {counted(len(fine), 'person-step')} least squares have {_told(middle)} times the "
-        f"error that is told, that of the middle: the target, a median within "
-        f"{100 * _TARGET:g} %, is {met}. Of the joints' own it is {_told(ratio)} times, and "
+        f"error that is told, that of the middle: the median is off by {far} "
+        f"{100 * _NEAR:g} %. Of the joints' own it is {_told(ratio)} times, and "
         f"{_told(posed)} times with errors of the poses.",
     ]
     if known := [step for step in fine if math.isfinite(step.library)]:

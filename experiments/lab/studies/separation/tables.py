@@ -10,7 +10,7 @@ from cocap_opt.output.printing import counted, markdown_table
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
-_GOAL = 2  # times the time without a separation
+_MUCH = 2  # times the time without a separation
 _PLANNERS = ("cocap", "cocap-lns")
 
 
@@ -38,7 +38,7 @@ def separation_in_markdown(points: Sequence[SeparationPoint]) -> str:
         f"Means over {counted(seeds, 'seed')}, as a range where a proof was stopped.\n\n"
         f"{_table(times)}\n\n"
         "Processor time without a separation (median), and at each separation as a multiple of "
-        f"it (geometric mean; **bold** above the goal of {_GOAL}); \\* where the limit stopped "
+        f"it (geometric mean; **bold** above {_MUCH}); \\* where the limit stopped "
         "some, so that the multiple says little. The gap to the certified bound is the mean over "
         "all of them.\n\n"
         f"{_verdict(points)}\n"
@@ -64,7 +64,7 @@ def _times(points: Sequence[SeparationPoint], planner: str, wide: Iterable[float
         at = [point for point in points if point.separation == apart]
         ratio = _times_the_base(at, points, planner)
         words = f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
-        cells.append((f"**{words}**" if round(ratio, 1) > _GOAL else words) + _star(at, planner))
+        cells.append((f"**{words}**" if round(ratio, 1) > _MUCH else words) + _star(at, planner))
     gap = fmean(relative_gap(_value(point, planner), point.bound) for point in points)
     return [*cells, f"{100 * gap:.2f} %" if math.isfinite(gap) else NONE]
 
@@ -84,7 +84,7 @@ def _times_the_base(
 
 
 def _verdict(points: Sequence[SeparationPoint]) -> str:
-    """Says how often each planner keeps within the goal, in a sentence."""
+    """Says how often each planner takes no more than a few times as long, in a sentence."""
     parts = []
     for planner in _PLANNERS:
         pairs = [(p, p.base(points)) for p in points if p.separation]
@@ -92,10 +92,10 @@ def _verdict(points: Sequence[SeparationPoint]) -> str:
             _seconds(p, planner) / _seconds(base, planner) for p, base in pairs
             if _limit(base, planner) == NO_LIMIT
         ]  # fmt: skip
-        kept = sum(ratio <= _GOAL for ratio in ended)
+        kept = sum(ratio <= _MUCH for ratio in ended)
         parts.append(f"`{planner}` in {kept} of {len(ended)} runs")
     return (
-        f"At most {_GOAL} times the time without a separation, where no limit stopped that: "
+        f"At most {_MUCH} times the time without a separation, where no limit stopped that: "
         f"{' and '.join(parts)}."
     )
 

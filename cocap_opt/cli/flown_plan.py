@@ -1,0 +1,149 @@
+"""A plan that is read and flown for a command that writes its flight, or refused in a line."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from cocap_opt.cli.flight_options import FlightOptions
+from cocap_opt.cli.options import load_planned
+from cocap_opt.data import FieldError, ProblemError
+from cocap_opt.files.documents import FileError
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions import FORMATS, Export, Writer
+from cocap_opt.output.files import GivenPlan, PlanReader, check_output
+from cocap_opt.problem import Plan
+from cocap_opt.run.options import Option, UsageError
+
+_log = logging.getLogger(__name__)
+
+_OF_FLIGHTS = "every", "smooth", "start"
+_PLACES = "earth.crs", "earth.origin"
+
+
+class FlownPlan(NamedTuple):
+    """A plan, its flight, and the content of the files that hold it."""
+
+    given: GivenPlan
+    flight: Flight
+    export: Export
+
+
+class Order(NamedTuple):
+    """A plan that is to be flown, and the file that is to hold its flight.
+
+    Attributes
+    ----------
+    suffix : of the output, one of FORMATS
+    start : the time of step 0, as it is given
+    every : s between rows; None: as is usual
+    local : without latitudes and longitudes
+    hovering : also if no drone moves
+    """
+
+    scene: str
+    seed: int
+    plan: Path
+    output: Path
+    suffix: str
+    flown: FlightOptions
+    start: str | None = None
+    every: float | None = None
+    local: bool = False
+    hovering: bool = False
+
+    def carried_out(self, write: Writer) -> FlownPlan:
+        """Reads the plan, flies it, and writes the content of its files.
+
+        Raises
+        ------
+        UsageError
+            If an option does not fit the format; one line.
+        FileError
+            If the plan cannot be read or flown; one line, with what would do.
+        """
+        form, begins = FORMATS[self.suffix], None
+        if self.start is not None:
+            begins = _start_of(self.start, self.suffix, form.has_dates)
+        _require_spacing(self.every)
+        if self.local and form.on_earth:
+            raise UsageError(
+                f"--local: must be left out for {self.suffix}, which has places on the Earth"
+            )
+        check_output(self.output, self.scene, self.plan)
+        given = PlanReader(self.scene, load_planned(self.scene, self.seed)).plan(
+            self.plan, any_objective=True
+        )
+        if form.takes_off and given.problem.begins_in_the_air:
+            raise UsageError(
+                f"-o: must not end with {self.suffix}, for these missions take off, and the scene "
+                "is the rest of a mission whose drones are in the air; .csv has their places"
+            )
+        with self.in_words():
+            flight = self.flown.flight(given.problem, given.plan, self.local)
+            flight = flight._replace(start=begins, cut_short=given.cut_short)
+            export = write(flight, self.every)
+        _require_motion(self.plan, given.plan, given.cut_short, self.hovering)
+        for warning in export.warnings:
+            _log.warning("%s", warning)
+        return FlownPlan(given, flight, export)
+
+    @contextmanager
+    def in_words(self) -> Iterator[None]:
+        """Turns errors of flights into those that name the option or the file to be changed."""
+        try:
+            yield
+        except ProblemError as error:
+            raise self._named(error) from error
+
+    def _named(self, error: ProblemError) -> Exception:
+        field = error.field if isinstance(error, FieldError) else None
+        if field in _OF_FLIGHTS or (field == "step" and self.flown.step is not None):
+            return UsageError(f"--{error}")
+        if field in ("earth", "step") or (field or "").startswith("robots["):
+            return FileError(f"{self.scene}: {error}")
+        if field == "crs":  # something of the scene is where its system is not defined
+            return FileError(f"{self.scene}: earth.{error}")
+        if field in _PLACES:
+            is_needed = FORMATS[self.suffix].on_earth
+            way_out = "" if is_needed else "; --local leaves latitudes and longitudes out"
+            return FileError(f"{self.scene}: {error}{way_out}")
+        return FileError(f"{self.plan}: {error}")
+
+
+def _start_of(text: str, suffix: str, is_dated: bool) -> datetime:
+    """Returns the time at which a flight starts, for a file of some ending."""
+    if not is_dated:
+        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
+    try:
+        found = datetime.fromisoformat(text)
+        if found.tzinfo is not None:
+            found.astimezone(UTC)  # which may be out of range
+            return found
+    except (ValueError, OverflowError):
+        pass
+    raise UsageError(
+        f"--start: must be a date and a time with its offset from UTC, such as "
+        f"2026-05-01T10:00:00+02:00 or 2026-05-01T08:00:00Z, not {text[:40]!r}"
+    )
+
+
+def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> None:
+    """Refuses a plan in which no drone moves, unless that is asked for; warns of one cut short."""
+    if plan.stays and not hovering:
+        why, longer = cut_short or "all drones stay at their starts", ""
+        if cut_short:
+            longer = "a longer --time-limit of `plan` may give one that moves, "
+        raise FileError(f"{path}: no drone moves ({why}); {longer}--hovering flies it as it is")
+    if cut_short:
+        _log.warning(
+            "%s: %s; a longer --time-limit of `plan` may give a better one", path, cut_short
+        )
+
+
+def _require_spacing(every: float | None) -> None:
+    """Refuses rows that are no seconds apart."""
+    if every is not None and not Option("--every").require_seconds(every) > 0:
+        raise UsageError("--every: must be more than 0 seconds")

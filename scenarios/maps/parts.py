@@ -1,0 +1,22 @@
+"""The parts of areas: an operation on polygons may give polygons, lines and points, nested."""
+
+from collections.abc import Iterator
+
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+
+def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
+    """Yields the single geometries of one that may be a collection of collections."""
+    if hasattr(geometry, "geoms"):
+        for part in geometry.geoms:
+            yield from parts_of(part)
+    elif not geometry.is_empty:
+        yield geometry
+
+
+def polygons_of(geometry: BaseGeometry) -> Iterator[Polygon]:
+    """Yields the polygons of an area, without those of no area, and without lines and points."""
+    for part in parts_of(geometry):
+        if isinstance(part, Polygon) and part.area > 0:
+            yield part
