@@ -53,7 +53,7 @@ class Touchdown(NamedTuple):
 
     @property
     def what(self) -> str:
-        """What the drone stands on, in words."""
+        """The ground or the thing on which the drone stands."""
         if self.is_raised:
             return "a roof" if self.land == "building" else "an obstacle"
         if self.land == "building":

@@ -100,7 +100,7 @@ def _rim(rim: FloatArray, field: str) -> FloatArray:
 
 
 def lands_at(areas: Sequence[LandCover], points: FloatArray) -> list[Land | None]:
-    """Returns what covers each of some points [n, 2] (m); None where that is unknown.
+    """Returns the kind of land at each of some points [n, 2] (m); None where that is unknown.
 
     Of areas that lie on each other the last one counts.
     """
