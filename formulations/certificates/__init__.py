@@ -25,7 +25,7 @@ The upper storey, the folder `staged`, checks staged certificates by searches, i
 and 660 more that are compiled. It is loaded only where one of these is checked or made. `checking`
 opens it, in one place.
 
-Below both, the trusted core, about 6,000 lines:
+Below both, the trusted core, about 6,700 lines:
 
 - `problem`: `actor`, `airspace`, `camera`, `checks`, `homes`, `motion`, `objective`, `plan`,
   `problem`, `refusals`, `robot`, `rules`, `scene`, `shapes`, `starts`, `takes`; the scene, and
