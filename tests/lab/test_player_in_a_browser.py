@@ -692,11 +692,11 @@ CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
   return write.call(this, text, ...more);
 };
 """
-CUT = """
+CUT = """(
 [...document.querySelectorAll('header *, .head *, .facts *, .about *, .chip *, #tabs *')].filter(
   (box) => box.clientWidth && box.scrollWidth > box.clientWidth + 1 && box.tagName !== 'CANVAS'
     && getComputedStyle(box).display !== 'inline' && !box.closest('.scalebar')
-).map((box) => `${box.className} ${box.textContent}`)"""
+).map((box) => `${box.className} ${box.textContent}`))"""
 
 
 @pytest.mark.slow
