@@ -9,5 +9,6 @@ images; `earth` gives latitudes and longitudes; `delays` says how far drones may
 `robustness` what becomes of a flight that is not as planned. `bernstein` has the polynomials of
 them all. `flights` puts them together: the `Flight` of a plan, checked for being flown, in the
 scene that `flight_scene` makes of a problem; `changes` has a row for each change it meets.
-`ways` leads drones from home to the first places and back, and counts their batteries.
+`ways` leads drones from home to the first places and back, and counts their batteries;
+`touchdowns` warns of roofs, obstacles and water on which they take off or land.
 """

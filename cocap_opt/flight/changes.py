@@ -13,6 +13,7 @@ from cocap_opt.problem.takes import told_take
 
 KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
+TIGHT = 1.0  # s; a crew's clock counts whole seconds, so nobody sees that somebody is less late
 MOST_ASIDE = 100.0  # m
 _TOUCH = 1e-6  # cm, less is rounding
 
@@ -187,6 +188,24 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
             f"delay tolerance to people: {kept} while none is {delay:.2f} s or more ahead of them "
             "or behind"
         )
+
+
+def tight_timing(flight: Flight) -> Iterator[str]:
+    """Yields the distances that are lost if somebody is late by less than a crew can see."""
+    problem = flight.flown.problem
+    for kept, delay, nobody in (
+        (f"drones keep the {problem.rules}", tolerated_delay(flight),
+         "no drone is {} or more late"),
+        (f"drones keep {problem.airspace.told_people}", tolerated_delay_of_people(flight),
+         "nobody, drone or person, is {} or more early or late"),
+    ):  # fmt: skip
+        if delay is not None and delay < TIGHT:
+            only = (
+                f"while {nobody.format(f'{delay:.2f} s')}"
+                if delay
+                else "if all are exactly on time"
+            )
+            yield f"{kept} only {only}: less than the {TIGHT:g} s that a crew's clock shows"
 
 
 def written_delay(delay: float | None) -> float | str | None:

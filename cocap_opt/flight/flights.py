@@ -221,12 +221,7 @@ class Flight(NamedTuple):
             yield (
                 "speed is discontinuous at each step and acceleration was not checked; use --smooth"
             )
-        least = self.flown.least_distance()
-        if not problem.rules.separation and math.isfinite(least):
-            yield (
-                "the scene's rules ask for no distance between drones between the steps: they come "
-                f"within {least:.2f} m of each other"
-            )
+        yield from self.near_without_rule()
         if any(robot.motion.corner_cutting for robot in problem.robots):
             yield "the scene lets drones cut corners: walls were checked at the steps only"
         if all(robot.limits is None for robot in problem.robots):
@@ -237,6 +232,15 @@ class Flight(NamedTuple):
             yield self.geodesy_note(self.geodesy)
         if problem.earth is not None and problem.earth.heights is None:
             yield "height datum unknown; set `heights` under [earth] of a recipe"
+
+    def near_without_rule(self) -> Iterator[str]:
+        """Yields how near drones come to each other, where no rule asks for a distance."""
+        least = self.flown.least_distance()
+        if not self.flown.problem.rules.separation and math.isfinite(least):
+            yield (
+                "the scene's rules ask for no distance between drones between the steps: they come "
+                f"within {least:.2f} m of each other"
+            )
 
     def geodesy_note(self, geodesy: Geodesy) -> str:
         """Says that y goes to the grid's north, and how far that is from the true one."""

@@ -214,7 +214,8 @@ class Quality:
         --------
         >>> co.quality(problem, result).plot().figure.savefig("cameras.pdf")
         """
-        return draw_strip(ax, self.people, self.views, self.counts, self.times)
+        share = self.assumptions.at_least
+        return draw_strip(ax, self.people, self.views, self.counts, self.times, share)
 
     def __str__(self) -> str:
         return self.words(USUAL_WIDTH)

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     from cocap_opt.problem.pictures import WholeAxes
 
-# Fill, colour and pattern of hatching, name: by no camera, one, two, three or more. Grey prints and
-# colour-blind readers tell them apart by hatching and by light.
+# Fill, colour and pattern of hatching, name: by no camera (which `_draw_legend` names), one, two,
+# three or more. Grey prints and colour-blind readers tell them apart by hatching and by light.
 _KINDS = (
-    ("#b0122b", "white", "////", "no camera"),
+    ("#b0122b", "white", "////", ""),
     ("#f2a233", "black", "...", "one"),
     ("#a5d3ea", "white", "", "two"),
     ("#1c5c9e", "white", "", "three or more"),
@@ -38,6 +38,7 @@ def draw_strip(
     views: IntArray,
     counts: BoolArray,
     times: FloatArray | None,
+    at_least: float,
 ) -> WholeAxes: ...
 
 
@@ -48,6 +49,7 @@ def draw_strip(
     views: IntArray,
     counts: BoolArray,
     times: FloatArray | None,
+    at_least: float,
 ) -> Axes: ...
 
 
@@ -57,6 +59,7 @@ def draw_strip(
     views: IntArray,
     counts: BoolArray,
     times: FloatArray | None,
+    at_least: float,
 ) -> Axes:
     """Draws a row for each person of whom any step counts, and returns the axes.
 
@@ -67,6 +70,7 @@ def draw_strip(
     views : [T+1, A] number of drones that see each person
     counts : [T+1, A] true for the person-steps that count; others are pale
     times : [T+1] s; None where steps have no seconds
+    at_least : share of a person from which on a camera counts, which the legend says
     """
     shown = [j for j in range(len(people)) if counts[:, j].any()]
     ax = _new_axes(len(shown)) if ax is None else ax
@@ -82,7 +86,7 @@ def draw_strip(
     ax.tick_params(axis="y", length=0)
     for side in ax.spines.values():
         side.set_visible(False)
-    _draw_legend(ax)
+    _draw_legend(ax, at_least)
     return ax
 
 
@@ -100,7 +104,7 @@ def _draw_row(ax: Axes, row: int, views: list[int], counts: list[bool], step: fl
         first += long
 
 
-def _draw_legend(ax: Axes) -> None:
+def _draw_legend(ax: Axes, at_least: float) -> None:
     """Names the four kinds above the axes."""
     from matplotlib.patches import Patch
 
@@ -108,6 +112,7 @@ def _draw_legend(ax: Axes) -> None:
         Patch(facecolor=fill, edgecolor=ink, hatch=hatch, linewidth=0, label=name)
         for fill, ink, hatch, name in _KINDS
     ]
+    handles[0].set_label(f"no camera sees {100 * at_least:g} %")
     ax.legend(
         handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=len(handles),
         fontsize=_SMALL, frameon=False, borderaxespad=0.3, handlelength=1.5,

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
-from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
 from cocap_opt.output.printing import counted
@@ -38,7 +37,6 @@ from cocap_opt.problem.pictures import TopView
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
 
-_BELOW_NAMES = -34  # points, from the axes down to below the name of the axis
 _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _SPACES = "\n\u00a0\u2009\u202f"
@@ -57,32 +55,13 @@ def robot_colour(robot: int) -> tuple[float, float, float, float]:
 
 def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: MapFrame) -> Axes:
     """Draws the terrain from above, and drones and people at step t with their ways so far."""
-    _draw_terrain(ax, problem)
+    view = TopView.of(problem)
+    view.draw_map(ax)
     _draw_robots(ax, problem, plan, t, VIEW_LENGTH * max(frame.size))
     _draw_actors(ax, problem, t)
     ax.set_xlim(frame.low[0], frame.high[0])
     ax.set_ylim(frame.low[1], frame.high[1])
-    return ax
-
-
-def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
-    """Draws the terrain from above.
-
-    Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
-    above or below.
-    """
-    view = TopView.of(problem)
-    view.draw_map(ax)
-    words = {
-        2: (pictures.WALL, f"blocks {view.height:g} m"),
-        1: (pictures.COVERED, "something above or below"),
-    }
-    shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
-    if 1 in shown:
-        handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
-        down = ScaledTranslation(0, _BELOW_NAMES / 72, ax.figure.dpi_scale_trans)
-        ax.legend(handles=handles, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0.0, 0.0),
-                  bbox_transform=ax.transAxes + down, ncols=2, frameon=False)  # fmt: skip
+    view.draw_cuts(ax)
     return ax
 
 
@@ -161,7 +140,8 @@ def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
 
 def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
     """Draws the top view at step t above the reward per step."""
-    frame = TopView.of(problem, plan).frame
+    view = TopView.of(problem, plan)
+    frame = view.frame
     width, depth = frame.size
     height = min(max((WIDTH - 0.6) * depth / width, 2.5), 9.0)
     figure = new_figure(WIDTH, height + 1.7)
@@ -170,12 +150,14 @@ def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figu
     words = f"step {t} of {problem.horizon} ({_told(verdict)})"
     top.set_title(f"{_name(problem)}, {words}", fontsize=TITLE)
     _draw_reward(bottom, verdict, t)
+    _draw_meanings(figure, view)
     return figure
 
 
 def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequence[int]) -> Figure:
     """Draws top views at several steps, below each other if they are wide and few."""
-    frame = TopView.of(problem, plan).frame
+    view = TopView.of(problem, plan)
+    frame = view.frame
     width, depth = frame.size
     columns = 1 if len(steps) <= _BELOW and width > depth else 2
     rows = math.ceil(len(steps) / columns)
@@ -189,11 +171,29 @@ def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequenc
         ax.label_outer()
     for ax in panels[len(steps) :]:
         ax.set_axis_off()
-    for ax in panels[: len(steps) - 1]:  # one legend is enough for all
-        if (legend := ax.get_legend()) is not None:
-            legend.remove()
+    _draw_meanings(figure, view)
     figure.suptitle(f"{_name(problem)} ({_told(verdict)})", fontsize=TITLE)
     return figure
+
+
+def _draw_meanings(figure: Figure, view: TopView) -> None:
+    """Draws below a figure the meanings of cells, if some are more than obstacles, and of arrows.
+
+    Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
+    above or below.
+    """
+    goes_on = " (arrows: it goes on)" if view.is_cut else " or ceiling"
+    words = {
+        2: (pictures.WALL, f"blocks {view.height:g} m"),
+        1: (pictures.COVERED, "something above or below"),
+        3: (pictures.LOW, "lower obstacle"),
+        4: (pictures.CLOSED, f"no-fly zone{goes_on}"),
+    }
+    shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
+    if shown.keys() - {2}:
+        handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
+        figure.legend(handles=handles, fontsize=SMALL, loc="outside lower center",
+                      ncols=3, frameon=False)  # fmt: skip
 
 
 def _name(problem: Problem) -> str:

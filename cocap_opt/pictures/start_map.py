@@ -18,8 +18,10 @@ from cocap_opt.output.heights import over_datum
 from cocap_opt.pictures.figures import picture, robot_colour
 from cocap_opt.pictures.style import LABEL, SMALL, TITLE
 from cocap_opt.problem import Motion, StartArea, State
+from cocap_opt.problem.cut_zones import CUT
 from cocap_opt.problem.pictures import (
     STARTABLE,
+    ZONE,
     TopView,
     distinct_colours,
     people_by_take,
@@ -153,6 +155,7 @@ def draw_level(ax: Axes, site: Site, level: Level) -> Axes:
     view = TopView.of_map(scene, level.kinds, level.height)
     view.draw_map(ax, COLOURS)
     view.draw_walks(ax)
+    view.draw_cuts(ax)
     for found in site.refusals:
         if scene.robots[found.robot].motion.layers[found.state.layer] == level.height:
             _draw_refused(ax, site, found.state, found.nearest, found.robot)
@@ -233,6 +236,8 @@ def _handles(site: Site, shown: Sequence[Level]) -> dict[str, Any]:
     handles: dict[str, Any] = {
         words: (Patch(color=COLOURS[kind]),) for kind, words in _WORDS.items() if kind in there
     }
+    if any(TopView.of_map(scene, level.kinds, level.height).is_cut for level in shown):
+        handles[CUT] = (mark(">", ZONE),)
     if scene.actors:
         for words, colour in people_by_take([take.name for take in scene.takes]).items():
             handles[words] = (mark("o", colour),)

@@ -5,6 +5,7 @@ from typing import Any
 
 from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Quality
+from cocap_opt.footage.shares import visible_shares
 from cocap_opt.problem import Plan, Problem
 
 Data = dict[str, Any]
@@ -15,13 +16,16 @@ def filmed(problem: Problem, plan: Plan) -> Data | None:
 
     `rows` has the people of whom any step counts: number (`person`) and `name`, and by steps
     `counts`, `views` (drones that see the person), `angles` (degrees) and `errors` (mm), null where
-    there is none that is finite. `line` sums it up, `atLeast` is the share of a person that a drone
-    must see.
+    there is none that is finite, and of the drone that sees most of the person its number
+    (`best`) and the share that it sees (`most`). `line` sums it up, `atLeast` is the share of
+    a person that a drone must see to count.
     """
-    found = Quality.of(problem, plan)
+    shares = visible_shares(problem, plan)
+    found = Quality.of(problem, plan, shares)
     if not found.summary.person_steps:
         return None
     angles, errors = _rounded(found.angles), _rounded(found.errors)
+    most, best = shares.max(axis=1).round(4).T.tolist(), shares.argmax(axis=1).T.tolist()
     rows = [
         {
             "person": person.actor,
@@ -30,6 +34,8 @@ def filmed(problem: Problem, plan: Plan) -> Data | None:
             "views": found.views[:, person.actor].tolist(),
             "angles": angles[person.actor],
             "errors": errors[person.actor],
+            "most": most[person.actor],
+            "best": best[person.actor],
         }
         for person in found.by_person
     ]

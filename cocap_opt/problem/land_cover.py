@@ -1,4 +1,4 @@
-"""The land of a scene as a map shows it: water, green, streets and the like, for pictures alone."""
+"""The land of a scene as a map shows it: water, green, streets and the like."""
 
 from collections.abc import Sequence
 from typing import Literal, get_args
@@ -16,7 +16,9 @@ _TRIED = 40  # points along the longer side of an area, of which one is far from
 
 
 class LandCover(Data, frozen=True, eq=False):
-    """An area of the ground and what covers it. Pictures show it; nothing is computed with it.
+    """An area of the ground and what covers it.
+
+    Pictures show it, and warnings name it where drones land; no plan depends on it.
 
     Attributes
     ----------
@@ -92,6 +94,18 @@ def _rim(rim: FloatArray, field: str) -> FloatArray:
     found = frozen(rim, field, 2)
     fits = found.shape[1] == 2 and len(found) >= 3
     require(fits, field, "must hold three or more corners x, y")
+    return found
+
+
+def lands_at(areas: Sequence[LandCover], points: FloatArray) -> list[Land | None]:
+    """Returns the kind of land at each of some points [n, 2] (m); None where that is unknown.
+
+    Of areas that lie on each other the last one counts.
+    """
+    found: list[Land | None] = [None] * len(points)
+    for area in areas:
+        for k in np.flatnonzero(area.holds(points)).tolist():
+            found[k] = area.kind
     return found
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem.cut_zones import CUT, cuts, draw_cuts
 from cocap_opt.problem.land_cover import Land, LandCover
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.motion import State
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 
 GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#c3cda6", "#d0021b40"
+ZONE = "#a00000"  # of arrows where a picture cuts a no-fly zone
 PERSON = "#d1495b"
 # What the land is, as maps show it; drones, people and obstacles stand out from all of it.
 LAND_COLOURS: Mapping[Land, str] = {
@@ -121,6 +123,7 @@ class TopView(NamedTuple):
     areas: Sequence[StartGround]  # where the other drones may start
     frame: MapFrame  # the part that is drawn
     land: Sequence[LandCover] = ()  # shown where nothing stands
+    zones: Sequence[FloatArray] = ()  # triangles [n, 3, 3] (m) of no-fly zones at the height
 
     @classmethod
     def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
@@ -155,6 +158,13 @@ class TopView(NamedTuple):
     @classmethod
     def of_map(cls, scene: SceneData, kinds: IntArray, height: float) -> TopView:
         """Returns the scene from above with other kinds of cells, and without drones."""
+        altitudes = scene.height_map.altitudes((height,))
+        zones = [
+            mesh.corners
+            for mesh in scene.airspace.no_fly
+            if mesh.vertices[:, 2].min() <= altitudes.max()
+            and mesh.vertices[:, 2].max() >= altitudes.min()
+        ]
         return cls(
             kinds=kinds,
             corner=scene.height_map.origin,
@@ -166,6 +176,7 @@ class TopView(NamedTuple):
             flights={},
             areas=[],
             frame=MapFrame.around(scene.height_map, ()),
+            zones=zones,
         )
 
     @overload
@@ -201,8 +212,18 @@ class TopView(NamedTuple):
         (left, low), (right, high) = self.frame.low, self.frame.high
         ax.set_xlim(left, right)
         ax.set_ylim(low, high)
+        self.draw_cuts(ax)
         _draw_legend(ax, handles, figure)
         return ax
+
+    def draw_cuts(self, ax: Axes) -> None:
+        """Draw arrows where the frame of axes cuts a no-fly zone."""
+        draw_cuts(ax, self.zones, ZONE)
+
+    @property
+    def is_cut(self) -> bool:
+        """True if the frame cuts a no-fly zone, so that there are arrows."""
+        return bool(cuts(self.zones, self.frame.low, self.frame.high))
 
     def _places(self) -> Iterator[tuple[float, float]]:
         """Yields the places where something happens (m)."""
@@ -335,6 +356,9 @@ class TopView(NamedTuple):
         for kind, (colour, label) in kinds.items():
             if (self.kinds == kind).any():
                 found[label] = (Patch(color=colour),)
+        if self.is_cut:
+            mark = Line2D([], [], marker=">", ls="none", ms=7, color=ZONE, mec="white")
+            found[CUT] = (mark,)
         return found
 
     @property

@@ -30,7 +30,7 @@ Place = tuple[int, int, float]  # cell x, y and flight height (m)
 
 _FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
 _ROUNDING = 1e-6  # m
-_OBSTACLE = 0.25  # m above the ground, from which on a cell stands out
+OBSTACLE = 0.25  # m above the ground, from which on a cell stands out
 
 
 class HeightMap(Data, frozen=True, eq=False, dict=True):
@@ -164,7 +164,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         if self.datum is not None:
             return True
         above = self.heights - self.heights.min()
-        rises = bool(((above > _ROUNDING) & (above < _OBSTACLE)).any())
+        rises = bool(((above > _ROUNDING) & (above < OBSTACLE)).any())
         return self._is_flat and not rises
 
     @property
@@ -174,7 +174,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     @property
     def stands_out(self) -> BoolArray:
         """True for cells [X, Y] that are higher than the ground."""
-        return np.asarray(self.heights > self.ground + _OBSTACLE)
+        return np.asarray(self.heights > self.ground + OBSTACLE)
 
     @property
     def corners(self) -> FloatArray:

@@ -10,45 +10,76 @@ from matplotlib.figure import Figure
 
 from cocap_opt.experiments.library.judge import BOUND, PLAN
 from cocap_opt.experiments.library.records import Library, Record, Standing
-from cocap_opt.experiments.library.tables import history_rows
+from cocap_opt.experiments.tables.tables import html_table
 from cocap_opt.files.documents import PlanFile, decode_document
+from cocap_opt.output.printing import counted
 from cocap_opt.pictures.figures import picture
 from cocap_opt.pictures.style import BLUE, RED, SMALL, add_legend, new_figure, set_frame
+from cocap_opt.player.pages import page_text
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Problem
+from cocap_opt.text import rounded_up
 
-_HEAD = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1"><title>{title}</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: auto; padding: 1rem }}
-table {{ border-collapse: collapse }} td, th {{ padding: .2rem .8rem .2rem 0; text-align: left }}
-td.n {{ text-align: right }} code {{ overflow-wrap: anywhere }}
-iframe {{ width: 100%; height: 44rem; border: 1px solid #ccc }} img {{ max-width: 100% }}
-</style></head><body>
-"""
+_STATES = {
+    "solved": "solved: no plan is better than the best one here",
+    "open": "open: a better plan, or a lower bound, may be found",
+    "none": "no plan or no bound yet",
+}
+_USES = {"train": "training: tune planners on it", "test": "tests: report results on it"}
 
 
 def page(library: Library, standing: Standing, problem: Problem) -> bytes:
     """Returns the page of an instance, which needs no network and no other file."""
     name, records = standing.entry.name, library.records(standing.entry.name)
-    parts = [
-        _HEAD.format(title=escape(name)), f"<h1>{escape(name)}</h1>", _facts(standing),
-        "<h2>Records</h2>", _table(records),
-    ]  # fmt: skip
-    if records:
-        drawn = base64.b64encode(picture(curve(records), ".svg")).decode()
-        alt = "Best J and best bound by date; they meet where the instance is solved."
-        parts.append(f'<img alt="{alt}" src="data:image/svg+xml;base64,{drawn}">')
-    if standing.plan is not None:
-        file = decode_document(library.content(standing.plan), standing.plan.file, PlanFile)
-        player = Player(problem, [(name, file.plan)], planners=[file.planner]).page()
-        parts += [
-            "<h2>Best plan</h2>",
-            f'<iframe title="player" srcdoc="{escape(player)}"></iframe>',
-        ]
-    parts += ["<h2>How to cite</h2>", f"<p>{escape(citation(library, standing))}</p>"]
-    return "\n".join([*parts, "</body></html>\n"]).encode()
+    sections = {
+        "Instance": _facts(standing),
+        "Records": _records(records),
+        "Best plan": _best_plan(library, standing, problem),
+        "How to cite": f"<p>{escape(citation(library, standing))}</p>",
+    }
+    shown = {title: text for title, text in sections.items() if text}
+    parts = {
+        "style": page_text("report.css"),
+        "title": f"Instance {escape(name)} of the cocap-opt library",
+        "about": escape(_about(standing)),
+        "contents": "\n".join(f'<a href="#{_anchor(title)}">{title}</a>' for title in shown),
+        "sections": "\n".join(
+            f'<section id="{_anchor(title)}">\n<h2>{title}</h2>\n{text}\n</section>'
+            for title, text in shown.items()
+        ),
+    }
+    return page_text("report.html", parts).encode()
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")
+
+
+def _about(standing: Standing) -> str:
+    """Returns the size of an instance, and if it is solved."""
+    size, of = standing.digest, ""
+    if size is not None:
+        people = f"{size.people} {'person' if size.people == 1 else 'people'}"
+        steps = counted(size.steps, "step")
+        of = f"{counted(size.drones, 'drone')}, {people}, {steps}; "
+    if standing.has_no_plan:
+        return f"{of}solved: there is no plan"
+    return of + _STATES[standing.state]
+
+
+def _best_plan(library: Library, standing: Standing, problem: Problem) -> str:
+    """Returns the player of the best plan; nothing where there is none."""
+    if standing.plan is None:
+        return ""
+    file, name = (
+        decode_document(library.content(standing.plan), standing.plan.file, PlanFile),
+        standing.entry.name,
+    )
+    player = Player(problem, [(name, file.plan)], planners=[file.planner]).page()
+    return (
+        f'<iframe class="player" title="best plan of {escape(name)}" srcdoc="{escape(player)}">'
+        "</iframe>"
+    )
 
 
 def citation(library: Library, standing: Standing) -> str:
@@ -91,34 +122,53 @@ def curve(records: Sequence[Record]) -> Figure:
 
 def _facts(standing: Standing) -> str:
     size, family = standing.digest, standing.entry.family
-    facts = {"for": standing.entry.split, "state": standing.state, "made of": standing.entry.recipe}
-    if math.isfinite(standing.gap):
-        facts["gap"] = "0" if standing.state == "solved" else f"{100 * standing.gap:.4f} %"
+    facts = {"made of": standing.entry.recipe, "meant for": _USES[standing.entry.split]}
+    if math.isfinite(standing.gap) and not standing.has_no_plan:
+        part = rounded_up(100 * standing.gap, 4)
+        facts["gap of the best plan to the best bound"] = (
+            "none" if standing.state == "solved" else f"{part} % of the bound"
+        )
     if size is not None:
         facts |= {
-            "size": f"{size.drones} drones, {size.people} people, {size.steps} steps",
-            "scene digest": size.digest,
-            "SHA-256 of the instance": size.sha256,
-        }
+            "digest of the scene": size.digest, "SHA-256 of the file of the instance": size.sha256,
+        }  # fmt: skip
     if family.source:
         facts |= {"files": family.source, "licence": family.licence}
-    rows = "".join(
-        f"<tr><th>{escape(k)}</th><td><code>{escape(v)}</code></td></tr>" for k, v in facts.items()
-    )
-    return f"<table>{rows}</table>"
+    lines = (f"<dt>{escape(key)}</dt><dd>{escape(words)}</dd>" for key, words in facts.items())
+    return f"<dl>{''.join(lines)}</dl>"
 
 
-def _table(records: Sequence[Record]) -> str:
-    rows = history_rows(records)
+def _records(records: Sequence[Record]) -> str:
+    """Returns the table of records, and their curve if they are of several days."""
+    rows = [
+        {
+            "date": record.date,
+            "found": record.kind,
+            "J or bound of J": _value(record),
+            "by": record.who,
+            "program": record.program,
+            "search (s)": "-" if math.isnan(record.seconds) else f"{record.seconds:,.2f}",
+        }
+        for record in records
+    ]
     if not rows:
         return "<p>There are none yet.</p>"
-    head = "".join(f"<th>{escape(key)}</th>" for key in rows[0])
-    lines = ["".join(_cell(value) for value in row.values()) for row in rows]
-    body = "".join(f"<tr>{line}</tr>" for line in lines)
-    return f"<table><tr>{head}</tr>{body}</table>"
+    words = (
+        "A plan counts here by its J, of which more is better; a bound by the J that no plan "
+        "exceeds, rounded up."
+    )
+    found = f"<p>{words}</p>\n{html_table('records', rows)}"
+    if len({record.date for record in records}) < 2:
+        return found
+    drawn = base64.b64encode(picture(curve(records), ".svg")).decode()
+    alt = "Best J and best bound by date; they meet where the instance is solved."
+    return (
+        f'{found}<figure><img alt="{alt}" src="data:image/svg+xml;base64,{drawn}">'
+        f"<figcaption>{alt}</figcaption></figure>"
+    )
 
 
-def _cell(value: object) -> str:
-    if isinstance(value, float):
-        return f'<td class="n">{value:,.6f}</td>'
-    return f"<td>{escape('-' if value is None else str(value))}</td>"
+def _value(record: Record) -> str:
+    if record.kind == PLAN:
+        return f"{record.value:,.2f}"
+    return "no plan" if record.value < 0 else rounded_up(record.value, 2)

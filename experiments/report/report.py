@@ -79,6 +79,7 @@ def report_page(
     shown = {title: text for title, text in sections.items() if text}
     parts = {
         "style": page_text("report.css"),
+        "title": "Planners and bounds compared",
         "about": _escaped(_about(rows)),
         "contents": "\n".join(
             f'<a href="#{_anchor(title)}">{title}</a>' for title in shown
@@ -277,7 +278,7 @@ def _story(rows: Sequence[GapRow]) -> str:
 def _failures(rows: Sequence[GapRow]) -> str:
     """Returns a table of the plans and bounds that could not be computed."""
     failed = [
-        {"scene": row.scene, "seed": str(row.seed), "cell": cell, "reason": reason,
+        {"scene": row.scene, "seed": str(row.seed), "of": cell, "reason": reason,
          "message": message}
         for row in rows
         for cell, reason, message in (
@@ -287,7 +288,7 @@ def _failures(rows: Sequence[GapRow]) -> str:
         if reason in FAILED
     ]  # fmt: skip
     once = list({tuple(row.items()): row for row in failed}.values())
-    return Tables({"Cells": once}).html(level=3) if once else ""
+    return Tables({"Plans and bounds that were not computed": once}).html(level=3) if once else ""
 
 
 def _absent(folder: Path, rows: Sequence[GapRow]) -> list[str]:

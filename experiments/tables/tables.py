@@ -6,8 +6,10 @@ rows whose values are already text, so that all formats show the same.
 """
 
 import math
+import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -29,13 +31,35 @@ _PLANNERS, _DIFFERENCES, _PRICE, CAMERAS, _TIME = (
 )  # fmt: skip
 # Columns that a narrow terminal does without, the least useful first.
 _SPARE = {
-    _PLANNERS: ("stopped by a limit", "gap to free (%)", "median seconds", "seeds",
-               "proved optimal", "mean reward", "largest gap (%)"),
+    _PLANNERS: ("stopped by a limit", "gap to bound without rules (%)", "median (s)", "seeds",
+               "proved optimal", "mean J", "largest gap (%)"),
     _DIFFERENCES: ("seeds", "equal", "worse", "better"),
-    _PRICE: ("seeds", "largest (%)", "bound proved best"),
+    _PRICE: ("seeds", "at most, worst seed (%)", "optimum known"),
     CAMERAS: ("plans", "seen by three (%)", "median error (mm)"),
     _TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
 }  # fmt: skip
+
+
+# Sentences below the titles of tables on HTML pages.
+_NOTES = {
+    _PLANNERS: "J is higher for better plans: mean and standard deviation over the seeds. Gap: how "
+               "far J is below the best certified bound, in % of the bound, and below the bound of "
+               "the same scene without rules of collision. Only plans that obey the rules have "
+               "gaps (n: their number). Median (s): time of planning.",
+    _DIFFERENCES: "J minus that of the other planner on the same seed, in % of the latter; on how "
+                  "many seeds it is better, equal or worse. Both plans must obey the rules.",
+    _PRICE: "By how many % the rules of collision lower the best J that a scene allows, proved "
+            "from both sides. Optimum known: seeds on which the best plan is proved.",
+    CAMERAS: "The share of person-steps at which so many cameras or more see the person, and the "
+             "error with which half of the points of a person can be measured. Of plans that obey "
+             "the rules.",
+    _TIME: "Time of planning. A run without a valid plan counts with its limit; planners some of "
+           "whose plans break rules have no mean.",
+}  # fmt: skip
+# A number, with its spread or interval, of how many it is, or a unit; or that there is none.
+_NUMBER = re.compile(
+    r"(< )?[-+]?[\d.,]+( ± [\d.,]+)?( \([-\d.,]+ to [-\d.,]+\))?( \(n = \d+\))?( of \d+)?( %)?|-"
+)
 
 
 class Tables(dict[str, Table]):
@@ -77,11 +101,17 @@ class Tables(dict[str, Table]):
         )
 
     def html(self, level: int = 2) -> str:
-        """Returns them for an HTML page with their titles as headings of some level."""
+        """Returns them for an HTML page with their titles as headings, and what columns mean.
+
+        Parameters
+        ----------
+        level : of the headings
+        """
         heading = f"h{level}"
         return "\n".join(
-            f"<{heading}>{title}</{heading}>\n"
-            f"{_frame(table).to_html(index=False, escape=True, border=0)}\n"
+            f"<{heading}>{escape(title)}</{heading}>\n"
+            + (f"<p>{escape(_NOTES[title])}</p>\n" if title in _NOTES else "")
+            + html_table(title, table)
             for title, table in self.items()
         )
 
@@ -91,6 +121,30 @@ DOCUMENTS: Mapping[str, Callable[[Tables], str]] = {
     "latex": Tables.latex,
     "html": Tables.html,
 }
+
+
+def html_table(title: str, table: Table) -> str:
+    """Returns a table for an HTML page, which scrolls by itself; columns of numbers end alike.
+
+    Parameters
+    ----------
+    title : for screen readers
+    """
+    shown = [{key: printable(text) for key, text in row.items()} for row in table]
+    marks = {
+        key: ' class="n"' if all(_NUMBER.fullmatch(row[key]) for row in shown) else ""
+        for key in shown[0]
+    }
+    head = "".join(f'<th scope="col"{mark}>{escape(key)}</th>' for key, mark in marks.items())
+    lines = [
+        "".join(f"<td{mark}>{escape(row[key])}</td>" for key, mark in marks.items())
+        for row in shown
+    ]
+    body = "\n".join(f"<tr>{line}</tr>" for line in lines)
+    return (
+        f'<table tabindex="0" aria-label="{escape(title)}">\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody>\n</table>\n"
+    )
 
 
 def _latex_table(title: str, frame: "pd.DataFrame") -> str:
@@ -142,13 +196,13 @@ def _planner_table(rows: Sequence[GapRow]) -> Table:
                 "planner": planner,
                 "seeds": str(len(group)),
                 "obeys the rules": _share(len(valid), len(group)),
-                "mean reward": _spread(GapRow.values(group, "reward")),
+                "mean J": _spread(GapRow.values(group, "reward")),
                 "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(group)),
                 "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
-                "gap to free (%)": Mean.in_words(GapRow.percent(valid, "gap_free")),
+                "gap to bound without rules (%)": Mean.in_words(GapRow.percent(valid, "gap_free")),
                 "proved optimal": _share(sum(row.is_optimal for row in valid), len(group)),
                 "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in group)),
-                "median seconds": _median(GapRow.values(group, "seconds")),
+                "median (s)": _median(GapRow.values(group, "seconds")),
             }
         )
     return table
@@ -199,10 +253,12 @@ def _price_table(rows: Sequence[GapRow]) -> Table:
         table.append(
             {
                 "scene": scene,
-                "at least (%)": Mean.in_words([100 * low for low, _ in ends]),
-                "at most (%)": Mean.in_words([100 * high for _, high in ends]),
-                "largest (%)": Mean.rounded(max((100 * high for _, high in ends), default=None), 3),
-                "bound proved best": _share(sum(row.bound_is_proved for row in first), len(first)),
+                "costs at least (%)": Mean.in_words([100 * low for low, _ in ends]),
+                "costs at most (%)": Mean.in_words([100 * high for _, high in ends]),
+                "at most, worst seed (%)": Mean.rounded(
+                    max((100 * high for _, high in ends), default=None), 3
+                ),
+                "optimum known": _share(sum(row.bound_is_proved for row in first), len(first)),
                 "seeds": str(len(ends)),
             }
         )
@@ -223,8 +279,8 @@ def _camera_table(rows: Sequence[GapRow]) -> Table:
                 {
                     "scene": scene,
                     "planner": planner,
-                    "seen by two (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_two")),
-                    "seen by three (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_three")),
+                    "seen by two (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_two"), 1),
+                    "seen by three (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_three"), 1),
                     "median error (mm)": NONE if error is None else f"{error:,.0f}",
                     "plans": str(len(filmed)),
                 }
@@ -284,7 +340,7 @@ def _times(scene: str, rows: Sequence[GapRow]) -> Table:
             "runs": str(len(group)),
             "no valid plan": str(sum(not row.valid for row in group)),
             "shifted geometric mean (s)": Mean.rounded(means.get(planner), 3),
-            "of the fastest": Mean.rounded(
+            "times the fastest": Mean.rounded(
                 alike[planner] / least if least > 0 and planner in alike else None, 1
             ),
             "median (s)": _median(GapRow.values(group, "seconds")),

@@ -23,7 +23,7 @@ from cocap_opt.experiments.tables.columns import TableColumn
 from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import COLUMNS, GapRow, PlanRow
 from cocap_opt.experiments.tables.statistics import Mean
-from cocap_opt.experiments.tables.tables import DOCUMENTS, Tables
+from cocap_opt.experiments.tables.tables import DOCUMENTS, Tables, html_table
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import Snapshot
 from cocap_opt.output.conflicts import grouped_conflicts
@@ -102,7 +102,7 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
     sequential, cocap = Tables.of(ROWS)["Planners"]
     assert (sequential["obeys the rules"], cocap["obeys the rules"]) == ("2 of 3", "2 of 3")
     assert (sequential["proved optimal"], cocap["proved optimal"]) == ("0 of 3", "1 of 3")
-    assert sequential["mean reward"] == "85.00 ± 7.07"
+    assert sequential["mean J"] == "85.00 ± 7.07"
     assert cocap["gap (%)"].startswith("5.000 (") and cocap["largest gap (%)"] == "10.000"
     assert cocap["gap (%)"].endswith("(n = 2)")  # of three seeds, as is said
 
@@ -117,8 +117,10 @@ def test_differences_are_paired() -> None:
 def test_the_price_has_two_certified_ends() -> None:
     """At least (109 - 100) / 110, at most (110 - 100) / 110, of each seed once."""
     (only,) = Tables.of(ROWS)["Price of collision avoidance"]
-    assert only["at least (%)"].startswith("8.182") and only["at most (%)"].startswith("9.091")
-    assert (only["seeds"], only["bound proved best"]) == ("3", "3 of 3")
+    assert only["costs at least (%)"].startswith("8.182") and only["costs at most (%)"].startswith(
+        "9.091"
+    )
+    assert (only["seeds"], only["optimum known"]) == ("3", "3 of 3")
 
 
 def test_a_run_without_a_plan_counts_as_its_own_time_limit() -> None:
@@ -129,7 +131,7 @@ def test_a_run_without_a_plan_counts_as_its_own_time_limit() -> None:
     expected = Mean.shifted_geometric([1.0, 1.0, 60.0])
     assert sequential["shifted geometric mean (s)"] == f"{expected:.3f}"
     assert (sequential["median (s)"], cocap["longest (s)"]) == ("1.000", "3.000")
-    assert (sequential["of the fastest"], sequential["no valid plan"]) == ("1.0", "1")
+    assert (sequential["times the fastest"], sequential["no valid plan"]) == ("1.0", "1")
 
 
 def test_who_breaks_rules_is_nobodys_measure() -> None:
@@ -137,7 +139,7 @@ def test_who_breaks_rules_is_nobodys_measure() -> None:
     rows = [row("greedy", s, 99.0, seconds=0.001, conflicts=1) for s in range(3)]
     rows += [row("cocap", s, 90.0, seconds=1.0) for s in range(3)]
     greedy, cocap = Tables.of(rows)["Time"]
-    assert (greedy["of the fastest"], cocap["of the fastest"]) == ("-", "1.0")
+    assert (greedy["times the fastest"], cocap["times the fastest"]) == ("-", "1.0")
     assert (greedy["shifted geometric mean (s)"], greedy["median (s)"]) == ("-", "0.001")
 
 
@@ -160,16 +162,16 @@ def test_times_are_compared_on_the_same_runs() -> None:
     easy = [row("joint", seed, 100.0, scene="easy", seconds=4.0) for seed in range(3)]
     easy += [row("cocap", seed, 90.0, scene="easy", seconds=1.0) for seed in range(3)]
     table = Tables.of(hard + easy)["Time"]
-    found = {(r["scene"], r["planner"]): r["of the fastest"] for r in table}
+    found = {(r["scene"], r["planner"]): r["times the fastest"] for r in table}
     assert found == {
         ("hard", "cocap"): "1.0", ("easy", "joint"): "4.0", ("easy", "cocap"): "1.0",
         ("all", "cocap"): "1.0",
     }  # fmt: skip
     ragged = [row("cocap", seed, 90.0, seconds=100.0 * seed + 1) for seed in range(3)]
     cocap, joint = Tables.of([*ragged, row("joint", 0, 90.0, seconds=2.0)])["Time"]
-    assert (cocap["of the fastest"], joint["of the fastest"]) == ("1.0", "2.0")
+    assert (cocap["times the fastest"], joint["times the fastest"]) == ("1.0", "2.0")
     cocap, joint = Tables.of([*ragged, row("joint", 7, 90.0)])["Time"]
-    assert (cocap["of the fastest"], joint["of the fastest"]) == ("-", "-")
+    assert (cocap["times the fastest"], joint["times the fastest"]) == ("-", "-")
 
 
 def test_only_runs_are_timed() -> None:
@@ -200,6 +202,18 @@ def test_names_are_escaped(style: str, name: str) -> None:
     text = DOCUMENTS[style](Tables.of(ROWS))
     assert name in text
     assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))
+
+
+def test_html_tables_align_numbers_and_say_what_they_are() -> None:
+    """Columns of numbers end alike, those of words do not; a table has a name and scrolls alone."""
+    text = DOCUMENTS["html"](Tables.of(ROWS))
+    heads = set(re.findall(r'<th scope="col" class="n">(.*?)</th>', text))
+    assert {"gap (%)", "costs at least (%)", "seeds", "proved optimal", "longest (s)"} <= heads
+    assert not {"scene", "planner"} & heads
+    tables, notes = text.count("<table "), text.count("<p>")
+    assert tables == notes == text.count(' tabindex="0" aria-label="') == text.count("<h2>")
+    rows = [{"a": "1.5 (0.2 to 3.1)", "b": "-", "c": "1 of 3", "d": "< 0.0001", "e": "x 1"}]
+    assert re.findall(r'<td class="n">', html_table("T", rows)) == 4 * ['<td class="n">']
 
 
 def test_latex_tables_fit_across_a_page() -> None:
@@ -240,10 +254,10 @@ def test_cameras_are_counted_of_plans_that_obey_the_rules() -> None:
         row("b", 2, None), row("c", 0, 80.0),
     ]  # fmt: skip
     assert Tables.of(rows)["Cameras on people"] == [
-        {"scene": "a|b & c", "planner": "a", "seen by two (%)": "50.000",
-         "seen by three (%)": "20.000", "median error (mm)": "40", "plans": "3"},
-        {"scene": "a|b & c", "planner": "b", "seen by two (%)": "40.000",
-         "seen by three (%)": "10.000", "median error (mm)": "-", "plans": "1"},
+        {"scene": "a|b & c", "planner": "a", "seen by two (%)": "50.0",
+         "seen by three (%)": "20.0", "median error (mm)": "40", "plans": "3"},
+        {"scene": "a|b & c", "planner": "b", "seen by two (%)": "40.0",
+         "seen by three (%)": "10.0", "median error (mm)": "-", "plans": "1"},
     ]  # fmt: skip
     assert "Cameras on people" not in Tables.of(ROWS)
     assert rows[0].cameras == "two see 50 % of person-steps, three 25 %; half within 20 mm"

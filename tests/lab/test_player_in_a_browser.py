@@ -618,7 +618,7 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
 
     def expected(row: dict[str, Any], step: int) -> str:
         views = row["views"][step]
-        count = f"{views or 'no'} camera{'' if views == 1 else 's'}"
+        count = f"{views} camera{'' if views == 1 else 's'}" if views else "no camera sees "
         return f"person {row['person']}, step {step}: {count}"
 
     press(player, "p")
@@ -643,6 +643,60 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
     assert angle is None or f", {angle:.0f}°" in value(player, words)
     ActionChains(player).click().perform()
     wait_until(player, "document.getElementById('step').textContent.startsWith('step 7 ')")
+
+
+@pytest.mark.slow
+def test_what_a_camera_must_see_to_count_is_told_where_none_does(player: Any) -> None:
+    """The part of a person is above the strip, and beside a 0 with the part that is seen."""
+    keys = value(player, "document.querySelector('.keys').textContent")
+    assert keys.startswith("cameras that see 30 % or more of a person")
+    script = scripts(strip="filmedWords")
+    for most, words in (
+        (0.0, "no camera sees them"),
+        (0.004, "no camera sees 30 %; drone 2 sees most, less than 1 %"),
+        (0.29, "no camera sees 30 %; drone 2 sees most, 29 %"),
+        (0.2999, "no camera sees 30 %; drone 2 sees most, 29 %"),
+    ):
+        row = {"name": "Ada", "views": [0], "angles": [None], "errors": [None], "counts": [True],
+               "best": [2], "most": [most]}  # fmt: skip
+        found = player.execute_script(f"{script}; return filmedWords({json.dumps(row)}, 0, 0.3)")
+        assert found == f"Ada, step 0: {words}"
+
+
+@pytest.mark.slow
+def test_names_stay_while_there_is_room(tmp_path: Path) -> None:
+    """Two who walk side by side have names both, and nothing above or below the picture is cut."""
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    problem = load_scene("delft", 0)
+    long = f"{'a-long-name-of-a-plan-' * 4}end.json"
+    found = planned(problem, "sequential", "greedy")
+    plans = [(f"{name}-{long}", plan) for name, plan in found]
+    Player(problem, plans).save(tmp_path / "page.html")
+    with Browser.opened(tmp_path / "page.html") as browser:
+        for size in ((1400, 900), (390, 844)):
+            browser.execute_script(SPY)
+            browser.resize(size)
+            wait_until(browser, "window.written.has('Ada 0') && window.written.has('lane')")
+            written = set(value(browser, "[...window.written]"))
+            assert {"Ada (0)", "Ben (1)", "Cleo (2)", "Dirk (3)", "Ben 1"} <= written
+            assert value(browser, CUT) == []
+
+
+# What is written on canvases from now on, and what of the page is cut or wider than its box.
+SPY = """
+window.written = new Set();
+const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
+  window.written.add(text);
+  return write.call(this, text, ...more);
+};
+"""
+CUT = """(
+[...document.querySelectorAll('header *, .head *, .facts *, .about *, .chip *, #tabs *')].filter(
+  (box) => box.clientWidth && box.scrollWidth > box.clientWidth + 1 && box.tagName !== 'CANVAS'
+    && getComputedStyle(box).display !== 'inline' && !box.closest('.scalebar')
+).map((box) => `${box.className} ${box.textContent}`))"""
 
 
 @pytest.mark.slow

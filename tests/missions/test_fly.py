@@ -158,6 +158,24 @@ def saved(folder: Path, problem: co.Problem, plan: co.Plan) -> tuple[Path, Path,
     return scene, file, out
 
 
+def test_bad_ground_and_tight_timing_are_told_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A drone at the least distance ahead of somebody, which ends above a wall."""
+    problem, plan = beside_somebody()
+    heights = np.zeros((12, 9))
+    heights[8, 4] = 2.0
+    problem = problem.replace(height_map=co.HeightMap(heights=heights))
+    scene, file, out = saved(tmp_path, problem, plan)
+    run = Run(capsys, "fly", scene, file, "-o", out, "--json")
+    assert run.code == 0
+    ground, timing, *others = run.json["notes"]
+    lands = "drone 0 lands on an obstacle 2.0 m above the ground; land it elsewhere"
+    assert ground == f"ATTENTION: {lands}"
+    assert timing.startswith("ATTENTION: drones keep 2.99 m from people only while nobody, ")
+    assert not any("ATTENTION" in note for note in others)
+
+
 @pytest.mark.slow
 def test_a_margin_makes_room_for_a_smooth_flight(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -295,6 +295,12 @@ def test_who_is_seen_by_how_many_cameras_is_in_the_data() -> None:
         assert row["name"] == found.people[j]
         assert row["views"] == found.views[:, j].tolist()
         assert row["counts"] == found.counts[:, j].tolist()
+        # What the best camera sees is told where none sees enough.
+        enough = [share >= told["atLeast"] for share in row["most"]]
+        assert enough == [views > 0 for views in row["views"]]
+        assert all(
+            found.seen[step, best, j] for step, best in enumerate(row["best"]) if enough[step]
+        )
         for key, values in (("angles", found.angles), ("errors", found.errors)):
             finite = np.isfinite(values[:, j])
             assert [value is not None for value in row[key]] == finite.tolist()

@@ -7,6 +7,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import bad_touchdowns, touchdowns
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.routes import seconds_in_the_air
 from cocap_opt.missions.sheet.clock import Clock
@@ -88,9 +89,16 @@ def _drone_card(flight: Flight, clock: Clock, found: Quality | None, drone: int)
     facts += [
         ("first place", _place(flight, *start)),
         ("last place", _place(flight, *end)),
+        *_bad_ground(flight, drone),
         ("films", filmed_by(found, drone, problem)),
     ]
     return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, drone))
+
+
+def _bad_ground(flight: Flight, drone: int) -> Iterator[tuple[str, str]]:
+    """Yields warnings of the ground on which a drone takes off or lands."""
+    for words in bad_touchdowns(each for each in touchdowns(flight) if each.drone == drone):
+        yield "ATTENTION", words.removeprefix(f"drone {drone} ")
 
 
 def _battery(flight: Flight, clock: Clock, drone: int) -> str:

@@ -125,7 +125,8 @@ def strips(found: Quality) -> Iterator[tuple[float, Callable[[Axes], None]]]:
 def _draw_strips(ax: Axes, found: Quality, people: Sequence[int]) -> None:
     """Draws the number of cameras that see each of some people at each moment."""
     counts = found.counts & np.isin(np.arange(found.counts.shape[1]), people)
-    draw_strip(ax, found.people, found.views, counts, found.times)
+    share = found.assumptions.at_least
+    draw_strip(ax, found.people, found.views, counts, found.times, share)
     ax.set_yticks(ax.get_yticks(), [f"P{person}" for person in people])
 
 

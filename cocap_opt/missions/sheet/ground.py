@@ -1,11 +1,9 @@
 """The ways of drones to their first places, and from their last ones back to the ground."""
 
-import math
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import touchdowns
 from cocap_opt.flight.ways import CRUISE, NOTE, RISE, Part, Way
 from cocap_opt.missions.sheet.clock import Clock
 from cocap_opt.missions.sheet.pages import Block, Section, Table
@@ -72,21 +70,17 @@ def _points(drone: int, words: str, way: Way) -> Iterator[tuple[str, ...]]:
 
 def _legs(flight: Flight) -> Iterator[Block]:
     """Yields the legs straight up to the first places and straight down from the last."""
-    problem, flown = flight.flown.problem, flight.flown
-    if not problem.begins_in_the_air:
+    if not flight.flown.problem.begins_in_the_air:
         yield "Straight up from the surface below the first place."
     yield "Straight down at the last place, one drone after the other."
     heads = ("drone", "leg", "x (m)", "y (m)", "surface z (m)", "place z (m)", "leg (m)",
-             *degree_heads(flight))  # fmt: skip
-    rows, ends = [], flown.at(np.array([0.0, flown.seconds]))
-    for k in range(int(problem.begins_in_the_air), len(ends.t), 1 + problem.begins_in_the_air):
-        words = "take-off" if k % 2 == 0 else "landing"
-        x, y, z = ends.place[k].tolist()
-        i, j = (int(cell[0]) for cell in problem.height_map.cells_below(ends.place[k : k + 1]))
-        tops = [high for _, high in problem.workspace.columns.at(i, j) if high <= z]
-        surface = max(tops, default=math.nan)
-        rows.append((
-            str(ends.drone[k]), words, f"{x:.1f}", f"{y:.1f}", f"{surface:.2f}", f"{z:.2f}",
-            f"{z - surface:.2f}", *degrees(flight, x, y),
-        ))  # fmt: skip
-    yield Table(heads, rows, frozenset(range(len(heads))) - {1})
+             *degree_heads(flight), "surface")  # fmt: skip
+    rows = [
+        (
+            str(each.drone), each.kind, f"{each.x:.1f}", f"{each.y:.1f}", f"{each.surface:.2f}",
+            f"{each.z:.2f}", f"{each.z - each.surface:.2f}", *degrees(flight, each.x, each.y),
+            each.ground,
+        )
+        for each in touchdowns(flight)
+    ]  # fmt: skip
+    yield Table(heads, rows, frozenset(range(len(heads) - 1)) - {1})

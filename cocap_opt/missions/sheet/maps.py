@@ -16,12 +16,13 @@ from cocap_opt.missions.sheet.clock import BACK, OUT, TAKE, Phase
 from cocap_opt.missions.sheet.kinds import FREE, KINDS, draw_kinds
 from cocap_opt.missions.sheet.labels import placed
 from cocap_opt.missions.zones import outlines
-from cocap_opt.problem.pictures import TopView, drone_colour, land_colour
+from cocap_opt.problem.cut_zones import draw_cuts
+from cocap_opt.problem.pictures import ZONE, TopView, drone_colour, land_colour
 
 _MARGIN = 6.0  # m around flights and walks
 _DASHES = "-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))
 
-_INK, _PERSON, _ZONE = "#000000", "#7a1020", "#a00000"
+_INK, _PERSON = "#000000", "#7a1020"
 _HATCH = "xxx"  # of no-fly zones
 LAND = 0.3  # strength of its colours, paler than all else
 _DOTS = 4  # on a way in a phase, besides its ends
@@ -70,7 +71,8 @@ def draw(ax: Axes, flight: Flight, phase: Phase, ground: TopView) -> None:
     for mesh in problem.airspace.no_fly:
         for outline in outlines(mesh):
             corners = np.array(outline.exterior.coords)
-            ax.fill(*corners.T, fc="white", ec=_ZONE, hatch=_HATCH, lw=1.6, zorder=2)
+            ax.fill(*corners.T, fc="white", ec=ZONE, hatch=_HATCH, lw=1.6, zorder=2)
+    draw_cuts(ax, [mesh.corners for mesh in problem.airspace.no_fly], ZONE)
     walks = _draw_walks(ax, flight, phase) if phase.kind == TAKE else []
     lines, labels = _draw_flights(ax, flight, phase)
     people = [label for label, _ in walks]
@@ -104,7 +106,11 @@ def draw_legend(ax: Axes, flight: Flight, has_homes: bool, ground: TopView) -> N
     if has_homes:
         handles.append(mark("h", "#d8d8d8", "H and a number: home of that drone"))
     if problem.airspace.no_fly:
-        handles.append(Patch(fc="white", ec=_ZONE, hatch=_HATCH, lw=1.2, label="no-fly zone"))
+        handles.append(
+            Patch(
+                fc="white", ec=ZONE, hatch=_HATCH, lw=1.2, label="no-fly zone (arrows: it goes on)"
+            )
+        )
     handles += [kind.patch for number, kind in KINDS.items() if (ground.kinds == number).any()]
     words = [str(handle.get_label()) for handle in handles]
     marks: list[Line2D | Patch | tuple[Patch, ...]] = [*handles]

@@ -4,12 +4,15 @@ import math
 from collections.abc import Iterator
 
 from cocap_opt.flight.changes import (
+    TIGHT,
     people_and_delay,
+    tight_timing,
     tolerated_delay,
     tolerated_delay_of_people,
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
+from cocap_opt.flight.touchdowns import HOME, LANDING, TAKE_OFF, bad_touchdowns, touchdowns
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import routes, seconds_to_step_0
@@ -20,7 +23,7 @@ from cocap_opt.missions.sheet.places import places, walks
 from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
-from cocap_opt.problem import Problem
+from cocap_opt.problem import SEPARATION, Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
 
@@ -63,8 +66,16 @@ def label_of(problem: Problem, person: int) -> str:
 
 def attention(flight: Flight) -> Iterator[str]:
     """Yields warnings that nobody must overlook; those of batteries are elsewhere."""
+    yield from (f"ATTENTION: {words}." for words in _urgent(flight))
+
+
+def _urgent(flight: Flight) -> Iterator[str]:
     if flight.cut_short:
-        yield f"ATTENTION: {flight.cut_short}."
+        yield flight.cut_short
+    if flight.flown.least_distance() < SEPARATION:
+        yield from flight.near_without_rule()
+    yield from bad_touchdowns(touchdowns(flight))
+    yield from tight_timing(flight)
 
 
 def running_order(flight: Flight, clock: Clock) -> Table:
@@ -78,12 +89,25 @@ def unchecked(flight: Flight, has_homes: bool) -> Iterator[str]:
         "people on the ways from and to home" if has_homes and words == _LEGS else words
         for words in _UNCHECKED
     )
-    yield from (words for words in flight.warnings() if words != flight.cut_short)
+    yield from _ground_unknown(flight)
+    told = {*_urgent(flight)}
+    yield from (words for words in flight.warnings() if words not in told)
+
+
+def _ground_unknown(flight: Flight) -> Iterator[str]:
+    """Yields what the scene does not tell of the ground on which drones take off and land."""
+    problem = flight.flown.problem
+    if not problem.height_map.knows_ground:
+        yield "roofs and obstacles below take-offs and landings: the map does not tell the ground"
+    if not problem.land_cover:
+        yield "water below take-offs and landings: the scene has no land cover"
 
 
 def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
     problem, flown = flight.flown.problem, flight.flown
-    parts = clock.parts or (None,)
+    parts, found = clock.parts or (None,), touchdowns(flight)
+    for words in bad_touchdowns(each for each in found if each.kind in {TAKE_OFF, HOME}):
+        yield "before", "all", f"ATTENTION: {words}"
     for number, part in enumerate(parts):
         first, last = (0, problem.horizon) if part is None else (part.first, part.last)
         begin, end = first * flown.step, last * flown.step
@@ -109,6 +133,9 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
         if problem.actors:
             yield clock.at(begin, number), "all people", f"{what} ({step})"
         yield clock.at(begin, number), "all drones", f"the take begins ({step})"
+        if number == 0:
+            for words in tight_timing(flight):
+                yield clock.at(begin), "all", f"ATTENTION: {words}"
         is_last = number == len(parts) - 1
         pause = "latest time to pause the take; people stop as well"
         what = "the take ends" if is_last else pause
@@ -121,6 +148,9 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
                        f"flies home, on the ground at {clock.at(lands, number)}")  # fmt: skip
         else:
             yield "after", "all drones", "land at their last places, one after the other"
+        if is_last:
+            for words in bad_touchdowns(each for each in found if each.kind == LANDING):
+                yield "after", "all", f"ATTENTION: {words}"
         if not is_last:
             yield "then", "crew", f"new batteries; T{number + 2} is when the take goes on"
 
@@ -225,8 +255,14 @@ def _delays(flight: Flight) -> Iterator[str]:
         yield f"Between drones: {rules} holds for any delay of any drone."
     elif delay is not None:
         yield f"Between drones: {rules} holds while none is {delay:.2f} s or more behind another."
-    to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
-    yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
+    to_people = tolerated_delay_of_people(flight)
+    for words in people_and_delay(flight, to_people):
+        yield f"{words[0].upper()}{words[1:]}."
+    if delay is not None or to_people is not None:
+        yield (
+            f"The first page warns of less than {TIGHT:g} s: people and pilots act by a clock that "
+            "shows seconds, so nobody sees such a delay in time."
+        )
 
 
 def _limits(flight: Flight) -> Table:

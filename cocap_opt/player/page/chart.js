@@ -7,8 +7,15 @@ import { MOST_WORDS, percent, rounded, several, short } from "./numbers.js";
 import { isCrowd } from "./plans.js";
 
 export const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
+const LEFT = [46, 150, 0.22]; // px at least and at most, and at most so much of the window
 const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
 const TOUCH = 9; // px around a mark
+
+// The margin becomes as wide as names need it.
+export function fitMargin(wide) {
+  const [least, most, share] = LEFT;
+  MARGIN.left = Math.max(least, Math.min(wide + 12, most, share * window.innerWidth));
+}
 
 export class Chart {
   constructor(data, plan, other, canvas, go) {

@@ -6,8 +6,9 @@ import { rounded } from "./numbers.js";
 import { conflictsAt, isCrowd, isThere, nearAt } from "./plans.js";
 
 export const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
-const LONGEST = 18, LONGEST_TAKE = 12; // characters of a person's name, and of a take's
-const HIGHER = 8; // places above each other for the number of a person
+const LONGEST = [40, 18], LONGEST_TAKE = 12; // characters of a person's name, where there is room and else, and of a take's
+const HIGHER = 8; // places above each other for the label of a person, of which the first are for names
+const HIGHER_NAMES = 5;
 const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
 const DISC = 7.5; // px, radius of a number
 
@@ -22,40 +23,58 @@ export class Labels {
     context.textBaseline = "middle";
     this.scale(height);
     this.axes(width, height);
-    this.people(time, options);
+    this.place(time, options);
     this.land();
+    this.people();
     this.near(time);
     this.drones(time, options);
     this.conflicts(time);
   }
 
-  // Names of the land, where neither something hides the ground nor the tag of a person would be.
+  // Where labels of people and drones will be; nothing else is to be written there.
+  place(time, options) {
+    this.placePeople(time, options);
+    this.placeDrones(time, options);
+  }
+
+  // Names of the land, where neither something hides the ground nor another label would be.
   land() {
-    const { context, view } = this;
+    const { context, view } = this, discs = this.numbers.map(({ place: [x, y] }) => ({ x, y, wide: 2 * DISC, high: 2 * DISC }));
+    const taken = [...this.tags, ...discs];
     context.font = `italic 600 11px ${FONT}`;
     for (const { name, at } of view.data.terrain.land?.names ?? []) {
       const [x, y] = view.at(at), wide = context.measureText(name).width;
-      const isWhole = x >= wide / 2 && x + wide / 2 <= view.canvas.clientWidth && this.isInside(x, y);
-      if (isWhole && !view.isHidden(at) && isClear({ x, y, wide, high: 13 }, this.tags)) this.haloed(name, x, y);
+      const isWhole = x >= wide / 2 && x + wide / 2 <= view.canvas.clientWidth && this.isInside(x, y), label = { x, y, wide, high: 13 };
+      if (!isWhole || view.isHidden(at) || !isClear(label, taken)) continue;
+      taken.push(label);
+      this.haloed(name, x, y);
     }
   }
 
-  // Above each person the name, the number and the take, where they cover nobody else's; else the
-  // number alone, a little higher where there is room, and under the names. The border has the
-  // colour of the person's take.
-  people(time, options) {
-    const { context, view } = this;
+  // Above each person the name, the number and the take; higher, or to a side, where another label
+  // is, with a line down to the person. Where there is no room for names it is the number alone.
+  placePeople(time, options) {
+    const { context, view } = this, { clientWidth: width } = view.canvas;
     context.font = `600 10px ${FONT}`;
     this.tags = [];
     view.data.people.forEach((person, j) => {
       if (isCrowd(view.data.people) && !this.isAskedFor(j, time, options)) return;
       const [x, y, z] = view.bodies.person(j, time), [px, py] = view.at([x, y, z + person.height]);
-      const tagOf = (label, up = 0) =>
-        ({ label, person, x: px, y: py - 12.5 - up, wide: context.measureText(label).width + 7, high: 13 });
-      const full = { ...tagOf(labelOf(person, j)), isFull: true }, short = String(j);
-      const higher = Array.from({ length: HIGHER }, (_, k) => tagOf(short, 14 * k));
-      this.tags.push(isClear(full, this.tags) ? full : higher.find((tag) => isClear(tag, this.tags)) ?? tagOf(short));
+      const tagsOf = (label, levels) => {
+        const wide = context.measureText(label).width + 7, room = [wide / 2 + 1, width - wide / 2 - 1];
+        const within = (at) => (px > 0 && px < width ? Math.min(Math.max(at, room[0]), room[1]) : at);
+        return Array.from({ length: levels }, (_, k) => k).flatMap((k) => [0, 0.5, -0.5].map((side) =>
+          ({ label, person, x: within(px + side * wide), y: py - 12.5 - 14 * k, wide, high: 13, to: [px, py], isLed: k > 0 })));
+      };
+      const labels = LONGEST.map((longest) => labelOf(person, j, longest));
+      const names = labels.flatMap((label) => tagsOf(label, HIGHER_NAMES)).map((tag) => ({ ...tag, isFull: true })), numbers = tagsOf(String(j), HIGHER);
+      this.tags.push([...names, ...numbers].find((tag) => isClear(tag, this.tags)) ?? numbers[0]);
     });
+  }
+
+  // The border has the colour of the person's take; names are above numbers, and lines below both.
+  people() {
+    for (const { isLed, to, x, y, person } of this.tags) if (isLed) leader(this.context, [x, y], to, person.take ?? words.soft);
     for (const isFull of [undefined, true]) this.tags.filter((tag) => tag.isFull === isFull).forEach((tag) => this.tag(tag));
   }
 
@@ -76,6 +95,7 @@ export class Labels {
 
   tag({ label, person, x, y, wide }) {
     const { context } = this;
+    context.font = `600 10px ${FONT}`;
     context.fillStyle = words.halo;
     context.strokeStyle = person.take ?? words.soft;
     context.lineWidth = person.take ? 2 : 1;
@@ -89,20 +109,31 @@ export class Labels {
 
   // Numbers in discs above the drones, or near there, where there is room for them. They cover
   // people's labels only where there is no room elsewhere.
-  drones(time, options) {
-    const { context, view } = this, put = [], { picked, alone } = options;
+  placeDrones(time, options) {
+    const { view } = this, { picked, alone } = options, { clientWidth: width, clientHeight: height } = view.canvas;
     const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
     this.places = [];
+    this.numbers = [];
     for (const i of order) {
-      const pose = view.bodies.drone(i, time), [x, y] = view.at(pose), colour = hex(view.bodies.colour(i, picked));
+      const pose = view.bodies.drone(i, time), [x, y] = view.at(pose);
       this.places.push([i, x, y]);
-      if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
       if ((alone && i !== picked) || !this.isInside(x, y) || !this.isNamed(i, time, options)) continue;
-      const place = freePlace(x, y - 18, put, this.tags) ?? freePlace(x, y - 18, put, []);
+      const isOn = x > 0 && y > 0 && x < width && y < height, most = [width - DISC - 1, height - DISC - 1];
+      const above = isOn ? [x, y - 18].map((at, k) => Math.min(Math.max(at, DISC + 1), most[k])) : [x, y - 18];
+      const others = this.numbers.map(({ place }) => place);
+      const place = freePlace(...above, others, this.tags) ?? freePlace(...above, others, []);
       if (!place) continue;
-      put.push(place);
       this.places.push([i, ...place]);
-      context.globalAlpha = view.isHidden(pose.slice(0, 3)) ? 0.65 : 1;
+      this.numbers.push({ i, at: [x, y], place, isHidden: view.isHidden(pose.slice(0, 3)) });
+    }
+  }
+
+  drones(time, { picked }) {
+    const { context, view } = this;
+    if (picked !== undefined && isThere(view.plan, picked)) circle(context, ...view.at(view.bodies.drone(picked, time)), 15, words.ink, 1.6);
+    for (const { i, at: [x, y], place, isHidden } of this.numbers) {
+      const colour = hex(view.bodies.colour(i, picked));
+      context.globalAlpha = isHidden ? 0.65 : 1;
       if (Math.hypot(place[0] - x, place[1] - y + 18) > 1) leader(context, place, [x, y], colour);
       this.number(i, place, colour, i === picked);
     }
@@ -192,10 +223,10 @@ export class Labels {
 }
 
 // A person's name, if there is one, the number, and the take.
-export function labelOf({ name, inTake }, number) {
+export function labelOf({ name, inTake }, number, longest = LONGEST[1]) {
   const more = inTake === null ? "" : cut(inTake, LONGEST_TAKE);
   if (name === null) return more ? `${number} (${more})` : String(number);
-  return `${cut(name, LONGEST)} (${more ? `${number}, ${more}` : number})`;
+  return `${cut(name, longest)} (${more ? `${number}, ${more}` : number})`;
 }
 
 const cut = (text, most) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);

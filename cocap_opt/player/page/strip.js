@@ -1,7 +1,7 @@
 // By how many drones each person is seen: a strip of people and steps below the chart, with what is
 // known of a person at a step in words. A press goes to the step.
 
-import { MARGIN } from "./chart.js";
+import { fitMargin, MARGIN } from "./chart.js";
 import { words } from "./colours.js";
 import { make, PHONE, put } from "./dom.js";
 import { FONT } from "./labels.js";
@@ -26,7 +26,7 @@ export class Strip {
     if (this.root.hidden) return;
     this.canvas = make("canvas", "strip");
     this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", `cameras that see each person: ${plan.filmed.line}`);
+    this.canvas.setAttribute("aria-label", `cameras that see ${this.enough} of each person: ${plan.filmed.line}`);
     this.told = make("span", "told");
     this.told.setAttribute("aria-live", "polite");
     this.root.append(this.head(), this.canvas);
@@ -49,10 +49,15 @@ export class Strip {
     });
   }
 
+  // The part of a person from which on a camera counts, in words.
+  get enough() {
+    return `${percent(this.plan.filmed.atLeast)} or more`;
+  }
+
   head() {
-    const head = make("div", "about"), keys = make("span", "keys", "cameras");
-    const share = percent(this.plan.filmed.atLeast);
-    keys.title = `drones that see at least ${share} of the person; P and O pick a person, W goes to the next bad moment`;
+    const head = make("div", "about"), keys = make("span", "keys", `cameras that see ${this.enough} of a person`);
+    keys.title = `of the solid angle that the person would have with nothing in the way; a camera that sees less does not count. `
+      + "P and O pick a person, W goes to the next bad moment";
     for (const { fill, ink, name } of SEEN_BY) {
       const box = make("b", "", name);
       box.style.cssText = `background: ${fill}; color: ${ink}`;
@@ -80,6 +85,19 @@ export class Strip {
     const step = Math.floor(((offsetX - MARGIN.left) / this.width) * (this.data.steps + 1));
     const row = Math.floor(offsetY / this.high);
     return [Math.min(Math.max(step, 0), this.data.steps), Math.min(Math.max(row, 0), this.rows.length - 1)];
+  }
+
+  // Room for names beside the rows, of the strip and of the chart below it.
+  fit() {
+    const context = this.canvas?.getContext("2d");
+    if (!context) return;
+    context.font = `700 10px ${FONT}`;
+    fitMargin(Math.max(...this.rows.map((row) => context.measureText(this.nameOf(row)).width)));
+  }
+
+  nameOf({ person }) {
+    const { name } = this.data.people[person];
+    return name === null ? String(person) : `${name} ${person}`;
   }
 
   draw(time, picked) {
@@ -140,7 +158,7 @@ export class Strip {
     context.textAlign = "right";
     context.textBaseline = "middle";
     context.fillStyle = k === this.picked ? words.ink : words.soft;
-    let text = letters.length ? `${letters.join("")} ${row.person}` : String(row.person);
+    let text = this.nameOf(row);
     while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… ${row.person}`;
     const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
     context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
@@ -149,16 +167,24 @@ export class Strip {
   // Of the cell under the pointer, or of the picked person now.
   tell() {
     const [step, k] = this.under ?? [this.step, this.picked];
-    put(this.told, filmedWords(this.rows[k], step));
+    put(this.told, filmedWords(this.rows[k], step, this.plan.filmed.atLeast));
   }
 }
 
-function filmedWords(row, step) {
+export function filmedWords(row, step, atLeast) {
   const views = row.views[step], [angle, error] = [row.angles[step], row.errors[step]];
-  const who = `${row.name}, step ${step}: ${views || "no"} camera${views === 1 ? "" : "s"}`;
+  const count = views ? `${views} camera${views === 1 ? "" : "s"}` : noneWords(row.best[step], row.most[step], atLeast);
+  const who = `${row.name}, step ${step}: ${count}`;
   const apart = angle === null ? "" : `, ${digits(angle, 0)}° apart`;
   const within = error === null ? (views < 2 ? "" : ": not measurable") : `, ${digits(error, error < 10 ? 1 : 0)} mm`;
   return `${who}${apart}${within}${row.counts[step] ? "" : ", not counted"}`;
+}
+
+// That no camera sees enough, and what the best one sees.
+function noneWords(drone, share, atLeast) {
+  if (!share) return "no camera sees them";
+  const seen = share < 0.01 ? "less than 1 %" : `${Math.floor(100 * share + 1e-6)} %`; // not rounded up to enough
+  return `no camera sees ${percent(atLeast)}; drone ${drone} sees most, ${seen}`;
 }
 
 // Steps at which somebody who counts is seen by fewer than two drones.

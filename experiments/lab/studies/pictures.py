@@ -145,6 +145,7 @@ class Browser(webdriver.Chrome):
         slide = (
             "const [step, done] = arguments, slider = document.getElementById('slider');"
             "slider.step = 'any'; slider.value = step; slider.dispatchEvent(new Event('input'));"
+            "slider.step = '1';"  # as keys need it
             "const drawn = () => requestAnimationFrame(() => requestAnimationFrame(() => done()));"
             "setTimeout(drawn, 230);"  # pictures are fine after 200 ms of rest
         )
