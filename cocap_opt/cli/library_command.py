@@ -25,7 +25,7 @@ from cocap_opt.run.options import Option, UsageError
 
 app = App(
     name="library",
-    help="Instances with their best plans and bounds, and how to hand in better ones.",
+    help="Instances with their best plans and bounds, and how to submit better ones.",
     version_flags=[],
 )
 

@@ -25,7 +25,7 @@ class Airspace(Data, frozen=True):
     people_above : m above the head, or below the feet, beyond which `people_aside` no longer
         applies; None: it applies at any height
     people_stray : share of a move by which drones may be ahead of an even pace or behind it; moves
-        keep that much more distance from people
+        keep correspondingly more distance from people
     """
 
     no_fly: tuple[Mesh, ...] = ()
