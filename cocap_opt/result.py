@@ -36,7 +36,7 @@ def remedy(limit: Limit | None) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """The outcome of a planner: a value and a bound always exist, be they infinite.
+    """The outcome of a planner: a value and a bound always exist, though they may be infinite.
 
     Attributes
     ----------
@@ -45,14 +45,14 @@ class Result:
     reason : why the method stopped
     limit : the limit that stopped it; None if none did
     bound : upper bound on J that is proved; inf without one
-    seconds : s, wall-clock time of the search; the coverage of all states is apart
-    coverage_seconds : s, wall-clock time of that coverage; 0 where it was there already
+    seconds : s, wall-clock time of the search, without the coverage of all states
+    coverage_seconds : s, wall-clock time of that coverage; 0 if it was computed before
     message : why there is no plan, in words
-    statistics : counts and times of the method's own, by name
-    in_coverage : the limit was reached before the coverage of all steps was there
+    statistics : the method's own counts and times, by name
+    in_coverage : the limit was reached before the coverage of all steps was complete
     told : what the limit has left of the plan, as its file says; empty without a file
-    problem : that it is a result of; None: it does not know
-    method : name of what made it; empty where that is not known
+    problem : the problem that was planned; None: unknown
+    method : name of the method that made it; empty if unknown
     """
 
     plan: Plan | None

@@ -133,7 +133,7 @@ class Snapshot(NamedTuple):
     bound : the best certified bound so far; inf without one
     seconds : s, since the method began
     columns : paths in the restricted master
-    nodes : of the search tree, that are done
+    nodes : finished nodes of the search tree
     """
 
     value: float

@@ -20,10 +20,10 @@ _PART = 100_000  # states that are digested at once
 def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
     """Compute the coverage c(i, t, f): the pixels per m2 that a drone's states give each face.
 
-    With the moves that the drone is allowed it is all that a model of your own needs: a plan's J is
+    With the allowed moves of the drone it is all that your own model needs: a plan's J is
     the sum, over steps and faces, of weight times the square root of the pixels that all drones
     together give the face at the step. With `over_time` the pixels of all steps are added before
-    the root is taken; rewards and charges for moves are apart.
+    the root is taken; rewards and charges for moves are not included.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
 def coverage_digest(problem: Problem) -> str:
     """Compute a digest of all coverage of a problem, to compare machines and versions by.
 
-    Two that have the same one agree on all pixels to the last bit, and so on each J. It depends on
-    what drones can see and reach, and not on names, weights, rewards and collision rules. The page
-    on file formats has the recipe.
+    Two problems with the same digest agree on all pixels to the last bit, and so on each J. It
+    depends on what drones can see and reach, and not on names, weights, rewards and collision
+    rules. The page on file formats has the recipe.
 
     Parameters
     ----------

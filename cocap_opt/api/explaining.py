@@ -19,12 +19,12 @@ def explain(
     plan: Plan | Result | None,
     certificate: Bound | CertifiedResult | None = None,
 ) -> "pd.DataFrame":
-    """Tell what the gap between a plan and a bound is made of, as terms that add up to it.
+    """Split the gap between a plan and a bound into terms that add up to it.
 
     Each drone loses something by leaving a step as it does, the bound pays for faces beyond what
-    the drones get, and charges for rules that nobody uses. No amount is below 0, but for that of a
-    rule which the plan breaks, and that of `stages`: what the stages of a staged certificate take
-    off the bound of its multipliers. `cocap-opt verify --explain` tells it in words.
+    the drones get, and charges for rules that nobody uses. No amount is below 0, except that of a
+    rule that the plan breaks, and that of `stages`: what the stages of a staged certificate take
+    off the bound of its multipliers. `cocap-opt verify --explain` says it in words.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def explain(
 
 
 def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
-    """Plan each drone again past all others, which keep their paths, and tell what that gains.
+    """Plan each drone again while all others keep their paths, and return what that gains.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
     -------
     Problem, Plan, CertificateFile or ProofFile
         Whatever the file holds. A plan knows which problem it was made for (`Plan.made_for`), and
-        is refused as one for any other.
+        is refused for any other.
 
     Raises
     ------

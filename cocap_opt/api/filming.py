@@ -33,7 +33,7 @@ def quality(
     drone_size: float = _USUAL.drone_size,
     drone_pixels: float = _USUAL.drone_pixels,
 ) -> Quality:
-    """Tell how well a plan films people: by how many drones, how accurately, how sharply.
+    """Measure how well a plan films people: by how many drones, how accurately, how sharply.
 
     Of all this J may count the drones that see each person (`Views`); the rest is measured only. A
     plan may break collision rules. Pixels are those of the scene's cameras.
@@ -100,8 +100,8 @@ def quality_bound(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    cameras : the largest number of drones that is asked about. None: the cameras of the problem's
-        objective, or 2
+    cameras : the largest number of drones for which a bound is proved. None: the cameras of the
+        problem's objective, or 2
     at_least : share of the solid angle that a person has with nothing in the way, from which on a
         drone sees them. None: that of the objective, or 0.3
     seconds : for each number of drones, coverage not included
@@ -121,7 +121,7 @@ def quality_bound(
     ProblemError
         If `cameras` or `at_least` is out of range.
     ValueError
-        If the start cannot be flown in this problem, or a number of seconds is none.
+        If the start cannot be flown in this problem, or a number of seconds is not valid.
 
     Examples
     --------

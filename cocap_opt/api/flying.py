@@ -25,23 +25,24 @@ def trajectory(
     every: float | None = None,
     hovering: bool = False,
 ) -> "pd.DataFrame":
-    """Tell where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
+    """Return where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
 
     Straight flights go from step to step at constant speeds. Smooth ones are at the same places at
     the steps and have continuous speed and acceleration; that they keep away from each other and
     from obstacles is proved for every moment. Rows are moments of the flight: straight lines
-    between them are up to `attrs["off_between_rows"]` m beside it, and nothing is proved of those.
+    between them are up to `attrs["off_between_rows"]` m beside it, and nothing is proved about
+    those lines.
 
     Parameters
     ----------
     problem : that the plan is for
     plan : a plan that obeys the scene's rules, or a result that has one
     smooth : with continuous speed and acceleration
-    step : seconds of a step, of problems that do not say it
+    step : seconds of a step, if the problem does not define it
     margin : metres by which drones may be nearer to people than the problem says, aside and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
     every : seconds between rows; else a row a step, and ten a step of smooth flights
-    hovering : also of a plan in which no drone moves, which else is refused
+    hovering : also accept a plan in which no drone moves, which is otherwise refused
 
     Returns
     -------
@@ -60,9 +61,9 @@ def trajectory(
     Raises
     ------
     ValueError
-        If the plan breaks a rule, no drone moves, nobody or two say how long a step lasts, drones
-        with this margin would keep no distance to people, a drone cannot fly so, or the scene's
-        place cannot be converted; one line.
+        If the plan breaks a rule, no drone moves, the length of a step is given nowhere or twice,
+        drones with this margin would keep no distance to people, a drone cannot fly so, or the
+        scene's place cannot be converted; one line.
 
     Examples
     --------
@@ -107,7 +108,7 @@ def robustness(
     problem : that the plan is for
     plan : a plan that obeys the scene's rules, or a result that has one
     smooth : with continuous speed and acceleration
-    step : seconds of a step, of problems that do not say it
+    step : seconds of a step, if the problem does not define it
     margin : metres by which drones may be nearer to people than the problem says, aside and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
     late : s, by which all people are late, and early
@@ -134,9 +135,9 @@ def robustness(
     Raises
     ------
     ValueError
-        If the plan breaks a rule, nobody or two say how long a step lasts, drones with this margin
-        would keep no distance to people, a drone cannot fly so, or a change is none or longer than
-        the flight; one line.
+        If the plan breaks a rule, the length of a step is given nowhere or twice, drones with this
+        margin would keep no distance to people, a drone cannot fly so, or a change is none or
+        longer than the flight; one line.
 
     Examples
     --------

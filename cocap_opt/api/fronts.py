@@ -41,7 +41,7 @@ def front(
         as many as before
     time_limit : seconds of all of them, the coverage included
     stop : a further stopping criterion
-    so_far : a trade-off of the same problem, which is gone on with
+    so_far : a trade-off of the same problem, which is continued
 
     Returns
     -------
@@ -57,7 +57,7 @@ def front(
     ProblemError
         If `cameras`, `at_least` or `share` is out of range.
     ValueError
-        If `so_far` is of another problem or counts other views, or another number is none.
+        If `so_far` is of another problem or counts other views, or another number is not valid.
 
     Examples
     --------

@@ -34,7 +34,7 @@ def compare_takes(problem: Problem, *, seconds: float = 10.0, stop: Stop = never
     ProblemError
         If the problem has no takes.
     ValueError
-        If `seconds` is none.
+        If `seconds` is not valid.
 
     Examples
     --------

@@ -64,10 +64,10 @@ def verify(
     problem : that the claims are about
     claims : plans, certificates, proofs or results to check, at most one plan among them; of a
         result its plan, value, bound and certificate
-    second_opinion : find bounds a second time by code that is not the first's, which takes much
-        longer: that of networkx, or of cocap-check where a certificate is staged
+    second_opinion : find bounds a second time by independent code, which takes much longer: that of
+        networkx, or of cocap-check if a certificate is staged
     plain : use no code that is compiled by numba; staged certificates take about twenty times as
-        long then, others as long as ever
+        long then, others no longer
 
     Returns
     -------

@@ -49,7 +49,7 @@ def gap(
     seeds : of the scenes, or words such as "0-3"; a scene that is the same for several seeds is
         taken once, and so is a problem, whose seed is 0
     time_limit : seconds for each plan, and for each of the two bounds of a scene and seed; they
-        count from when coverage is there, which is charged to nobody
+        count from when coverage is ready; its time is charged to nobody
     work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
         the table, but for its seconds, is the same on every machine that needs less than the time
         limit
@@ -66,8 +66,8 @@ def gap(
     ------
     ValueError
         If there is no such scene or planner, a limit is negative, there are not so many cores,
-        `out` cannot be used, a function is to be kept and nobody would know it again, or a script
-        that takes `workers` has no line ``if __name__ == "__main__":``.
+        `out` cannot be used, a function is to be kept but could not be recognised later, or a
+        script that takes `workers` has no line ``if __name__ == "__main__":``.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet; else the rows so far are returned.
 

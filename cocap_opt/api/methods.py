@@ -84,8 +84,8 @@ def plan(
     and more weight until one does, within the time limit.
 
     With `follow` and `from_step` the drones have flown a plan up to a step, and its rest is planned
-    again: with drones lost, or with people who walk otherwise than those that the plan was made
-    for. The new rest is no worse than the old one, where that still keeps the rules.
+    again: with drones lost, or with people who walk differently from those that the plan was made
+    for. The new rest is no worse than the old one, if that still keeps the rules.
 
     Parameters
     ----------

@@ -29,9 +29,9 @@ def show(
     Parameters
     ----------
     problem : that the plans are for
-    plans : plans, or results that have one, whose J is in their titles; who has none, or None, is
-        left out, and without any the drones are shown at their starts, and of those that may choose
-        theirs the ground above which they may start
+    plans : plans, or results that have one, whose J is in their titles; None, or a result without a
+        plan, is left out. Without any plan the drones are shown at their starts; for drones that
+        may choose theirs, the ground above which they may start is shown
     certificate : a certificate, a proof or a result that has one, by which the player tells the
         bound, what is proved of each plan, and the cost of each move
 

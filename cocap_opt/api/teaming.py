@@ -27,10 +27,10 @@ def team(
 ) -> "Teams":
     """Compare teams: what so many drones reach, and what no team of that kind can.
 
-    The drones of a team are as those of the problem, which must be alike, and start where it is
-    best: where those of the problem may choose their start, in these states, else in every free
-    one. Each team is planned twice by branch-and-price, for J and for the number of drones that see
-    each person, and both are proved as far as the time lets them.
+    The drones of a team are like those of the problem, which must be alike, and start where it is
+    best: if those of the problem may choose their start, in one of these states, otherwise in any
+    free one. Each team is planned twice by branch-and-price, for J and for the number of drones
+    that see each person, and both are proved as far as time allows.
 
     Parameters
     ----------

@@ -22,16 +22,16 @@ def with_views(
     at_least: float = 0.3,
     share: float | None = None,
 ) -> Problem:
-    """Ask for several drones that see each person, besides pixels.
+    """Reward several drones that see each person, besides pixels.
 
-    J then has a part more: for each person and step the number of drones that see the person, of
+    J then has one more part: for each person and step the number of drones that see the person, of
     which at most `cameras` count, times `weight` and the person's importance. `Views` says when a
     drone sees a person.
 
     Parameters
     ----------
     problem : the problem; what it counted before is replaced
-    cameras : from so many drones on, more add nothing
+    cameras : drones beyond this number add nothing
     weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
         one for each. None: half of what one unhidden view of the person pays from where the person
         fills a third of the image's height, the mean over eight directions around the person and
@@ -125,8 +125,8 @@ def rest(
 
     Parameters
     ----------
-    problem : the scene of the whole mission; its people may walk otherwise than those that the plan
-        was made for
+    problem : the scene of the whole mission; its people may walk differently from those that the
+        plan was made for
     plan : a plan of the whole mission, or a result that has one
     from_step : from 1 to T - 1
     without : numbers of the drones that are lost at that step: they contribute nothing from it on
@@ -161,14 +161,14 @@ def takes(
     probabilities: Sequence[float] | None = None,
     people: Sequence[int] | None = None,
 ) -> Problem:
-    """Let people walk otherwise: draw takes around the walks that they have.
+    """Let people walk differently: draw takes around their walks.
 
     In the first take people walk as given. In each other one every person is late or early by a
     number of seconds, aside by a number of metres, and slower or faster, each drawn from a normal
     distribution. Draws that lead into an obstacle, off the map, into somebody of the same take, or
-    too near to a drone's fixed start are drawn again; who finds none in 50 draws walks as given,
-    which a warning says. Nobody of one take hides anybody of another. J is then its mean over the
-    takes, and plans keep away from the people of all of them.
+    too near to a drone's fixed start are drawn again; a person for whom 50 draws fail walks as
+    given, and a warning says so. Nobody of one take hides anybody of another. J is then its mean
+    over the takes, and plans keep away from the people of all of them.
 
     Parameters
     ----------

@@ -51,14 +51,14 @@ def _audit(
     views: Annotated[
         float | None,
         Parameter(
-            help="so many of the states with most pixels, and as many that are drawn from all, "
-            f"have their coverage enclosed; inf: all states; 0: none, and no plan's either; if not "
-            f"given, all of {WHOLE:,} states or fewer, and {SOME:,} of more"
+            help="enclose coverage of this many states with the most pixels, and of as many drawn "
+            f"from all; inf: all states; 0: none, not even a plan's; if not given, all if there "
+            f"are at most {WHOLE:,}, otherwise {SOME:,}"
         ),
     ] = None,
     draw: Annotated[
         int | None,
-        Parameter(help="seed of what is drawn; if not given, one that nobody knows beforehand"),
+        Parameter(help="seed of the drawn states; if not given, one that nobody knows beforehand"),
     ] = None,
     json: Json = False,
     verbose: Verbose = False,

@@ -107,7 +107,7 @@ app.command(
     "cocap_opt.cli.library_command:app",
     name="library",
     **_place("library"),
-    help="List the library's instances with their best plans and bounds; hand in better ones.",
+    help="List the library's instances with their best plans and bounds; submit better ones.",
 )
 if find_spec("cocap_opt.experiments.lab"):  # in the repository
     app.command(

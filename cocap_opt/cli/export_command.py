@@ -46,7 +46,7 @@ def _export(
     ] = False,
     views: Annotated[
         Whole | None,
-        Parameter(help="so many drones, such as 2, are to see each person, besides pixels"),
+        Parameter(help="also reward up to so many drones, such as 2, that see each person"),
     ] = None,
     views_weight: Annotated[
         float | Literal["first"] | None,

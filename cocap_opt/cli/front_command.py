@@ -60,7 +60,7 @@ def _front(
     ] = None,
     output: Annotated[
         Path | None,
-        Parameter(name=["-o", "--output"], help="folder for plans and proofs; it is gone on with"),
+        Parameter(name=["-o", "--output"], help="folder for plans and proofs; it is continued"),
     ] = None,
     json: Json = False,
 ) -> int:

@@ -195,12 +195,11 @@ def _gap(
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
 
-    gap is to the bound under the scene's rules, gap_free to that without any rules.
-    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and
-    with one or two drones joint.
-    What is in the folder of --out already is not computed again; of a scene, seed
-    and planner its table has the newest row, with the lowest bound that was proved.
-    The exit code is 1 if a planner or a bound has ended by an error.
+    gap is to the bound under the scene's rules, gap_free to that without any rules. Planners, if
+    none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and with one or two drones
+    joint. What is already in the folder of --out is not computed again; for each scene, seed and
+    planner its table has the newest row, with the lowest bound that was proved. The exit code is 1
+    if a planner or a bound ended with an error.
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
     """

@@ -25,7 +25,7 @@ from cocap_opt.run.options import Option, UsageError
 
 app = App(
     name="library",
-    help="Instances with their best plans and bounds, and how to hand in better ones.",
+    help="Instances with their best plans and bounds, and how to submit better ones.",
     version_flags=[],
 )
 
@@ -47,7 +47,7 @@ def _status(
     name: Annotated[str, Parameter(help="of an instance; all if not given")] = "",
     /,
     *,
-    as_csv: Annotated[bool, FLAG(name="--csv", help="print a CSV of all that is known")] = False,
+    as_csv: Annotated[bool, FLAG(name="--csv", help="print all columns as CSV")] = False,
     library: _Folder = None,
     json: Json = False,
 ) -> int:
@@ -120,9 +120,13 @@ def _submit(
     file: Annotated[Path, Parameter(help="plan, certificate or proof of an instance")],
     /,
     *,
-    who: Annotated[str, Parameter(help="name that the record is to have")] = "",
-    program: Annotated[str, Parameter(help="program that found it; else as the file says")] = "",
-    seconds: Annotated[float | None, Parameter(help="that it took; else as the file says")] = None,
+    who: Annotated[str, Parameter(help="name for the record")] = "",
+    program: Annotated[
+        str, Parameter(help="program that found it; if not given, as in the file")
+    ] = "",
+    seconds: Annotated[
+        float | None, Parameter(help="that it took; if not given, as in the file")
+    ] = None,
     time_limit: Annotated[
         float, Parameter(help="seconds for the checker; inf: no limit")
     ] = TIME_LIMIT,
@@ -130,7 +134,7 @@ def _submit(
     library: _Folder = None,
     json: Json = False,
 ) -> int:
-    """Hand in a plan or a certificate: accepted if `cocap-check` accepts it and it is better.
+    """Submit a plan or a certificate: accepted if `cocap-check` accepts it and it is better.
 
     The record has the number that the checker proves, whatever the file claims.
 

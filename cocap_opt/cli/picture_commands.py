@@ -196,7 +196,7 @@ def _render(
 ) -> int:
     """Render what each drone sees, and compare planned coverage with what is in the pictures.
 
-    The folder gets a PNG per drone and step, and take if people may walk otherwise, and
+    The folder gets a PNG for each drone and step (and each take, if there are any), and
     coverage.csv with a row for each face in a picture.
 
     Example: cocap-opt render corridor plan.json -o views

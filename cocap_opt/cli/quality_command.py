@@ -54,13 +54,13 @@ def _quality(
         ),
     ] = None,
     pixel_error: Annotated[
-        float, Parameter(help="pixels by which a point is found wrongly, along each axis")
+        float, Parameter(help="error of a point in a picture, pixels along each axis")
     ] = _USUAL.pixel_error,
     position_error: Annotated[
-        float, Parameter(help="metres by which a drone is elsewhere, along each axis")
+        float, Parameter(help="error of a drone's position, metres along each axis")
     ] = _USUAL.position_error,
     attitude_error: Annotated[
-        float, Parameter(help="degrees by which a camera looks elsewhere, about each axis")
+        float, Parameter(help="error of a camera's attitude, degrees about each axis")
     ] = math.degrees(_USUAL.attitude_error),
     exposure: Annotated[
         float, Parameter(help="seconds for which the shutter is open")
@@ -80,7 +80,7 @@ def _quality(
     cameras: Annotated[
         Whole | None,
         Parameter(
-            help="with --bound: the largest number of drones that is asked about; 2 if not given"
+            help="with --bound: the largest number of drones of which it is proved; 2 if not given"
         ),
     ] = None,
     seconds: Annotated[
@@ -104,7 +104,7 @@ def _quality(
     Of all person-steps that count: the shares that two drones see, and three, and two at least 30
     degrees apart; the error of a point that is triangulated from them; blur, where the scene says
     how long a step lasts; the worst moments by name; and a line per person. Errors are standard
-    deviations. With --bound it is proved what no plan of these drones can do.
+    deviations. With --bound it also proves what no plan of these drones can exceed.
 
     Example: cocap-opt quality corridor plan.json --bound --cameras 2 -o certificates
     """

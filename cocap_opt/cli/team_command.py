@@ -72,7 +72,7 @@ def _team(
         Path | None,
         Parameter(
             name=["--out", "-o"],
-            help="folder for teams.csv, scenes, plans and certificates; it is gone on with",
+            help="folder for teams.csv, scenes, plans and certificates; it is continued",
         ),
     ] = None,
     workforce: Workforce = HERE,
@@ -84,10 +84,10 @@ def _team(
 ) -> int:  # fmt: skip
     """Compare teams: how many drones, with which camera, at which height, and what none can do.
 
-    Drones are as those of the scene, and start where it is best: in the areas that the scene gives
-    them, or wherever they may be. Each team is planned twice, for J and for the drones that see
-    each person, and both are proved as far as the time lets them. What is in the folder of --out
-    already is not computed again. The exit code is 1 if a computation has ended by an error.
+    Drones are like those of the scene, and start where it is best: in the areas that the scene
+    gives them, or wherever they may be. Each team is planned twice, for J and for the drones that
+    see each person, and both are proved as far as time allows. What is already in the folder of
+    --out is not computed again. The exit code is 1 if a computation ended with an error.
 
     Example: cocap-opt team bottleneck --drones 1-4 --out teams
     """  # fmt: skip

@@ -78,7 +78,7 @@ def _verify(
         bool,
         FLAG(
             help="use no compiled code (numba); staged certificates take twenty times as long, "
-            "others as long as ever"
+            "others no longer"
         ),
     ] = False,
     time_limit: Annotated[

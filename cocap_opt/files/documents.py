@@ -104,15 +104,15 @@ class PlanFile(Document, frozen=True, kw_only=True):
     scene : the name of the scene
     digest : of the scene
     digest_without_objective : of the scene as if it had the usual objective, by which plans for
-        several objectives can be compared; None: nobody wrote it
+        several objectives can be compared; None: not recorded
     planner : the name of the planner
-    limit : the limit that stopped the planner; None: none did, or nobody wrote it
-    reason : why the planner stopped; None: nobody wrote it
-    seconds : s, wall-clock time of the search; None: nobody wrote it
-    time_limit : s that the planner was allowed; None: it had no limit, or nobody wrote it
-    work_limit : units of work that it was allowed; None likewise
-    cut_short : what that limit has left of the plan, in words; empty where none did
-    coverage_version : of the law by which pixels were computed; None: nobody wrote it
+    limit : the limit that stopped the planner; None: none did, or it was not recorded
+    reason : why the planner stopped; None: not recorded
+    seconds : s, wall-clock time of the search; None: not recorded
+    time_limit : s that the planner was allowed; None: it had no limit, or it was not recorded
+    work_limit : units of work that it was allowed; None as for `time_limit`
+    cut_short : what the limit left of the plan, in words; empty if no limit stopped the planner
+    coverage_version : of the formula by which pixels were computed; None: not recorded
     reward : J as the planner claims it
     plan : a path for each drone
     """

@@ -24,8 +24,8 @@ class Airspace(Data, frozen=True):
     people_aside : m, least distance to the middle of a person, seen from above; 0: none
     people_above : m above the head, or below the feet, beyond which `people_aside` no longer
         applies; None: it applies at any height
-    people_stray : share of a move, by which drones may be ahead of their even pace or behind it;
-        moves keep so much farther from people than is said above
+    people_stray : share of a move by which drones may be ahead of an even pace or behind it; moves
+        keep correspondingly more distance from people
     """
 
     no_fly: tuple[Mesh, ...] = ()

@@ -112,7 +112,7 @@ class Motion(Data, frozen=True):
     clearance : m, to solid matter above and below; touching it is too near
     corner_cutting : True: only the ends of a move must be free, as in the papers
     spacing : cells; moves lead by multiples of it along each axis
-    stride : the farthest that one step leads; None: any of the moves above is as good
+    stride : the farthest that one step may lead; None: all of the moves above are allowed
     """
 
     radius: int = 1

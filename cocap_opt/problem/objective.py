@@ -2,7 +2,7 @@
 
 from cocap_opt.data import MOST_WEIGHT, Data, require, whole, within
 
-# The version of coverage, the law by which the pixels of a state are computed. Whoever changes a
+# The version of coverage, the formula by which pixels are computed. Whoever changes a
 # number of it by more than rounding adds one here, since each J is then another:
 # 1, rays to sample points; 2, faces are cut by the shadows of convex bodies.
 COVERAGE_VERSION = 2
@@ -37,8 +37,8 @@ class Views(Data, frozen=True):
     weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
         one for each
     at_least : share of the solid angle, 0 < share <= 1
-    share : of the largest sum there could be, k drones on each person at each step, that plans are
-        asked to keep; J does not know it. None: nothing is asked
+    share : of all possible views, k drones on each person at each step, that plans should keep; no
+        part of J. None: no share is requested
     """
 
     cameras: int = 2

@@ -103,7 +103,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def plot(self, plan: "HasPaths | None" = None, ax: "Axes | None" = None) -> "Axes":
         """Draws the scene from above, with the flights of a plan or the drones' starts.
 
-        Of drones that may choose their start it draws the ground above which they may start.
+        For drones that may choose their start, it draws the ground above which they may start.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def without_rules(self) -> "Problem":
         """Returns the problem without inter-robot collisions; the same one if it has no rules.
 
-        It is the same object each time, so that what is computed of it once is found again.
+        It is the same object each time, so that anything computed for it is reused.
         """
         return self if self.rules.none else self._without_rules
 

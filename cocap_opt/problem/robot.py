@@ -124,8 +124,8 @@ class Robot(Data, frozen=True):
     goal : cell (x, y), any layer and orientation
     limits : speed and turn limits; None if unknown
     home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
-    number : that it has in the mission of which the scene is the rest, so that it is in the air
-        before step 0; None: it takes off
+    number : its number in the mission of which the scene is the rest, in which case it is in the
+        air before step 0; None: it takes off
     """
 
     start: AnyStart

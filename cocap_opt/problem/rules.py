@@ -30,19 +30,20 @@ class Meeting(NamedTuple):
 class CollisionRules(Data, frozen=True):
     """The conflicts between robots that are forbidden.
 
-    Planners, formulations and referee learn it from here only. The vertex rule forbids two
-    robots in one cell at one step (layers count, headings do not), the swap rule that two robots
-    exchange cells in one step. The separation holds at every moment, between steps as well as at
-    them: robots fly straight from cell to cell, and two that are exactly so far apart keep it (to
-    1e-6 m). It contains the other two rules.
+    Planners, formulations and the referee take the rules only from here. The vertex rule forbids
+    two robots in one cell at one step (layers count, headings do not), the swap rule that two
+    robots exchange cells in one step. The separation holds at every moment, between steps as well
+    as at them: robots fly straight from cell to cell, and two that are exactly so far apart keep it
+    (to 1e-6 m). It contains the other two rules.
 
     Attributes
     ----------
     vertex : True: no two robots in one cell at one step
     swap : True: no two robots exchange cells in one step
     separation : m, least distance of robots at every moment; 0: no such rule
-    vertical : m; 0: the separation is a distance in space; else robots must be so far apart in
-        height, or by the separation seen from above, as drones blow down on each other
+    vertical : m; 0: the separation is a distance in space; otherwise robots must be this far apart
+        in height, or keep the separation as seen from above, since drones blow air down on each
+        other
     """
 
     vertex: bool = True

@@ -122,7 +122,7 @@ class StartStates(Data, frozen=True, tag="states"):
 class StartArea(Data, frozen=True, tag="area"):
     """A drone starts in a free state of an area, whichever is best.
 
-    Free are the states in which solid matter, no-fly zones, the ceiling and people let a drone be.
+    A state is free if solid matter, no-fly zones, the ceiling and people leave room for a drone.
 
     Attributes
     ----------

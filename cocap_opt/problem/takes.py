@@ -26,9 +26,9 @@ class Take(Data, frozen=True):
 
     Attributes
     ----------
-    name : by which people say that they are in it
-    probability : that they walk so, 0 to 1; those of all takes sum to 1. People of a take with
-        probability 0 add nothing to J, but drones keep away from them, too
+    name : by which people name the take that they are in
+    probability : that people walk in this way, 0 to 1; those of all takes sum to 1. People of a
+        take with probability 0 add nothing to J, but drones keep away from them, too
 
     Raises
     ------

@@ -363,7 +363,7 @@ class Front:
         )
 
     def sentences(self) -> Iterator[str]:
-        """Yields sentences: what counts as a view, what is proved, and of the share asked for."""
+        """Yields sentences on what counts as a view, what is proved, and the requested share."""
         if not self.plans:
             none = "there is no plan that obeys the rules: that is proved"
             found = "no plan that obeys the rules was found; a longer time limit may find one"

@@ -59,7 +59,7 @@ class QualityBound:
     Attributes
     ----------
     problem : the scene
-    cameras : the largest number of drones that is asked about
+    cameras : the largest number of drones for which there is a bound
     at_least : share of a person, by solid angle, from which on a drone sees them
     weights : [T+1, A] of each person-step; 0 where it does not count
     results : of the sum of min(1, n), of min(2, n) and so on, of the numbers n of drones that see a

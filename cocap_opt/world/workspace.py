@@ -44,8 +44,8 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     resolution : m, edge of a cell
     origin : m, corner of cell (0, 0)
     datum : [X, Y] m, zero of flight heights; None: 0 everywhere
-    lift : [X, Y] m, by which flight heights are above what they say, where the datum is too steep
-        to be followed; None: nowhere. A ceiling is above the datum as it is
+    lift : [X, Y] m, by which flight heights are raised where the datum is too steep to be followed;
+        None: nowhere. The ceiling stays above the datum itself
 
     Raises
     ------
@@ -186,8 +186,8 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
     """A solid or a surface made of triangles, for shapes that a height map cannot hold.
 
     It blocks motion and hides actors. If its triangles are a closed surface, its inside is solid,
-    too; otherwise the triangles are thin plates. Triangles with two corners at the same place do
-    not count, nor does a second one of the same corners.
+    too; otherwise the triangles are thin plates. Triangles with two corners at the same place are
+    ignored, and so are duplicates.
 
     Attributes
     ----------

@@ -76,8 +76,8 @@ class PlanRow:
     seconds: Annotated[
         _Number,
         TableColumn(
-            "Wall-clock time of the search; coverage and checking are apart, but for planners that "
-            "evaluate single views, whose search that is.",
+            "Wall-clock time of the search, without coverage and checking; for planners of single "
+            "views, evaluating them is part of the search.",
             unit="s",
         ),
     ]
@@ -86,9 +86,9 @@ class PlanRow:
         TableColumn(
             "Wall-clock time of the coverage of all states. In the gap table it is the scene's: "
             "computed once, before the time of any planner or bound begins, charged to nobody, and "
-            "the same in all rows; from the disk cache it comes with what it took when it was "
-            "computed. Of plan, bound and solve it is what this process spent, and 0 for planners "
-            "that evaluate single views.",
+            "the same in all rows; if it comes from the disk cache, this is the time that it took "
+            "when it was computed. For plan, bound and solve it is the time that this process "
+            "spent, and 0 for planners that evaluate single views.",
             unit="s",
         ),
     ] = None
@@ -113,17 +113,17 @@ class PlanRow:
     median_error: Annotated[
         _Number,
         TableColumn(
-            "RMS error of a point, by what all drones see of it, that half of all person-steps do "
-            "not exceed; empty where more of them have none that is finite. Tables of several "
-            "plans have the median over them.",
+            "RMS error of a point, from all drones that see it, that half of all person-steps do "
+            "not exceed; empty if more than half have no finite error. Tables of several plans "
+            "have the median over them.",
             unit="mm",
         ),
     ] = None
     cut_short: Annotated[
         str,
         TableColumn(
-            "What a limit has left of the plan, in words, among them how many drones stay at their "
-            "starts; empty where no limit stopped the planner."
+            "What a limit left of the plan, in words, including how many drones stay at their "
+            "starts; empty if no limit stopped the planner."
         ),
     ] = ""
     message: Annotated[
@@ -209,8 +209,8 @@ class PlannedRow(PlanRow):
     overrun: Annotated[
         _Number,
         TableColumn(
-            "Time that the planner took beyond its limit, where that is more than a quarter of the "
-            "limit and a second; empty where it kept to it.",
+            "Time that the planner took beyond its limit, if that is more than a quarter of the "
+            "limit and a second; otherwise empty.",
             unit="s",
         ),
     ] = None
@@ -221,8 +221,8 @@ class PlannedRow(PlanRow):
     planner_digest: Annotated[
         str | UnsetType,
         TableColumn(
-            "Digest of the code of a planner that is none of this project's; only in tables that "
-            "have such planners."
+            "Digest of the code of a planner that is not part of this project; only in tables with "
+            "such planners."
         ),
     ] = UNSET
     reward_rendered: Annotated[

@@ -286,8 +286,9 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     multipliers : with which the narrowing begins
     target : J; plans that are not above it need not be bounded
     stages : in the order in which they are gone through
-    paths_above : J >= target: at the end the paths that all robots may take together in plans above
-        it are explored, and the bound is it or the largest J among them; none: no paths are
+    paths_above : J >= target: at the end the paths of all robots together in plans above it are
+        explored, and the bound is this number or the largest J among them; none: no paths are
+        explored
     """
 
     multipliers: Multipliers
@@ -351,9 +352,9 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     method : name of the method that found the numbers; nothing depends on it
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
-    coverage_version : of the law by which pixels were computed; null: nobody wrote it
+    coverage_version : of the formula by which pixels were computed; null: not recorded
     instance : SHA-256 of the instance that `export` writes of the problem, whose coverage was used;
-        left out: nobody wrote it, or coverage was not complete
+        left out: not recorded, or coverage was not complete
     objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
@@ -424,9 +425,9 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     method : name of the method that found the numbers; nothing depends on it
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
-    coverage_version : of the law by which pixels were computed; null: nobody wrote it
+    coverage_version : of the formula by which pixels were computed; null: not recorded
     instance : SHA-256 of the instance that `export` writes of the problem, whose coverage was used;
-        left out: nobody wrote it, or coverage was not complete
+        left out: not recorded, or coverage was not complete
     objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan

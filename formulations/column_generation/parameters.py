@@ -36,7 +36,7 @@ class SearchParameters(Section):
     most_states : states times steps
         up to which states are ruled out: sweeps go through all
     report_seconds : s
-        silence after which it is told that the search goes on
+        silence after which a message says that the search goes on
     """
 
     exact: float = 2e-8

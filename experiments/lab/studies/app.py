@@ -42,7 +42,7 @@ Print a number, a sentence or a table of the stored results, as the documentatio
 Example: cocap-opt study quote planners_in_short
 """),
     "others": Study("others.others:others", """\
-Set published plans of other projects against ours, with certified bounds.
+Compare published plans of other projects with ours, with certified bounds.
 
 FOLDER holds scenes of Greedy Perspectives (seq.yaml, starts.csv, peer_paths.csv) or of Hughes et
 al. (NAME_data.json or scene.json, solutions, ppa_evaluation.csv), in folders as they are published.
@@ -71,13 +71,13 @@ Example: cocap-opt study solvers --rows corridor cone-program --limit 20
 Measure exact methods against the number of steps: time and bound.
 
 HiGHS, SCIP, CP-SAT and nonlinear SCIP each have the whole instance as one integer program; beside
-them are joint value iteration, brute force and branch-and-price. About a quarter of an hour. The
-notebook solvers_compared draws what is stored of it.
+them are joint value iteration, brute force and branch-and-price. It takes about a quarter of an
+hour. The notebook solvers_compared draws the stored results.
 
 Example: cocap-opt study steps --steps 1-4 --seeds 0 --out steps
 """),
     "audit": Study("audit:audit", """\
-Hold the instances of built-in scenes to their scenes, by other code than made them.
+Compare the instances of built-in scenes with their scenes, by code that did not make them.
 
 Coverage is enclosed by interval arithmetic (the extra `audit`): of all reachable states, and where
 these are too many, of those of a greedy plan, of those with most pixels, and of as many that are
@@ -98,7 +98,7 @@ Example: cocap-opt study gamma --scene corridor --seeds 0-1
     "lazy": Study("lazy:lazy", """\
 Measure lazy value iteration: views, rewards and time against all coverage.
 
-Without scenes it takes some with cheap views and some with dear ones, which takes minutes.
+Without scenes it takes some with cheap views and some with expensive ones, which takes minutes.
 
 Example: cocap-opt study lazy --scene corridor bridge --seeds 0
 """),
@@ -133,7 +133,7 @@ Compare coverage with the pixels that Greedy Perspectives' program rendered.
 Example: cocap-opt study peers seq.yaml peer_coverage.csv
 """),
     "quality": Study("quality.quality:quality", """\
-Hold the predicted accuracy of plans to walkers that are triangulated, and quality to J.
+Compare the predicted accuracy of plans with triangulated walkers, and quality with J.
 
 Joints of walking figures are projected into the planned cameras with noise, and found again by
 least squares and by a library (the extra `triangulation`). It takes three minutes.

@@ -32,7 +32,7 @@ def flight(
     step: Annotated[
         float | None,
         positive_seconds(
-            help="seconds of a step, of scenes that do not say it; else as PX4's limits ask"
+            help="seconds of a step, if the scene defines none; otherwise from PX4's limits"
         ),
     ] = None,
     out: Out = None,
