@@ -68,7 +68,7 @@ def _profiles(
     planner: OfPlanners = None,
     json: Json = False,
 ) -> int:
-    """Draw performance profiles of a sweep's planners: who is how near the best on how many scenes.
+    """Draw performance profiles of a sweep: how often each planner is how near the best.
 
     A file that ends in .csv gets the steps of the staircases as numbers.
 

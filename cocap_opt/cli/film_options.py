@@ -27,7 +27,7 @@ class FilmOptions:
 
     view: Annotated[
         str | None,
-        Parameter(help="of a film: 3d or above (default: 3d; of a GIF, a drawing from above)"),
+        Parameter(help="view of a film: 3d or above (default: 3d; GIF: a drawing from above)"),
     ] = None
     size: Annotated[
         str | None,
@@ -35,12 +35,14 @@ class FilmOptions:
     ] = None
     speed: Annotated[
         float | None,
-        Parameter(help="of a film, steps a second (default: 2; with more than 24 steps 4)"),
+        Parameter(
+            help="speed of a film, steps a second (default: 2; 4 if it has more than 24 steps)"
+        ),
     ] = None
     time_limit: Annotated[
         Seconds,
         Parameter(
-            help="that making a film may take; if it takes longer none is written; inf: no limit"
+            help="seconds for making a film; if they are not enough, none is written; inf: no limit"
         ),
     ] = 600.0
 

@@ -130,7 +130,7 @@ def _report(
     scene: OfScenes = None,
     planner: OfPlanners = None,
     against: Against = None,
-    players: Annotated[Whole, Parameter(help="scenes of which plans are shown, at most")] = 4,
+    players: Annotated[Whole, Parameter(help="largest number of scenes whose plans are shown")] = 4,
     json: Json = False,
 ) -> int:
     """Make one HTML page of a sweep: tables, figures, players, settings and limitations.
