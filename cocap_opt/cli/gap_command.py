@@ -148,7 +148,7 @@ def _gap(
             help=f"may be repeated; one of {', '.join(SOLVERS)}; {FORMS}",
         ),
     ] = None,
-    seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
+    seeds: Annotated[str, Parameter(help="seeds, such as 0-9 or 0,3,7")] = "0",
     budget: Budget = USUAL,
     bound_limit: Annotated[
         float | None, Parameter(help="seconds for each bound; as --time-limit if not given")

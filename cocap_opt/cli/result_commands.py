@@ -35,7 +35,7 @@ from cocap_opt.run.options import Option, UsageError
 _log = logging.getLogger(__name__)
 
 Against = Annotated[
-    str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
+    str | None, Parameter(help=f"planner to compare the others with; {AGAINST} if not given")
 ]
 
 _PIPED = "markdown"  # the format of tables in a pipe, if none is named
