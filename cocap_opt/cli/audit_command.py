@@ -40,25 +40,23 @@ _NO_FLINT = (
 def _audit(
     scene: Scene,
     /,
-    *plan: Annotated[
-        Path, Parameter(help="a plan for it, the coverage of whose states is enclosed, too")
-    ],
+    *plan: Annotated[Path, Parameter(help="a plan for it; coverage of its states is checked, too")],
     seed: Seed = 0,
     instance: Annotated[
         Path | None,
-        Parameter(help="the instance, of `export`; if not given, what `export` would write"),
+        Parameter(help="the instance, from `export`; if not given, what `export` would write"),
     ] = None,
     views: Annotated[
         float | None,
         Parameter(
-            help="enclose coverage of this many states with the most pixels, and of as many drawn "
-            f"from all; inf: all states; 0: none, not even a plan's; if not given, all if there "
-            f"are at most {WHOLE:,}, otherwise {SOME:,}"
+            help="number of states with most pixels, and of states drawn from all, whose coverage "
+            "is checked; inf: all states; 0: none, not even a plan's; if not given, all of up to "
+            f"{WHOLE:,} states, and {SOME:,} of more"
         ),
     ] = None,
     draw: Annotated[
         int | None,
-        Parameter(help="seed of the drawn states; if not given, one that nobody knows beforehand"),
+        Parameter(help="seed of the draw; if not given, one that nobody knows beforehand"),
     ] = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -67,11 +65,11 @@ def _audit(
 
     Places, moves, turns, closed places, starts, goals, rewards, rules, weights
     and reachable states are found again from the scene's JSON, by networkx and
-    code that shares nothing with `export`. Numbers of pixels must be inside of
-    enclosures by interval arithmetic (python-flint), and so must a plan's J.
-    Each difference is a line with both values. Exit 1: there is one. 3: there
-    is none, but something is too near to a limit to be decided. What is not
-    known here, such as meshes of any shape, is refused.
+    code that shares nothing with `export`. Numbers of pixels must be inside
+    enclosures from interval arithmetic (python-flint), and so must a plan's J.
+    Each difference is a line with both values. Exit 1: there is a difference.
+    3: there is none, but some numbers are too near to a limit to decide.
+    Unsupported scenes, such as those with meshes of any shape, are refused.
 
     Example: cocap-opt audit bottleneck plan.json --views 2000
     """

@@ -46,21 +46,19 @@ def _export(
     ] = False,
     views: Annotated[
         Whole | None,
-        Parameter(help="also reward up to so many drones, such as 2, that see each person"),
+        Parameter(help="number of drones, such as 2, to see each person; adds to J"),
     ] = None,
     views_weight: Annotated[
         float | Literal["first"] | None,
         Parameter(
-            help="px^0.5/m, of a drone that sees a person at a step; if not given, half of what "
-            "a view pays from where the person fills a third of the image's height; first: more "
-            "than all pixels can pay"
+            help="worth of a drone that sees a person at a step, px^0.5/m; if not given, half of J "
+            "of a view in which the person fills a third of the image's height; first: more than "
+            "all pixels"
         ),
     ] = None,
     views_share: Annotated[
         float | None,
-        Parameter(
-            help="share of all views that there could be, such as 0.95, that plans are to keep"
-        ),
+        Parameter(help="share of all possible views, such as 0.95, that plans must keep"),
     ] = None,
     camera: Annotated[
         str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
@@ -77,16 +75,16 @@ def _export(
         ),
     ] = None,
     steps: Annotated[
-        Whole | None, Parameter(help="moves, such as 4, after which the scene is to end")
+        Whole | None, Parameter(help="end the scene after so many moves, such as 4")
     ] = None,
     drone: Annotated[
-        Whole | None, Parameter(help="whose graph is written as GraphML; 0 if not given")
+        Whole | None, Parameter(help="drone whose graph is written as GraphML; 0 if not given")
     ] = None,
     root_error: Annotated[
         float | None,
         Parameter(
             help="largest share by which a root may be too high in MPS and LP, "
-            f"{ROOT_ERROR:g} if not given; 0: none is, at what drones can see"
+            f"{ROOT_ERROR:g} if not given; 0: exact for all that drones can see"
         ),
     ] = None,
     json: Json = False,
@@ -97,7 +95,7 @@ def _export(
     .mps, .lp: a mixed-integer linear program, with tangents in place of roots.
     .cbf: the same with roots as cones, in the Conic Benchmark Format. .nl: with
     roots as quadratic rows, for AMPL's solvers; .col and .row beside it have the
-    names. A solver's solution, FILE.sol, can be named wherever a plan can.
+    names. A solver's solution, FILE.sol, can be passed wherever a plan can.
 
     coverage.csv, views.csv, moves.csv, turns.csv and drones.csv, or names that
     end so, are long tables: who sees whom from where, and who can move how.

@@ -68,7 +68,7 @@ def _profiles(
     planner: OfPlanners = None,
     json: Json = False,
 ) -> int:
-    """Draw performance profiles of planners: how near each is to the best, on how many scenes.
+    """Draw performance profiles of a sweep: how near the best each planner is, and how often.
 
     A file that ends in .csv gets the steps of the staircases as numbers.
 
@@ -94,7 +94,7 @@ def _teams(
     *,
     output: Output,
     share: Annotated[
-        float | None, Parameter(help="required share of person-steps, drawn as a level")
+        float | None, Parameter(help="share of person-steps to reach, drawn as a level")
     ] = None,
     json: Json = False,
 ) -> int:

@@ -27,7 +27,7 @@ class FilmOptions:
 
     view: Annotated[
         str | None,
-        Parameter(help="of a film: 3d or above (default: 3d; of a GIF, a drawing from above)"),
+        Parameter(help="view of a film: 3d or above (default: 3d; GIF: a drawing from above)"),
     ] = None
     size: Annotated[
         str | None,
@@ -35,7 +35,9 @@ class FilmOptions:
     ] = None
     speed: Annotated[
         float | None,
-        Parameter(help="of a film, steps a second (default: 2; with more than 24 steps 4)"),
+        Parameter(
+            help="speed of a film, steps a second (default: 2; 4 if it has more than 24 steps)"
+        ),
     ] = None
     time_limit: Annotated[
         float | None,

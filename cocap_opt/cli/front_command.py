@@ -31,7 +31,7 @@ def _front(
     seed: Seed = 0,
     cameras: Annotated[
         Whole | None,
-        Parameter(help="drones from which on more add nothing; if not given, the scene's, or 2"),
+        Parameter(help="most drones per person that count; if not given, the scene's, or 2"),
     ] = None,
     at_least: Annotated[
         float | None,
@@ -41,14 +41,14 @@ def _front(
         ),
     ] = None,
     directions: Annotated[
-        Whole, Parameter(help="weights that are tried in this call, at most")
+        Whole, Parameter(help="largest number of weights to try in this call")
     ] = 6,
     seconds: Annotated[
         float,
         Parameter(
             name="--seconds",
-            help="for each of them, coverage not included; each time that one is tried again it "
-            "has twice as many",
+            help="seconds for each weight, excluding coverage; doubled each time that a weight is "
+            "tried again",
         ),
     ] = 10.0,
     share: Annotated[
@@ -60,15 +60,17 @@ def _front(
     ] = None,
     output: Annotated[
         Path | None,
-        Parameter(name=["-o", "--output"], help="folder for plans and proofs; it is continued"),
+        Parameter(
+            name=["-o", "--output"], help="folder for plans and proofs, which later calls continue"
+        ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Show the trade-off between J and how many drones see each person, with bounds.
 
-    Views are counted step by step and person by person, each up to --cameras. Plans show what can
-    be had, certificates what cannot. Each call with the same folder finds a little more, until
-    nothing is left between the two.
+    Views are counted step by step and person by person, each up to --cameras. Plans show what is
+    possible, certificates what is not. Each call with the same folder gets a little further, until
+    plans and certificates meet.
 
     Example: cocap-opt front bottleneck -o front
     """

@@ -148,7 +148,7 @@ def _gap(
             help=f"may be repeated; one of {', '.join(SOLVERS)}; {FORMS}",
         ),
     ] = None,
-    seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
+    seeds: Annotated[str, Parameter(help="seeds, such as 0-9 or 0,3,7")] = "0",
     budget: Budget = USUAL,
     bound_limit: Annotated[
         float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
@@ -164,7 +164,7 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help="J of each plan's rendered pixels beside the planned J",
+            help="also show J of each plan's rendered pixels",
         ),
     ] = False,
     plan: Annotated[
@@ -172,8 +172,8 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help="may be repeated; a file whose plan gets a row, too, at the scene and seed "
-            "that it was made for",
+            help="may be repeated; a file whose plan also gets a row, at the scene and seed that "
+            "it was made for",
         ),
     ] = None,
     starts: Annotated[
@@ -195,11 +195,12 @@ def _gap(
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
 
-    gap is to the bound under the scene's rules, gap_free to that without any rules. Planners, if
-    none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and with one or two drones
-    joint. What is already in the folder of --out is not computed again; for each scene, seed and
-    planner its table has the newest row, with the lowest bound that was proved. The exit code is 1
-    if a planner or a bound ended with an error.
+    gap compares with the bound under the scene's rules, gap_free with the bound without rules.
+    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and
+    with one or two drones joint.
+    Results in the folder of --out are not computed again; for each scene, seed and
+    planner its table has the newest row, with the lowest bound that was proved.
+    The exit code is 1 if a planner or a bound ended with an error.
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
     """

@@ -29,7 +29,7 @@ app = App(
     version_flags=[],
 )
 
-_Name = Annotated[str, Parameter(help="of an instance; `cocap-opt library status` lists them")]
+_Name = Annotated[str, Parameter(help="name of an instance; `cocap-opt library status` lists them")]
 _Folder = Annotated[
     Path | None, Parameter(name="--library", help="folder of another copy of the library")
 ]
@@ -44,10 +44,10 @@ _From = Annotated[
 
 @app.command(name="status")
 def _status(
-    name: Annotated[str, Parameter(help="of an instance; all if not given")] = "",
+    name: Annotated[str, Parameter(help="name of an instance; all if not given")] = "",
     /,
     *,
-    as_csv: Annotated[bool, FLAG(name="--csv", help="print all columns as CSV")] = False,
+    as_csv: Annotated[bool, FLAG(name="--csv", help="print everything as CSV")] = False,
     library: _Folder = None,
     json: Json = False,
 ) -> int:
@@ -120,12 +120,12 @@ def _submit(
     file: Annotated[Path, Parameter(help="plan, certificate or proof of an instance")],
     /,
     *,
-    who: Annotated[str, Parameter(help="name for the record")] = "",
+    who: Annotated[str, Parameter(help="your name, for the record")] = "",
     program: Annotated[
-        str, Parameter(help="program that found it; if not given, as in the file")
+        str, Parameter(help="program that found it; by default as in the file")
     ] = "",
     seconds: Annotated[
-        float | None, Parameter(help="that it took; if not given, as in the file")
+        float | None, Parameter(help="seconds that it took; by default as in the file")
     ] = None,
     time_limit: Annotated[
         float, Parameter(help="seconds for the checker; inf: no limit")

@@ -37,11 +37,11 @@ def _limits(
     budget: Budget = USUAL,
     json: Json = False,
 ) -> int:
-    """Show which moves the limits of a recipe's drones leave, and what they cost in J at most.
+    """Show which moves the limits of a recipe's drones allow, and the most J they can cost.
 
-    A recipe with limits plans the moves that drones can fly smoothly in any order. With a plan a
-    bound is computed and certified, of all the moves that the recipe has, however fast, from
-    starts in the same cells: no plan loses more J to the limits.
+    A recipe with limits plans only moves that drones can fly smoothly in any order. With a plan it
+    also computes a certified bound on J with all moves of the recipe, however fast, from starts in
+    the same cells: the limits cost no more J than this bound is above the plan's J.
 
     Example: cocap-opt limits scene.toml plan.json
     """

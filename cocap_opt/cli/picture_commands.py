@@ -188,15 +188,15 @@ def _render(
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
     seed: Seed = 0,
-    width: Annotated[Whole, Parameter(help="of the pictures, px")] = 800,
+    width: Annotated[Whole, Parameter(help="width of the pictures, px")] = 800,
     pixel_step: Annotated[
-        Whole, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
+        Whole, Parameter(help="N: count one pixel of each block of N x N; 1 is exact")
     ] = 1,
     json: Json = False,
 ) -> int:
     """Render what each drone sees, and compare planned coverage with what is in the pictures.
 
-    The folder gets a PNG for each drone and step (and each take, if there are any), and
+    The folder gets a PNG for each drone and step (and take, if the scene has takes), and
     coverage.csv with a row for each face in a picture.
 
     Example: cocap-opt render corridor plan.json -o views

@@ -54,57 +54,54 @@ def _quality(
         ),
     ] = None,
     pixel_error: Annotated[
-        float, Parameter(help="error of a point in a picture, pixels along each axis")
+        float, Parameter(help="error of a found point in pixels, along each axis")
     ] = _USUAL.pixel_error,
     position_error: Annotated[
-        float, Parameter(help="error of a drone's position, metres along each axis")
+        float, Parameter(help="error of a drone's position in metres, along each axis")
     ] = _USUAL.position_error,
     attitude_error: Annotated[
-        float, Parameter(help="error of a camera's attitude, degrees about each axis")
+        float, Parameter(help="error of a camera's direction in degrees, about each axis")
     ] = math.degrees(_USUAL.attitude_error),
     exposure: Annotated[
         float, Parameter(help="seconds for which the shutter is open")
     ] = _USUAL.exposure,
-    drone_size: Annotated[
-        float, Parameter(help="metres of a drone from side to side")
-    ] = _USUAL.drone_size,
+    drone_size: Annotated[float, Parameter(help="width of a drone in metres")] = _USUAL.drone_size,
     drone_pixels: Annotated[
-        float, Parameter(help="pixels from which on a drone counts in the picture of another")
+        float, Parameter(help="pixels from which on a drone counts as seen in another's picture")
     ] = _USUAL.drone_pixels,
     csv: Annotated[
         Path | None, Parameter(help="file to write, with a row per person and step")
     ] = None,
     bound: Annotated[
-        bool, FLAG(help="prove, too, how many person-steps so many drones see at most in any plan")
+        bool, FLAG(help="also prove shares of person-steps that no plan exceeds")
     ] = False,
     cameras: Annotated[
         Whole | None,
-        Parameter(
-            help="with --bound: the largest number of drones of which it is proved; 2 if not given"
-        ),
+        Parameter(help="with --bound: largest number of drones to see a person; 2 if not given"),
     ] = None,
     seconds: Annotated[
         float | None,
         Parameter(
             name="--seconds",
-            help="with --bound: for each number of drones, coverage not included; 10 if not given",
+            help="with --bound: seconds for each number of drones, coverage excluded; 10 if not "
+            "given",
         ),
     ] = None,
     output: Annotated[
         Path | None,
         Parameter(
             name=["-o", "--output"],
-            help="with --bound: folder for the certificates and the scenes that they are of",
+            help="with --bound: folder for the certificates and their scenes",
         ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Show how well a plan films people: by how many drones, how accurately, how sharply.
 
-    Of all person-steps that count: the shares that two drones see, and three, and two at least 30
-    degrees apart; the error of a point that is triangulated from them; blur, where the scene says
-    how long a step lasts; the worst moments by name; and a line per person. Errors are standard
-    deviations. With --bound it also proves what no plan of these drones can exceed.
+    Of all person-steps that count, it prints the shares that two drones see, and three, and two at
+    least 30 degrees apart; the error of a point that is triangulated from them; blur, if the scene
+    says how long a step lasts; the worst moments by name; and a line per person. Errors are
+    standard deviations. With --bound it also proves what no plan of these drones can exceed.
 
     Example: cocap-opt quality corridor plan.json --bound --cameras 2 -o certificates
     """

@@ -35,7 +35,7 @@ from cocap_opt.run.options import Option, UsageError
 _log = logging.getLogger(__name__)
 
 Against = Annotated[
-    str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
+    str | None, Parameter(help=f"planner to compare the others with; {AGAINST} if not given")
 ]
 
 _PIPED = "markdown"  # the format of tables in a pipe, if none is named
@@ -130,7 +130,7 @@ def _report(
     scene: OfScenes = None,
     planner: OfPlanners = None,
     against: Against = None,
-    players: Annotated[Whole, Parameter(help="scenes of which plans are shown, at most")] = 4,
+    players: Annotated[Whole, Parameter(help="largest number of scenes whose plans are shown")] = 4,
     json: Json = False,
 ) -> int:
     """Make one HTML page of a sweep: tables, figures, players, settings and limitations.

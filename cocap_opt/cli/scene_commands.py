@@ -50,7 +50,7 @@ def _recipe(
 ) -> int:
     """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
 
-    For a built-in place, it copies the recipe and the maps into a folder, for you to change.
+    For a built-in place it copies the recipe and the maps into a folder, where you can change them.
 
     Example: cocap-opt recipe > scene.toml
     """
@@ -97,7 +97,7 @@ def kernels() -> tuple[Kernel, ...]:
 def _compile() -> int:
     """Compile ahead, so that no later run waits for it.
 
-    This covers coverage, value iteration, and the searches of `gap`.
+    It compiles coverage, value iteration, and the searches behind bounds and proofs.
 
     Example: cocap-opt compile
     """

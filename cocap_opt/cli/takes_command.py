@@ -34,7 +34,7 @@ def _takes(
     *,
     seed: Seed = 0,
     seconds: Annotated[
-        float, Parameter(name="--seconds", help="for each plan, the coverage included")
+        float, Parameter(name="--seconds", help="seconds for each plan, including coverage")
     ] = 20.0,
     delay: Annotated[
         float, Parameter(help="s by which people are late or early: standard deviation")
@@ -47,25 +47,23 @@ def _takes(
     ] = 0.0,
     count: Annotated[
         Whole | None,
-        Parameter(
-            help=f"takes that are drawn, the first as the scene has it; {_DRAWN} if not given"
-        ),
+        Parameter(help=f"number of takes; the first is the scene as it is; {_DRAWN} if not given"),
     ] = None,
-    draw_seed: Annotated[Whole | None, Parameter(help="of these draws; 0 if not given")] = None,
+    draw_seed: Annotated[Whole | None, Parameter(help="seed of the draws; 0 if not given")] = None,
     output: Annotated[
         Path | None,
         Parameter(
             name=["-o", "--output"],
-            help="folder for plans, certificates and the scenes they are of",
+            help="folder for plans, certificates and their scenes",
         ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Show what a plan for one take loses in another, and what a plan for all of them costs.
 
-    For each take alone, and for all of them on average, it finds a plan and proves how much J no
-    plan exceeds, and shows J of each plan in each take. All plans keep away from the people of all
-    takes. Takes are those of the scene; if it has none, --delay, --aside and --speed draw some.
+    For each take alone, and for all of them on average, it finds a plan and proves a bound on J.
+    Then it shows J of each plan in each take. All plans keep away from the people of all takes.
+    The takes are the scene's; if it has none, --delay, --aside and --speed draw some.
 
     Example: cocap-opt takes bottleneck --aside 0.5 --count 3 --seconds 10 -o takes
     """

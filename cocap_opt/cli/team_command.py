@@ -26,10 +26,10 @@ class _RequiredViews:
     """The options that say what a team is to reach."""
 
     share: Annotated[
-        float, Parameter(help="of person-steps that are to be seen by --cameras drones or more")
+        float, Parameter(help="share of person-steps to be seen by --cameras drones or more")
     ] = _SHARE
     cameras: Annotated[
-        Whole, Parameter(help="drones that are to see a person; 2 are needed for a point in space")
+        Whole, Parameter(help="drones to see each person; it takes 2 to locate a point in space")
     ] = 2
     at_least: Annotated[
         float | None,
@@ -50,8 +50,8 @@ def _team(
     drones: Annotated[str, Parameter(help="numbers of drones, such as 1-8 or 2,4")] = "1-6",
     camera: Annotated[
         str | None,
-        Parameter(help=f"names with commas between them, of {', '.join(CAMERAS)}; that of the "
-                  "scene if not given"),
+        Parameter(help=f"names, separated by commas, from {', '.join(CAMERAS)}; the scene's "
+                  "camera if not given"),
     ] = None,
     heights: Annotated[
         str | None,
@@ -64,7 +64,7 @@ def _team(
         float,
         Parameter(
             name="--time-limit",
-            help="seconds for each of the two problems of a team, from when coverage is there",
+            help="seconds for each of the two problems of a team, excluding coverage",
         ),
     ] = 20.0,
     work_limit: Work = None,
@@ -72,7 +72,7 @@ def _team(
         Path | None,
         Parameter(
             name=["--out", "-o"],
-            help="folder for teams.csv, scenes, plans and certificates; it is continued",
+            help="folder for teams.csv, scenes, plans and certificates; what is there is kept",
         ),
     ] = None,
     workforce: Workforce = HERE,
@@ -84,10 +84,11 @@ def _team(
 ) -> int:  # fmt: skip
     """Compare teams: how many drones, with which camera, at which height, and what none can do.
 
-    Drones are like those of the scene, and start where it is best: in the areas that the scene
+    The drones are copies of the scene's, and start where it is best: in the areas that the scene
     gives them, or wherever they may be. Each team is planned twice, for J and for the drones that
-    see each person, and both are proved as far as time allows. What is already in the folder of
-    --out is not computed again. The exit code is 1 if a computation ended with an error.
+    see each person, and bounds are computed for both as far as time allows. Results that are in
+    the folder of --out already are not computed again. The exit code is 1 if a computation ended
+    with an error.
 
     Example: cocap-opt team bottleneck --drones 1-4 --out teams
     """  # fmt: skip

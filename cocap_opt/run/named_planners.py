@@ -16,7 +16,7 @@ from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.text import meant
 
 GROUP = "cocap_opt.planners"  # of entry points
-FORMS = "module:function, or what an installed package offers"  # in words, besides our own names
+FORMS = "module:function, or a planner of an installed package"  # in words, besides our own names
 
 
 def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
