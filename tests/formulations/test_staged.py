@@ -27,7 +27,7 @@ from strategies import Calls, examples, tiny
 
 import cocap_opt as co
 import cocap_opt.formulations.certificates.staged.stages as checker
-import cocap_opt.formulations.column_generation.step_envelopes.envelopes as envelopes
+import cocap_opt.formulations.column_generation.step_envelopes.step_searches as step_searches
 from cocap_opt.compiling import functions, is_there
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
@@ -1089,7 +1089,7 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
             raise LimitReached(Limit.WORK)
         return most_profitable(joint, least, most_nodes, stop)
 
-    monkeypatch.setattr(envelopes, "most_profitable", limited)
+    monkeypatch.setattr(step_searches, "most_profitable", limited)
     with pytest.raises(LimitReached):
         stages_of(search, root.relaxation.best.duals)
     monkeypatch.undo()
