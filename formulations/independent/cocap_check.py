@@ -63,6 +63,7 @@ DAMAGED = (
 )  # fmt: skip
 MOST_CORNERS = 1_000_000  # of a cut that are looked at
 MOST_BRANCHES, TRIES = 1_000_000, 40  # of the searches of a file; of prices at a branch
+MOST_FOUND = 500_000  # ways that a search keeps, which take some hundred bytes each
 
 Number = int | Fraction
 Ints = tuple[int, ...]
@@ -720,7 +721,7 @@ class Bound:
 
 
 class TooLong(Exception):  # noqa: N818
-    """A search takes more branches than are allowed; its claim may hold all the same."""
+    """A search takes more branches, or finds more, than it may; its claim may hold all the same."""
 
 
 class _Mixture:
@@ -873,6 +874,8 @@ class Search:
                 return
         if robots == 1:
             self.found += [(*chosen, x) for x in cands]
+            if len(self.found) > MOST_FOUND:
+                raise TooLong
             return
         if self.tries and robots > 2:
             cands, shares = self._relaxed(seen, constants, counts, cands, gains, shares)
@@ -1411,8 +1414,8 @@ def told(value: int, rounding: int) -> str:
     return f"{sign}{scaled // 10**6}.{scaled % 10**6:06d}"
 
 
-def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
-    """Returns the statement that a file proves, and if a part of its claim is not checked."""
+def kind_of(instance: Instance, document: Any) -> str:
+    """Returns the kind of a file; refuses one that is not known, or not of this instance."""
     require(isinstance(document, dict), "must be an object")
     kind = str(document.get("format"))
     is_known = whole(document.get("version")) in VERSIONS.get(kind, ())
@@ -1423,7 +1426,12 @@ def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
     require(is_it, f"instance: the file is of the one of sha256 {made_of!r:.80}")
     version = document.get("coverage_version")
     require(version in (None, instance.coverage), "coverage_version: the instance has another")
-    if kind == "cocap-opt plan":
+    return kind
+
+
+def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
+    """Returns the statement that a file proves, and if a part of its claim is not checked."""
+    if kind_of(instance, document) == "cocap-opt plan":
         value, reward = value_of_plan(instance, document), number_of(document["reward"])
         require(value >= down(reward * ROUNDED), "reward: claims more than the plan has")
         return f"J of this plan is at least {told(value, -1)}", False

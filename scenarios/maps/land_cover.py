@@ -13,6 +13,7 @@ from cocap_opt.problem.land_cover import LANDS, Land, LandCover
 from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import GEOJSON, JSON
 from cocap_opt.scenarios.maps.geojson import read_geojson
+from cocap_opt.scenarios.maps.ground_plans import sound
 from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
 from cocap_opt.scenarios.tables import Table, Unit
@@ -50,7 +51,8 @@ class LandCoverTable(Table):
         Raises
         ------
         ProblemError
-            If the file cannot be read or has no polygon; one line, naming the file.
+            If the file cannot be read or has no polygon, or one crosses itself; one line, naming
+            the file.
         """
         with naming(folder / self.file):
             found, _, crs = read_geojson(read_text(folder / self.file, (JSON,)))
@@ -66,7 +68,9 @@ class LandCoverTable(Table):
         for item, polygon in zip(found, polygons, strict=True):
             word, name = item.properties.get(self.property), item.properties.get("name")
             kind = self.kinds.get(str(word)) or _BY_WORD.get(str(word))
-            shown = () if polygon is None else [*polygons_of(shapely.make_valid(polygon) & frame)]
+            with naming(folder / self.file):
+                whole = None if polygon is None else sound(polygon, f"{item.field}geometry")
+            shown = () if whole is None else [*polygons_of(whole & frame)]
             if kind is None and shown:
                 others[str(word)] += 1
             areas += (

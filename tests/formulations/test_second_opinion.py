@@ -121,6 +121,11 @@ def test_of_staged_certificates_it_is_that_of_cocap_check(monkeypatch: pytest.Mo
         patch.setattr(cocap_check, "MOST_BRANCHES", 1)
         with pytest.raises(TooLargeError, match="more than 1 branches"):
             SecondOpinion.of(Model(problem), file)
+    higher = proved.pricing._replace(bound=proved.pricing.bound * (1 + 1e-6))
+    assert proved.second_opinion.agrees(higher)  # it may prove more than `verify`
+    other = replace(file, instance="0" * 64)
+    with pytest.raises(CertificateError, match="cocap-check refuses it: instance: "):
+        SecondOpinion.of(Model(problem), other)
     wrong = replace(file.certificate, target=math.inf)
     with pytest.raises(CertificateError, match="cocap-check refuses it"):
         SecondOpinion.of(Model(problem), replace(file, certificate=wrong))

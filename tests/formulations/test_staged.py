@@ -975,7 +975,7 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
     assert explanation.total() == pytest.approx(file.proved - reward, abs=1e-9 * file.proved)
     second = SecondOpinion.of(compiled(problem), file)
     assert second.by == "cocap-check" and second.agrees(pricing)
-    assert not second.agrees(pricing._replace(bound=pricing.bound * (1 + 1e-6) + 1e-6))
+    assert not second.agrees(pricing._replace(bound=pricing.bound * (1 - 1e-6) - 1e-6))
 
 
 def stages_of(search: Search, duals: Duals) -> None:

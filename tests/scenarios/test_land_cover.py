@@ -16,7 +16,6 @@ from shapely import (
     Polygon,
     box,
     contains_xy,
-    make_valid,
 )
 from strategies import examples
 
@@ -166,19 +165,30 @@ def test_a_system_is_known_by_the_code_it_ends_with(monkeypatch: pytest.MonkeyPa
     assert not same_system(wkt, "EPSG:4289")  # that of the geographic system in it
 
 
-CROSSING = [[1, 1], [5, 5], [5, 1], [1, 5], [1, 1]]  # two triangles
-SPIKED = [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0], [-3, 0], [0, 0]]  # and a line
+CROSSING = [[[1, 1], [5, 5], [5, 1], [1, 5], [1, 1]]]  # two triangles
+OUTSIDE = [[[1, 1], [3, 1], [3, 3], [1, 3], [1, 1]], [[4, 1], [5, 1], [5, 2], [4, 2], [4, 1]]]
+TOUCHING = [[[0, 0], [4, 0], [2, 2], [4, 4], [0, 4], [2, 2], [0, 0]]]  # two triangles at a point
 
 
-@pytest.mark.parametrize("ring", [CROSSING, SPIKED])
-def test_an_area_that_crosses_itself_keeps_its_parts(
-    ring: list[list[float]], tmp_path: Path
+@pytest.mark.parametrize(
+    ("rings", "message"), [(CROSSING, "must not cross itself"), (OUTSIDE, "Hole lies outside")]
+)
+def test_an_area_that_nobody_can_read_is_refused(
+    rings: list[list[list[int]]], message: str, tmp_path: Path
 ) -> None:
-    """Mending it may leave polygons in a collection in a collection, with lines beside."""
-    ring = [[float(x) + 3, float(y) + 1] for x, y in ring]
-    areas = scene(tmp_path, feature(ring, kind="green")).land_cover
-    whole = sum(Polygon(area.outline).area for area in areas)
-    assert len(areas) == 2 and whole == pytest.approx(make_valid(Polygon(ring)).area)
+    """A hole outside its outline would be land, and an area that crosses itself less than is drawn.
+
+    Landings are judged by land, too.
+    """
+    area = feature(*rings, kind="green")
+    with pytest.raises(ProblemError, match=rf"features\[0\]\.geometry: .*{message}"):
+        scene(tmp_path, area)
+
+
+def test_an_area_that_touches_itself_keeps_its_parts(tmp_path: Path) -> None:
+    """Mending it may leave polygons in a collection."""
+    areas = scene(tmp_path, feature(TOUCHING[0], kind="green")).land_cover
+    assert sum(Polygon(area.outline).area for area in areas) == pytest.approx(8.0)
 
 
 def test_parts_of_an_area_are_found_however_deep_they_lie() -> None:

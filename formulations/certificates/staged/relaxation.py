@@ -126,7 +126,7 @@ class Relaxation:
             lowest = float(values.min())
             if lowest > 0:
                 break
-            heat = heat or max(-HEAT * lowest, self._joint.margin)
+            heat = heat or max(-HEAT * lowest, self._joint.margin) or 1.0  # any will do at 0
             prices = self._prices(np.exp((lowest - values) / heat), slopes, kappa)
             picks = self._picks(prices.worth)
             if picks is None:

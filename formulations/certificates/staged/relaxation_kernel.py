@@ -288,6 +288,8 @@ def relax(
                 break
             if heat == 0.0:
                 heat = max(-HEAT * lowest, relaxed.margin)
+            if heat == 0.0:  # where all is 0, any will do
+                heat = 1.0
             _find_shares(relaxed, high, lowest, heat)
             bound = _find_worth(data, memory, relaxed, depth, kappa)
             bound += _pick(data, memory, relaxed, depth)
