@@ -87,7 +87,10 @@ def _get(
     name: _Name,
     /,
     *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
+    output: Annotated[
+        Path | None,
+        Parameter(name=["-o", "--output"], help="folder to write to; if not given, NAME"),
+    ] = None,
     sources: _From = None,
     library: _Folder = None,
     json: Json = False,
@@ -96,10 +99,9 @@ def _get(
 
     Example: cocap-opt library get bottleneck-0 -o bottleneck-0
     """
-    if output is None:
-        raise UsageError("-o: name the folder to write to")
     known = Library(library or DATA)
     standing = known.standing(name)
+    output = output or Path(standing.entry.name)
     make_folder(output)
     instance = known.instance(standing.entry, sources)
     contents = {output / f"{name}.instance": instance.read_bytes()}
@@ -120,12 +122,15 @@ def _submit(
     file: Annotated[Path, Parameter(help="plan, certificate or proof of an instance")],
     /,
     *,
-    who: Annotated[str, Parameter(help="your name, for the record")] = "",
+    who: Annotated[str, Parameter(help="your name, which the record keeps; required")] = "",
     program: Annotated[
-        str, Parameter(help="program that found it; by default as in the file")
+        str,
+        Parameter(
+            help="program that found it, with its version; by default the method in the file"
+        ),
     ] = "",
     seconds: Annotated[
-        float | None, Parameter(help="seconds that it took; by default as in the file")
+        float | None, Parameter(help="seconds that it took; by default those in a plan's file")
     ] = None,
     time_limit: Annotated[
         float, Parameter(help="seconds for the checker; inf: no limit")
@@ -142,6 +147,8 @@ def _submit(
     """
     if seconds is not None and not 0 <= seconds < float("inf"):
         raise UsageError(f"--seconds: must be >= 0, not {seconds}")
+    if not who.strip():
+        raise UsageError("--who: must name who found it: records are kept for good")
     limit = Option("--time-limit").require_limit(time_limit)
     known = Library(library or DATA)
     record = known.submit(file, who, program, seconds, sources, limit)

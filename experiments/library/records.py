@@ -346,8 +346,8 @@ class Library:
             if wrong := _contradiction(*pair):
                 raise FileError(f"{path}: refused: {entry.name}: {wrong}")
             return
-        told = f"{found.value:.6f} is no better than {best.value:.6f}"
-        raise FileError(f"{path}: refused: {entry.name} has a {found.kind} as good: {told}")
+        told = f"{found.value:.6f} is no better than the {best.value:.6f} of the record"
+        raise FileError(f"{path}: refused: {entry.name}: {told}")
 
     @contextmanager
     def _locked(self) -> Iterator[None]:

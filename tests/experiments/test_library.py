@@ -187,7 +187,7 @@ def test_only_what_is_better_is_accepted(empty: Library) -> None:
         for path in file["plan"]["paths"]:
             path[1:] = [path[0]] * (len(path) - 1)
 
-    with pytest.raises(FileError, match="no better than 27"):
+    with pytest.raises(FileError, match="no better than the 27"):
         empty.submit(forged(empty, GOOD[0], stay))
     assert len(empty.records()) == 2
 
