@@ -56,7 +56,10 @@ class LandCover(Data, frozen=True, eq=False):
         return self.outline.min(axis=0), self.outline.max(axis=0)
 
     def holds(self, points: FloatArray) -> BoolArray:
-        """Returns an array [n], true for points [n, 2] (m) in the area or on its rim, not in holes."""
+        """Returns an array [n], true for points [n, 2] (m) in the area.
+
+        The rim belongs to the area, and holes do not.
+        """
         import shapely  # few have land
 
         area = shapely.Polygon(self.outline, self.holes)
