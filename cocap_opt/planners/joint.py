@@ -368,7 +368,7 @@ class Pair:
     def _forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
-        """Returns an array [n, m], true for pairs of moves, from tails to heads, that break a rule."""
+        """Returns an array [n, m], true for pairs of moves (tails to heads) that break a rule."""
         if not self.model.problem.rules.hold_between_steps:
             return False
         sides = self.a, self.b
