@@ -121,7 +121,8 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     def may_start(self, motion: Motion, places: IntArray) -> BoolArray:
         """Returns an array [n], true for places x, y, layer [n, 3] where a robot may be at step 0.
 
-        Other robots are ignored."""
+        Other robots are ignored.
+        """
         x, y, layer = places.T
         able: BoolArray = motion.free_places(self.workspace)[layer, x, y]
         if self.airspace.people_aside:

@@ -57,7 +57,7 @@ class CliquesOfMoves:
         return tuple(sorted(nearest)) if {first, second} <= set(nearest) else (first, second)
 
     def among(self, first: _Move, second: _Move, tails: FloatArray, heads: FloatArray) -> IntArray:
-        """Returns an array, true for those of moves [n] that form a clique with two given ones.
+        """Returns the positions of those moves [n] that form a clique with two given ones.
 
         Parameters
         ----------
