@@ -27,7 +27,7 @@ class Take(Data, frozen=True):
 
     Attributes
     ----------
-    name : the name by which `Actor.take` refers to the take
+    name : name of the take, to which the `take` of its people refers
     probability : probability that people walk in this way, 0 to 1; those of all takes sum to 1.
         People of a take with probability 0 add nothing to J, but drones keep away from them, too
 
