@@ -38,8 +38,8 @@ def team(
     drones : numbers of drones, or a single number
     camera : names of cameras, as listed by `cocap-opt scenes`; each is tried in teams of its own.
         None: the camera of the problem's drones
-    heights : m, a choice of the problem's flight heights; at each of them a team is tried that
-        stays there. None: teams use all of the problem's heights
+    heights : m, in the reference of the problem's flight heights; at each of them a team is tried
+        that stays there. None: teams use all of the problem's heights
     cameras : number of drones that are to see a person
     share : share of person-steps that are to be seen by so many drones
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to

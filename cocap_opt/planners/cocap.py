@@ -81,11 +81,11 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
     Result
         The plan of the first conflict-free node popped. At a limit, the paths of the last node
         popped that do not collide, while all other robots stay at their starts; or, after many
-        nodes or little time left, the plan of sequential planning with the same low level, if that
-        is better. `statistics` holds the numbers of nodes `generated` and `expanded`, the `depth`
-        of the last one popped, and the number of states `evaluated` by a lazy low level. If the
-        tree is exhausted, no plan obeys the rules: a low level fails only if there is no path, and
-        every plan satisfies at least one of the two constraints of a conflict.
+        nodes or when little time is left, the plan of sequential planning with the same low level,
+        if that is better. `statistics` holds the numbers of nodes `generated` and `expanded`, the
+        `depth` of the last one popped, and the number of states `evaluated` by a lazy low level. If
+        the tree is exhausted, no plan obeys the rules: a low level fails only if there is no path,
+        and every plan satisfies at least one of the two constraints of a conflict.
     """
     return _searched(problem, stop, low_level, OpenNodes())
 
