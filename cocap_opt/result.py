@@ -26,11 +26,11 @@ _REMEDIES = {
 
 
 class UnsupportedError(ValueError):
-    """A method does not take problems of this kind; the message says which it takes."""
+    """A method does not support problems of this kind; the message says which it supports."""
 
 
 def remedy(limit: Limit | None) -> str:
-    """Returns advice for a limit that came before there was a plan; empty if there is none."""
+    """Returns advice for a limit that was reached before there was a plan, or no words."""
     return "" if limit is None else _REMEDIES.get(limit, "")
 
 
@@ -44,15 +44,15 @@ class Result:
     value : J of the plan; -inf without one
     reason : why the method stopped
     limit : the limit that stopped it; None if none did
-    bound : upper bound on J that is proved; inf without one
+    bound : proved upper bound on J; inf without one
     seconds : s, wall-clock time of the search, without the coverage of all states
     coverage_seconds : s, wall-clock time of that coverage; 0 if it was computed before
-    message : why there is no plan, in words
+    message : the reason why there is no plan, in words
     statistics : the method's own counts and times, by name
     in_coverage : the limit was reached before the coverage of all steps was complete
-    told : what the limit has left of the plan, as its file says; empty without a file
+    told : how far the plan got before the limit, in the words of its file; empty without a file
     problem : the problem that was planned; None: unknown
-    method : name of the method that made it; empty if unknown
+    method : name of the method that made the result; empty if unknown
     """
 
     plan: Plan | None
@@ -80,28 +80,28 @@ class Result:
     def stopped_without_plan(
         cls, limit: Limit, statistics: Mapping[str, float] | None = None
     ) -> Self:
-        """Make a result without a plan, since a limit was reached."""
+        """Make a result without a plan, because a limit was reached."""
         words = [f"no plan was found before the {limit} limit", remedy(limit)]
         message = ": ".join(filter(None, words))
         return replace(cls.without_plan(Reason.STOPPED, message, statistics), limit=limit)
 
     @property
     def gap(self) -> float:
-        """The relative gap, (bound - value) / bound; infinite where one of them is."""
+        """The relative gap, (bound - value) / bound; infinite if either of them is."""
         return relative_gap(self.value, self.bound)
 
     @property
     def ending(self) -> Ending:
-        """The end of the method's work, as files of plans tell it."""
+        """The end of the method's work, as files of plans record it."""
         return Ending(self.reason, self.limit, self.in_coverage, self.told)
 
     @property
     def cut_short(self) -> str:
-        """Words for what a limit has left of the plan; empty without a plan or a limit."""
+        """Says how far the plan got before a limit; empty without a plan or a limit."""
         return "" if self.plan is None else self.ending.left_of(self.plan)
 
     def summary(self) -> str:
-        """Describe the result in a few lines; that a limit cut a plan short comes first."""
+        """Describe the result in a few lines, first of all whether a limit cut the plan short."""
         stopped = f"stopped by the {self.limit} limit"
         # J is at least 0, so a bound below says that nothing can be planned as it is asked for.
         no_plan = " (below 0: there is no plan)" if self.bound < 0 else ""
@@ -132,7 +132,7 @@ class Result:
 
         Parameters
         ----------
-        ax : matplotlib axes; those of a figure of its own if not given
+        ax : matplotlib axes; if not given, those of a new figure
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Result:
 
 
 def relative_gap(value: float, bound: float) -> float:
-    """Returns (bound - value) / bound; infinite where one is infinite.
+    """Returns (bound - value) / bound; infinite if either is infinite.
 
     A bound of 0 is rounded up to the least positive number, which is no gap.
     """

@@ -1,6 +1,6 @@
-"""Bounds and exact optima. To add one: one file, and one line in a registry below.
+"""Bounds and exact optima. A new method needs one file and one line in a registry below.
 
-This front imports nothing of its package: whoever imports the certificates loads no method.
+This module imports nothing of its package, so that importing the certificates loads no method.
 """
 
 from collections.abc import Mapping

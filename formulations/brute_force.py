@@ -37,9 +37,9 @@ def brute_force(
     report: Report = silent,
     gap: float = OPTIMALITY,
 ) -> CertifiedResult:
-    """Tries all plans, which is also what proves its bound: there is no certificate.
+    """Tries all plans, which also proves the bound; there is no certificate.
 
-    It needs no start, but says why the one given could not be used.
+    It needs no start, but if one is given and could not be used, the result says why.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def brute_force(
 
 
 def _better_and_better(model: Model, stop: Stop) -> Iterator[tuple[Plan, float]]:
-    """Goes through all plans, and yields each that is better than all before, with its J.
+    """Goes through all plans, and yields each plan that is better than all before, with its J.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A gap explained: the terms that the difference between a bound and a plan's J is made of.
+"""Explanation of a gap: the terms that make up the difference between a bound and a plan's J.
 
 Let V_t be the values to go of the priced graphs, r_t their rewards with charges and rewards for
 moves, and pay_i what robot i is paid for a view sum. For a plan P and a certificate of bound B,
@@ -13,9 +13,9 @@ moves, and pay_i what robot i is paid for a view sum. For a plan P and a certifi
              + what the file claims above what its numbers prove                        claim
              + what covers rounding.                                                 rounding
 
-The first holds step by step, since a path's rewards telescope against V; the rest is the bound's
-own sum with the plan's numbers put in. No term is below 0 for a plan that obeys the rules: V is
-the best that any path gets, and `certificates.pricing` proves the others; only stages take off. A
+The first term holds step by step, since a path's rewards telescope against V; the rest is the
+bound's own sum evaluated for the plan. For a plan that obeys the rules, no term but that of stages
+is below 0: V is the best value of any path, and `certificates.pricing` proves it for the others. A
 broken rule that has a price shows as a negative row. All terms are computed by the certificates'
 own sweep.
 """
@@ -51,13 +51,13 @@ Kind = Literal["path", "face", "views", "row", "decision", "leaves", "stages", "
 
 
 class Term(NamedTuple):
-    """A part of a gap; what does not belong to its kind is None.
+    """A part of a gap; fields that do not apply to its kind are None.
 
-    A path's term is what a robot loses by the move that it makes from `step` on. A face's term is
-    what the certificate pays for a block, which is a face of an actor at a step, beyond what the
-    robots together get for it; where pixels add up over time it has no step. A term of views is
-    of a person whom `robots` robots see, where these count. What the stages of a
-    certificate, and the paths that were tried, take off the bound of its multipliers again is a
+    A path's term is the loss of a robot by its move from `step` to the next. A face's term is the
+    amount that the certificate pays for a face of an actor at a step beyond what the robots
+    together get for it; where pixels add up over time it has no step. A term of views belongs to a
+    person whom `robots` robots see, where such robots are counted. The amount by which the stages
+    of a certificate, and the paths that were tried, lower the bound of its multipliers is a
     term < 0.
     """
 
@@ -75,7 +75,7 @@ class Term(NamedTuple):
 
     @property
     def is_broken(self) -> bool:
-        """True where the plan breaks the rule that the term is about.
+        """True if the plan breaks the term's rule.
 
         Decisions are never broken: the plan's own leaf is the one whose decisions it obeys.
         """
@@ -96,10 +96,10 @@ class Explanation:
 
     Attributes
     ----------
-    bound : as the file claims it
+    bound : the bound that the file claims
     reward : J of the plan
-    terms : all but faces that add nothing and rows without a price
-    leaf : of a proof, the one that the plan belongs to
+    terms : all terms but those of faces that add nothing and of rows without a price
+    leaf : in a proof, the leaf that the plan belongs to
     """
 
     bound: float
@@ -117,17 +117,17 @@ class Explanation:
         return [term for term in self.terms if term.kind in kinds]
 
     def total(self, *kinds: Kind) -> float:
-        """Returns the sum of the terms of these kinds, of all if none is named."""
+        """Returns the sum of the terms of these kinds, or of all terms if no kind is given."""
         return math.fsum(term.amount for term in self.terms if not kinds or term.kind in kinds)
 
     def share(self, amount: float) -> float:
-        """Returns an amount as a share of the bound; 0 where nothing can be seen."""
+        """Returns an amount as a share of the bound; 0 if nothing can be seen."""
         return amount / self.bound if self.bound > _NOTHING else 0.0
 
     def losses(self) -> FloatArray:
         """Returns each robot's loss by the move of its path at each step [R, T], in units of J.
 
-        That of the first move has in it what is lost by the start, where there was a choice.
+        The loss by the first move includes the loss by the start, if there was a choice.
         """
         paths = self.of_kind("path")
         size = 1 + max(term.robot or 0 for term in paths)
@@ -145,10 +145,10 @@ def explain(
 
     Parameters
     ----------
-    plan : one that can be flown; it may break collision rules
+    plan : a plan that can be flown; it may break collision rules
     reward : J of the plan, by the referee
-    proved : of a proof, the largest bound of its leaves, as `verify` finds it; if None, what the
-        file claims is taken for it, and no term says what it claims beyond that
+    proved : for a proof, the largest bound of its leaves, as found by `verify`; if None, the claim
+        of the file is used, and there is no term for an excess of the claim
 
     Raises
     ------
@@ -196,8 +196,8 @@ def _numbers(
 ) -> tuple[int, Certificate, tuple[Decision, ...]]:
     """Returns a leaf's position among the leaves, its certificate, and the decisions above it.
 
-    A certificate alone is the only leaf of a tree without decisions; of a staged one the
-    multipliers are meant.
+    A single certificate counts as the only leaf of a tree without decisions; of a staged one its
+    multipliers are used.
     """
     if isinstance(file, CertificateFile):
         numbers = file.certificate
@@ -214,7 +214,7 @@ def _numbers(
 
 
 def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) -> Iterator[Term]:
-    """Yields what each robot loses by leaving each step as it does."""
+    """Yields the loss of each robot by its move from each step."""
     model = prices.model
     losses: dict[int, list[float]] = {}
     for number, robot_class in enumerate(model.classes):
@@ -268,7 +268,7 @@ def reward_of_move(objective: Objective, a: State, b: State) -> float:
 
 
 def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Term]:
-    """Yields terms of faces, and of people who count: pay beyond the reward, at each step."""
+    """Yields the terms of faces and of counted people: pay beyond the reward, at each step."""
     model, problem = prices.model, prices.model.problem
     weights, paid = problem.view_sum_weights, prices.pixels.constants.copy()
     seen = problem.no_pixels()
@@ -311,7 +311,7 @@ def _row_terms(
     decisions: Sequence[Decision],
     paths: Sequence[PathCells],
 ) -> Iterator[Term]:
-    """Yields what is charged for resources and not used, row by row and decision by decision."""
+    """Yields the prices paid for resources that are not used, by row and by decision."""
     if not isinstance(certificate, Multipliers):
         return
 

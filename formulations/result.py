@@ -1,4 +1,4 @@
-"""The contract of bounds and exact methods: their arguments and their results."""
+"""The contract of bounds and exact methods: their arguments and results."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -37,7 +37,7 @@ OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
 def certify(
     problem: Problem, model: Model, method: str, certificate: Certificate | Staged
 ) -> CertificateFile:
-    """Prices a certificate and returns the file that claims the bound it gives.
+    """Prices a certificate and returns the file that claims the resulting bound.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ def certify(
 class CertifiedResult(Result):
     """A value and a bound, with the file that proves the bound.
 
-    `bound` is the one that the certificate proves, never a solver's own word for it; that is in
-    `statistics`. A method without a plan has the value -inf.
+    `bound` is the one that the certificate proves, never a solver's own claim, which is in
+    `statistics`. A result without a plan has the value -inf.
 
     Attributes
     ----------
-    certificate : the file that proves the bound; None where there is none, as of brute force
+    certificate : the file that proves the bound; None if there is none, as for brute force
     """
 
     certificate: CertificateFile | ProofFile | None = None
@@ -73,7 +73,7 @@ class CertifiedResult(Result):
     def bounded(
         cls, file: CertificateFile | ProofFile, statistics: Mapping[str, float]
     ) -> "CertifiedResult":
-        """Returns the result of a method that ran to its end and looks for no plan."""
+        """Returns the result of a method that has finished and that searches for no plan."""
         reason = proved_by(-math.inf, file.proved) or Reason.FINISHED
         return cls(
             None, -math.inf, reason, bound=file.proved, statistics=statistics, certificate=file
@@ -82,8 +82,8 @@ class CertifiedResult(Result):
     def with_start(self, problem: Problem, start: Plan | None) -> "CertifiedResult":
         """Returns the bound of an exact method that was stopped at once, with a plan.
 
-        The plan is the start, or else that nobody moves. Where the bound proves that there is no
-        plan, nothing is added.
+        The plan is the start, or else the one in which no drone moves. If the bound proves that
+        there is no plan, none is added.
         """
         if self.reason is Reason.INFEASIBLE:
             return self
@@ -97,7 +97,7 @@ class CertifiedResult(Result):
     def stopped_by(self, limit: Limit) -> "CertifiedResult":
         """Returns the same result with the limit that stopped the method.
 
-        Where it proves that there is no plan, nothing was left to do.
+        A result that proves that there is no plan is complete and stays as it is.
         """
         if self.reason is Reason.INFEASIBLE:
             return self
@@ -105,7 +105,7 @@ class CertifiedResult(Result):
 
 
 def proved_by(value: float, bound: float) -> Reason | None:
-    """Returns the reason that a plan's J and a bound prove: OPTIMAL, INFEASIBLE, or None.
+    """Returns the reason for stopping that a J and a bound prove: OPTIMAL, INFEASIBLE or None.
 
     A negative bound proves that there is no plan, since J >= 0.
     """
@@ -115,7 +115,7 @@ def proved_by(value: float, bound: float) -> Reason | None:
 
 
 def checked_start(problem: Problem, plan: Plan | None) -> tuple[Plan | None, str]:
-    """Returns the plan if it can be flown and breaks no rule; otherwise the reason in words."""
+    """Returns the plan if it can be flown and breaks no rule, otherwise the reason in words."""
     if plan is None:
         return None, ""
     verdict = check(problem, plan)
@@ -131,7 +131,7 @@ class Snapshot(NamedTuple):
     ----------
     value : J of the best plan so far; -inf without one
     bound : the best certified bound so far; inf without one
-    seconds : s, since the method began
+    seconds : s since the method began
     columns : paths in the restricted master
     nodes : finished nodes of the search tree
     """
@@ -144,7 +144,7 @@ class Snapshot(NamedTuple):
 
     @property
     def gap(self) -> float:
-        """The relative gap, (bound - value) / bound; infinite where one of them is."""
+        """The relative gap, (bound - value) / bound; infinite if either of them is."""
         return relative_gap(self.value, self.bound)
 
 
@@ -156,7 +156,7 @@ def silent(snapshot: Snapshot) -> None:
 
 
 class BoundMethod(Protocol):
-    """A method that gives an upper bound on J, and may give a plan."""
+    """A method that gives an upper bound on J, and possibly a plan."""
 
     def __call__(
         self,
@@ -165,4 +165,4 @@ class BoundMethod(Protocol):
         start: Plan | None = None,
         report: Report = silent,
     ) -> CertifiedResult:
-        """Bounds a problem; the plan `start` helps some methods."""
+        """Bounds a problem; the plan `start` helps some of the methods."""

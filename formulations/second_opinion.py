@@ -1,19 +1,19 @@
-"""A second opinion on certificates: the bound that one proves, found anew by other code.
+"""A second opinion on certificates: the bound that a certificate proves, computed by other code.
 
-Of staged certificates it is that of `cocap_check`, which searches joint states itself. Of all
-others it is added up with networkx.
+For staged certificates the second opinion comes from `cocap_check`, which searches joint states
+itself. For all others it is added up with networkx.
 
-`certificates.pricing` says which inequalities bound J, and prices them by value iteration over
-arrays. Here the same sums are made in plain loops over states and moves, and each drone's best path
-is networkx's longest path through the time-expanded graph that is in reach of its starts. Both know
-the problem, the moves that there are, what a view sees and the format of files; they share no
-numbering of states, no charges, no envelopes and no sweep. Whether a row is one that every plan
-obeys is not asked again. Of a proof every leaf is priced.
+`certificates.pricing` states the inequalities that bound J, and prices them by value iteration over
+arrays. This module computes the same sums in plain loops over states and moves, and each drone's
+best path as networkx's longest path through the part of the time-expanded graph that is in reach of
+its starts. Both use the same code for the problem, the possible moves, the views and the format of
+files; they share no numbering of states, no charges, no envelopes and no sweep. This module does
+not check again that every plan obeys the rows. It prices every leaf of a proof.
 
 The longest path of a directed acyclic graph may begin and end anywhere, so that networkx leaves out
-whatever has a negative sum. Every edge is therefore raised by one constant until none is negative.
-Then a longest path begins before the starts, at a node with an edge to each of them, and ends at
-step T; it has T + 1 edges, which take the constant off again.
+any part with a negative sum. All edges are therefore raised by the same constant until none is
+negative. A longest path then begins before the starts, at a node with an edge to each of them, and
+ends at step T; it has T + 1 edges, for which the constant is subtracted again.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -64,11 +64,11 @@ _Leaf = tuple[Certificate, Sequence[Decision]]  # and the decisions that hold wh
 
 
 class TooLargeError(ValueError):
-    """The graphs are larger than networkx can price in minutes; the message says how large."""
+    """The graphs are too large for networkx to price in minutes; the message says how large."""
 
 
 class SecondOpinion(NamedTuple):
-    """The bound that a certificate or a proof proves, by code that is not `verify`'s."""
+    """The bound that a certificate or a proof proves, computed by code other than `verify`'s."""
 
     bound: float
     magnitude: float  # sum of the absolute values that it is made of
@@ -86,16 +86,16 @@ class SecondOpinion(NamedTuple):
         Parameters
         ----------
         model : of the problem
-        file : valid, as `certificates.verify` finds it
-        progress : told how many best paths networkx has found, or files cocap-check, and of how
-            many
+        file : a file that `certificates.verify` has found valid
+        progress : called with the number of best paths that networkx has found, or of files that
+            cocap-check has checked, and the total
 
         Raises
         ------
         CertificateError
             If cocap-check refuses the file.
         TooLargeError
-            If that would take longer than some minutes, or more than a gigabyte for a drone.
+            If it would take more than a few minutes, or more than a gigabyte for a drone.
         """
         problem = model.problem
         leaves: list[_Leaf]
@@ -113,9 +113,10 @@ class SecondOpinion(NamedTuple):
     def agrees(self, pricing: Pricing) -> bool:
         """Returns True if `verify` finds the same bound.
 
-        They may part by 1e-9 of the absolute values that the bound is made of, and by what the
-        sweep has added for rounding. cocap-check may find less: where a file claims less than it
-        proves, its own search may prove more than that of `verify` does.
+        The bounds may differ by 1e-9 of the sum of absolute values in the bound, and by the
+        allowance for rounding that the sweep has added.
+        cocap-check may find less: where a file claims less than it proves, its own search may prove
+        more than that of `verify` does.
         """
         if math.inf in (abs(self.bound), abs(pricing.bound)):
             return self.bound == pricing.bound
@@ -127,7 +128,7 @@ class SecondOpinion(NamedTuple):
 
 
 def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
-    """Raises TooLargeError if networkx would price a file for too long, by an estimate."""
+    """Raises TooLargeError if networkx would, by an estimate, take too long to price a file."""
     if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
         return
     known: dict[tuple[object, ...], int] = {}
@@ -161,7 +162,7 @@ def _by_cocap_check(model: Model, file: CertificateFile) -> float:
     Raises
     ------
     CertificateError, TooLargeError
-        If it refuses the file, or may not search for so long.
+        If it refuses the file, or if the search would take too long.
     """
     try:
         instance = cocap_check.Instance(instance_of(model))
@@ -187,7 +188,8 @@ class _Prices:
 
     Parameters
     ----------
-    single : every robot is a class of its own; else those are alike that differ in their start only
+    single : True: every robot is a class of its own; False: robots that differ only in their start
+        form a class
     """
 
     def __init__(self, problem: Problem, single: bool) -> None:
@@ -209,13 +211,13 @@ class _Prices:
         ]
 
     def of(self, leaves: Sequence[_Leaf], progress: Callable[[int, int], None]) -> list[_Worth]:
-        """Returns the bounds that some leaves prove.
+        """Returns the bounds that given leaves prove.
 
-        The robots come one by one, since a graph by networkx is large.
+        Robots are handled one by one, since a networkx graph is large.
 
         Parameters
         ----------
-        progress : told how many best paths are found, and of how many
+        progress : called with the number of best paths found, and the total
         """
         terms = [list(self._constants(*leaf)) for leaf in leaves]
         paths: list[list[_Worth]] = [[] for _ in leaves]
@@ -272,13 +274,13 @@ class _Prices:
         return _longest_path(self._problem, robot, graph, paid, uses)
 
     def _row(self, t: int) -> int:
-        """Returns the row of a table in which the pixels of step t count."""
+        """Returns the row of a table to which the pixels of step t belong."""
         return 0 if self._problem.objective.over_time else t
 
     def _constants(
         self, certificate: Certificate, decisions: Sequence[Decision]
     ) -> Iterator[float]:
-        """Yields what is to be added whatever is flown and seen: cuts, rows and decisions."""
+        """Yields the amounts to add for cuts, rows and decisions, whatever the plan."""
         if isinstance(certificate, ReferencePixels):
             for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
                 yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
@@ -297,7 +299,7 @@ class _Prices:
     def _kappas(
         self, certificate: Certificate, visible: Iterable[tuple[int, int]]
     ) -> Iterator[float]:
-        """Yields what is to be added for each view sum (row, face) that somebody can see."""
+        """Yields the amount to add for each view sum (row, face) that some drone can see."""
         if isinstance(certificate, ReferencePixels):
             return
         shares: dict[tuple[int, int], list[float]] = {}
@@ -312,7 +314,7 @@ class _Prices:
     def _count_kappas(
         self, certificate: Certificate, noticed: Iterable[tuple[int, int]]
     ) -> Iterator[float]:
-        """Yields what is to be added for each step and person whom somebody can see."""
+        """Yields the amount to add for each step and person whom some drone can see."""
         if isinstance(certificate, ReferencePixels):
             return
         for t, person in noticed:
@@ -366,8 +368,8 @@ def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:
 def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> float:
     """Returns the least constant of a cut: its largest excess at a corner, or 0.
 
-    A corner has every robot of the curves' classes at a breakpoint, or at 0: robot by robot, those
-    are kept that no other betters in both pixels and value.
+    A corner has every robot of the curves' classes at a breakpoint or at 0. Robot by robot, only
+    corners are kept that no other beats in both pixels and value.
 
     Parameters
     ----------
@@ -387,7 +389,7 @@ def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> f
 
 
 def _unbettered(corners: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Returns the corners (pixels, value) of which no other has more pixels for less value."""
+    """Returns the corners (pixels, value) for which no other has more pixels for less value."""
     kept: list[tuple[float, float]] = []
     for pixels, value in sorted(set(corners), key=lambda corner: (-corner[0], corner[1])):
         if not kept or value < kept[-1][1]:
@@ -408,7 +410,7 @@ class _Sight:
     Attributes
     ----------
     seen : the faces that nodes see, and their px/m2; nodes that see nothing are left out
-    people : the people who count that nodes see; nodes that see nobody are left out
+    people : the counted people that nodes see; nodes that see nobody are left out
     """
 
     def __init__(self, problem: Problem, spec: Robot) -> None:
@@ -466,7 +468,7 @@ def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: in
 
 
 def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
-    """Yields what uses a resource: being in a cell or in a state at t, or a move from t on."""
+    """Yields the uses of a resource: being in a cell or a state at t, or a move from t on."""
     t = resource.t
     if isinstance(resource, Cells):
         yield from ((t, cell) for cell in resource.cells)
@@ -490,12 +492,12 @@ _BEFORE = "before"  # the node from which an edge leads to each start
 def _longest_path(
     problem: Problem, robot: int, graph: Graph, paid: dict[Node, float], uses: _Uses
 ) -> _Worth:
-    """Returns the worth of a robot's best path; -infinite where it has none.
+    """Returns the worth of a robot's best path; -inf if it has none.
 
     Parameters
     ----------
-    graph : all that the robot can reach from its starts
-    paid : for being in a node
+    graph : all nodes that the robot can reach from its starts
+    paid : payment for being in a node
     """
     import networkx as nx  # a fifth of a second, which few commands need
 
@@ -531,9 +533,10 @@ def _weighted(
     cells: dict[State, Cell],
     uses: _Uses,
 ) -> Graph:
-    """Returns the nodes and edges of a graph that are open and in reach, edges with weights.
+    """Returns the open and reachable nodes and edges of a graph, edges with weights.
 
-    An edge weighs what its move and its head are worth; the worth of starts is in none.
+    The weight of an edge is the worth of its move and its head; no edge includes the worth of
+    starts.
     """
     import networkx as nx
 

@@ -3,15 +3,15 @@
 Source of the online bound: Minoux 1978; Leskovec et al. 2007 (for a budget); here with one
 best path per robot.
 
-The early bound is there after any limit, also where coverage is not whole. At the steps whose
-coverage is not known, every drone counts as if nothing hid anybody: an upper bound on what it sees
-(`vision.ceilings`). Multipliers that are priced on that prove, on the true coverage, at most the
-bound that is claimed. All faces of a step share one multiplier, of two kinds
+The early bound is available after any limit, even if coverage is not complete. At steps whose
+coverage is not known, drones count as if nothing hid anybody, which gives an upper bound on what
+they see (`vision.ceilings`). Multipliers priced on that coverage prove, on the true coverage, a
+bound no higher than the one claimed. All faces of a step share one multiplier, of one of two kinds
 (`certificates.pricing` has the inequality): each drone as if it were alone, alpha = 1; or a tangent
-of the root at z pixels, alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of what all drones
-could see of a face at the step if they all stood where one of them sees most. Where the drones that
-see people are counted, each is paid all of it, gamma = 1, or nothing, gamma = 0, where so large a
-share of all drones would be more than count.
+of the root at z pixels, alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of the pixels that
+all drones could have of a face at the step if they were all where one of them sees most. Where the
+drones that see people are counted, each drone is paid in full, gamma = 1, or, if that share of all
+drones is more than the number that counts, not at all, gamma = 0.
 """
 
 import math
@@ -58,9 +58,9 @@ _STEP_DOWN = 0.4  # from one share of what could be seen to the next
 
 
 def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
-    """Returns the result of a bound that a limit has stopped before it had any of its own.
+    """Returns the result of a method that a limit has stopped before it had a bound of its own.
 
-    It takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
+    This takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
     """
     model = compiled(problem)
     prices = _StepMultipliers(model)
@@ -107,12 +107,12 @@ class _StepMultipliers:
         self._counts = people.sum(axis=1)  # [T+1] the most that counts bring
 
     def alone(self) -> _Steps:
-        """Returns the multipliers of drones that are alone."""
+        """Returns the multipliers that treat each drone as if it were alone."""
         steps = self._model.problem.view_sum_steps
         return _Steps(np.ones(steps), np.zeros(steps), np.ones(self._model.problem.horizon + 1))
 
     def tangents(self) -> Iterator[_Steps]:
-        """Yields tangents at ever fewer pixels."""
+        """Yields tangents at fewer and fewer pixels."""
         most = np.max([pixels.max(axis=1) for _, pixels, _ in self._sums], axis=0)  # [T+1]
         problem = self._model.problem
         if problem.objective.over_time:
@@ -130,19 +130,19 @@ class _StepMultipliers:
 
     @property
     def _cameras(self) -> int:
-        """Number of drones from which on more that see a person do not count; 0: none do."""
+        """Number of drones on a person beyond which more do not count; 0: none do."""
         views = self._model.problem.objective.views
         return 0 if views is None else views.cameras
 
     @property
     def are_dear(self) -> bool:
-        """True if a single bound takes long: value iteration over so many states."""
+        """True if a single bound takes long because value iteration has many states."""
         return _states(self._model) > _MANY
 
     def quick_file(self) -> CertificateFile:
-        """Returns the certificate of the multipliers that are best for drones that jump.
+        """Returns the certificate of the multipliers that are best if drones could jump anywhere.
 
-        Where value iteration would take too long it claims no more than what they prove for these.
+        If value iteration would take too long, it claims only the bound for such drones.
         """
         best = min((self.alone(), *self.tangents()), key=self.without_motion)
         if _states(self._model) <= _TOO_MANY:
@@ -150,7 +150,7 @@ class _StepMultipliers:
         return self.file(best, _rounded_up(self.without_motion(best)))
 
     def best_file(self) -> CertificateFile:
-        """Returns the certificate of the best multipliers that are tried."""
+        """Returns the certificate of the best multipliers tried."""
         best, lowest = self.file(self.alone()), math.inf
         for tangents in self.tangents():
             file = self.file(tangents)
@@ -161,9 +161,9 @@ class _StepMultipliers:
         return best
 
     def without_motion(self, steps: _Steps) -> float:
-        """Returns the bound of multipliers for drones that are anywhere at any step.
+        """Returns the bound of multipliers for drones that can be anywhere at any step.
 
-        Each of their moves is rewarded in all ways.
+        Each of their moves gets the largest reward for a move.
         """
         problem = self._model.problem
         moves = len(problem.robots) * problem.horizon
@@ -176,7 +176,7 @@ class _StepMultipliers:
         return total
 
     def _constants(self, steps: _Steps) -> float:
-        """Returns the part of the bound that no drone decides."""
+        """Returns the part of the bound that does not depend on the drones."""
         alpha, beta, gamma = steps
         tangent = beta > 0
         constants = (1 - alpha[tangent]) ** 2 / (4 * beta[tangent])
@@ -188,7 +188,7 @@ class _StepMultipliers:
 
         Parameters
         ----------
-        bound : if it is known; at least what they prove
+        bound : a known bound that is no lower than the one that they prove; None: compute it
         """
         problem, faces = self._model.problem, self._model.n_faces
         people = int(problem.count_weights.shape[1])
@@ -225,23 +225,23 @@ def _paid(
     roots: FloatArray, pixels: FloatArray, counts: FloatArray,
     alpha: float, beta: float, gamma: float,
 ) -> FloatArray:  # fmt: skip
-    """Returns the pay [S] of a step's states; what is not paid for may be infinite."""
+    """Returns the pay [S] of a step's states; amounts with price 0 may be infinite."""
     parts = ((alpha, roots), (beta, pixels), (gamma, counts))
     return np.asarray(sum((price * part for price, part in parts if price), 0.0 * counts))
 
 
 def _rounded_up(bound: float) -> float:
-    """Returns a bound that is larger than one by more than the rounding of its sums."""
+    """Returns a bound raised by more than the rounding errors of its sums."""
     return math.nextafter(bound + _ROUNDING * abs(bound), math.inf)
 
 
 def _states(model: Model) -> int:
-    """Returns the number of states at steps, over all robot classes."""
+    """Returns the number of states over all steps and robot classes."""
     return (model.problem.horizon + 1) * sum(c.graph.n_states for c in model.classes)
 
 
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
-    """Returns the sums of a class, and marks what it may see in `visible` [Z]."""
+    """Returns the sums of a class, and marks the view sums that it may see in `visible` [Z]."""
     graph = model.classes[number].graph
     sums = np.zeros((3, model.problem.horizon + 1, graph.n_states))
     nodes, known = _known(model, number, visible)
@@ -255,7 +255,7 @@ def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
 
 
 def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
-    """Returns the most of a class at each step, and marks what it may see in `visible` [Z]."""
+    """Returns a class's largest sums at each step, and marks in `visible` [Z] what it may see."""
     sums = np.zeros((3, model.problem.horizon + 1, 1))
     nodes, known = _known(model, number, visible)
     for whole, values in zip(sums, known, strict=True):
@@ -281,9 +281,9 @@ def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Su
 def _ceilings(
     model: Model, number: int, visible: BoolArray
 ) -> Iterator[tuple[int, IntArray, FloatArray, FloatArray, FloatArray]]:
-    """Yields steps that are not known, places [n] that are reached then, and sums [O, n].
+    """Yields steps without known coverage, the places [n] reached then, and their sums [O, n].
 
-    They are in parts of a size that the processor's cache holds.
+    Places come in parts that fit into the processor's cache.
     """
     problem, robot_class = model.problem, model.classes[number]
     graph, weights = robot_class.graph, problem.view_sum_weights
@@ -303,7 +303,7 @@ def _ceilings(
 def alone(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
-    """Computes the sum over drones of the most that each could see if it were alone."""
+    """Computes the sum, over drones, of the largest J that each could have if it were alone."""
     model = compiled(problem)
     try:
         model.prepare_all(stop)
@@ -318,7 +318,7 @@ def online(
 ) -> CertifiedResult:
     """Computes the online bound of a plan P: J(P) + sum over drones of max_path gain(path | P).
 
-    Where the bound `alone` is lower, or without a plan, it is that. (The rewards for
+    If the bound `alone` is lower, or without a plan, the result is that bound. (The rewards for
     moves in J(P) are bounded by the paths' own, so they are not counted twice.)
     """
     plan, message = checked_start(problem, start)

@@ -1,7 +1,7 @@
-"""Limits of solvers, and the words in which they end, whatever library stands behind them.
+"""Limits of solvers and the reasons for which they end, the same for all libraries.
 
-Each works on one thread, with one seed where it takes one, so that runs can be repeated, and
-prints nothing. To add one: a line in `_SOLVERS`.
+Each solver runs on one thread, with a fixed seed if it uses one, so that runs can be repeated, and
+prints nothing. A new solver needs one line in `_SOLVERS`.
 """
 
 import math
@@ -19,7 +19,7 @@ THREADS, SEED = 1, 0
 
 
 class _Solver(NamedTuple):
-    """The options and the statuses of a solver, in the words of its library."""
+    """The options and the statuses of a solver, as its library names them."""
 
     options: Mapping[str, Any]  # whatever is solved
     statuses: Mapping[str, Reason | Limit]  # all others are `Limit.NUMERICS`
@@ -85,12 +85,12 @@ _SOLVERS = {
 
 
 def options(name: str, stop: Stop = never, gap: float | None = None) -> dict[str, Any]:
-    """Returns the options of a solver by the names of its library: the fixed ones and the limits.
+    """Returns the options of a solver, as its library names them: fixed ones and limits.
 
     Parameters
     ----------
-    stop : says how much time is left
-    gap : relative, at which the solver may end
+    stop : stopping criterion, which knows the time left
+    gap : relative gap at which the solver may end
     """
     solver, seconds = _SOLVERS[name], stop.seconds_left
     limits = {} if gap is None else {solver.gap: gap}
@@ -100,7 +100,7 @@ def options(name: str, stop: Stop = never, gap: float | None = None) -> dict[str
 
 
 def ending(name: str, status: str) -> Reason | Limit:
-    """Returns why a solver ended, which it says in the words of its library."""
+    """Returns the reason why a solver ended, given the status of its library."""
     return _SOLVERS[name].statuses.get(status, Limit.NUMERICS)
 
 
@@ -115,13 +115,13 @@ def solve_cones(
 ) -> Any:
     """Solves min cost x subject to rows x + s = rhs, s in the cones; returns Clarabel's solution.
 
-    Clarabel is called directly, so that it asks for limits at each iteration.
+    Clarabel is called directly, so that limits are checked at each iteration.
 
     Parameters
     ----------
     cost, rows, rhs : [n], [m, n] and [m]
-    quadratic : [n, n] upper triangle of Q, of which x Q x / 2 is added to the cost
-    settings : of Clarabel, besides its threads and limits
+    quadratic : [n, n] upper triangle of Q; x Q x / 2 is added to the cost
+    settings : settings of Clarabel, besides its threads and limits
     """
     import clarabel
 

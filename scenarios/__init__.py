@@ -269,7 +269,7 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
             f"{name_or_path}: no such scene or file; there are {', '.join(SCENES)}{question}"
         )
     if os.path.isfile(path) and _is_blank(path):
-        raise FileError(f"{path}: is empty, and no scene")
+        raise FileError(f"{path}: is empty, and so no scene")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
     foreign = None if found else kind_of(path)
     if foreign is not None and foreign not in (JSON, WKT):  # of which the name says more

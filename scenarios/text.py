@@ -64,7 +64,7 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
     if "\0" in text:
-        raise ProblemError("must be a text file in UTF-8; it has characters NUL, as UTF-16 has")
+        raise ProblemError("must be a text file in UTF-8; it has NUL characters, as UTF-16 does")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

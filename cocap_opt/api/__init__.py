@@ -1,10 +1,10 @@
-"""The functions of the face, `import cocap_opt as co`, a module for each of its subjects.
+"""The functions of the public interface, `import cocap_opt as co`, with a module for each subject.
 
-`methods` has those that plan, bound and solve; `judging` those that check and verify, `explaining`
-those that tell what a gap is made of; `covering` has what drones see, `filming` how well plans film
-people, `measuring` the gap table, `teaming` teams of other drones, `fronts` trade-offs, `flying`
-flights of plans, `showing` the player, `variants` problems that ask for more, and `files` what is
-read and written. `arguments` judges what they are given.
+`methods` has the functions that plan, bound and solve, `judging` those that check and verify, and
+`explaining` those that split a gap into its parts. `covering` computes coverage, `filming` measures
+how well plans film people, `measuring` makes the gap table, `teaming` compares teams of drones,
+`fronts` finds trade-offs, `flying` makes flights of plans, `showing` shows the player, `variants`
+changes problems, and `files` reads and writes files. `arguments` checks the arguments of them all.
 """
 
 __all__ = [

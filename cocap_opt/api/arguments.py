@@ -1,4 +1,4 @@
-"""The arguments of the face: what they may be, and the words that refuse all else."""
+"""Checks of the public functions' arguments, with the messages that refuse wrong ones."""
 
 from collections.abc import Sequence
 
@@ -19,32 +19,32 @@ Bound = CertificateFile | ProofFile
 
 
 def require(value: object, name: str, allowed: str, *kinds: type) -> None:
-    """Raises TypeError, in words, if a value is of none of these kinds."""
+    """Raises TypeError, with a readable message, if a value is of none of these types."""
     if not isinstance(value, kinds) or isinstance(value, bool):
         raise TypeError(f"{name}: must be {allowed}, not {value!r}")
 
 
 def require_number(value: object, name: str) -> None:
-    """Raises TypeError, in words, unless it is given a number of Python or NumPy."""
+    """Raises TypeError, with a readable message, unless the value is a Python or NumPy number."""
     require(value, name, "a number", int, float, np.number)
 
 
 def require_problem(problem: object) -> None:
-    """Raises TypeError, in words, unless it is given a problem."""
+    """Raises TypeError, with a readable message, unless the value is a problem."""
     require(problem, "problem", "a Problem; `load` makes one of a scene's name or file", Problem)
 
 
 def name_of(given: object) -> str:
-    """Returns the name, in messages and tables, of what is given by name or as a callable."""
+    """Returns the name, for messages and tables, of a method given by name or as a callable."""
     if isinstance(given, str):
         return given
     return str(getattr(given, "__name__", type(given).__name__))
 
 
 def require_made_for(name: str, given: object, problem: Problem) -> None:
-    """Raises ValueError if a result, or the file that a plan was read from, is of another problem.
+    """Raises ValueError if a result, or the file that a plan was read from, is for another problem.
 
-    The line names both, and how to use the plan all the same.
+    The message names both problems, and says how to use the plan all the same.
     """
     made_for = _made_for(given, problem)
     if made_for is not None:
@@ -53,7 +53,7 @@ def require_made_for(name: str, given: object, problem: Problem) -> None:
 
 
 def _made_for(given: object, problem: Problem) -> str | None:
-    """Returns words for the other problem that something was made for; None if there is none."""
+    """Returns words for the other problem that an object was made for; None if there is none."""
     if isinstance(given, Plan) and given.made_for:
         digest, scene = given.made_for, given.scene
     elif isinstance(given, Result) and given.problem is not None and given.problem is not problem:
@@ -70,7 +70,7 @@ def require_flown(name: str, verdict: Verdict) -> None:
 
 
 def plan_of(given: Plan | Result | None) -> Plan | None:
-    """Returns the plan, of a result its plan; its states may be plain tuples."""
+    """Returns the given plan, or the plan of a given result; its states may be plain tuples."""
     if given is None or isinstance(given, Result):
         return None if given is None else given.plan
     require(given, "plan", "a Plan or a Result; `read` reads files of plans", Plan)
@@ -80,7 +80,7 @@ def plan_of(given: Plan | Result | None) -> Plan | None:
 def plan_for(
     problem: Problem, given: Plan | Result | None, purpose: str, name: str = "plan"
 ) -> Plan:
-    """Returns a plan of a problem, of a result its plan.
+    """Returns the given plan of a problem, or the plan of a given result.
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def plan_for(
     Raises
     ------
     ValueError
-        If the result has no plan, or is of another problem, or the plan's file says that it is.
+        If the result has no plan, or if the result, or the plan according to its file, is for
+        another problem.
     """
     require_problem(problem)
     require_made_for(name, given, problem)
@@ -101,10 +102,10 @@ def plan_for(
 
 
 def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
-    """Returns the plan that a method begins with, of a result its plan; None where there is none.
+    """Returns the plan that a method starts from, or that of a given result; None if there is none.
 
-    It may come from a problem of other rules or another objective, and break the rules of this one,
-    which the method then says.
+    It may come from a problem with other rules or another objective, and may break the rules of
+    this one; the method then reports that.
 
     Raises
     ------
@@ -120,7 +121,7 @@ def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
 
 
 def followed(follow: Plan | Result | None) -> Plan:
-    """Returns the plan that is flown up to a step, of whatever scene it was made for.
+    """Returns the plan that is flown up to a step, whichever scene it was made for.
 
     Raises
     ------
@@ -144,7 +145,8 @@ def rest_of(
     Raises
     ------
     ValueError
-        If there is no plan, no such step or drone, or what was flown breaks a rule; one line.
+        If there is no plan or no such step or drone, or if the steps flown so far break a rule;
+        one line.
     """
     require_problem(problem)
     plan = followed(follow)
@@ -163,19 +165,19 @@ def rest_of(
 
 
 def bound_in(claim: Plan | Result | Bound) -> Bound | None:
-    """Returns a certificate or a proof, of a result its own; None where a claim has none."""
+    """Returns the given certificate or proof, or that of a given result; None if there is none."""
     if isinstance(claim, CertifiedResult):
         return claim.certificate
     return None if isinstance(claim, Plan | Result) else claim
 
 
 def required_bound(claim: object) -> Bound:
-    """Returns a certificate or a proof, of a result its own.
+    """Returns the given certificate or proof, or that of a given result.
 
     Raises
     ------
     TypeError
-        If it is none of these.
+        If the claim is none of these.
     ValueError
         If the result has none.
     """

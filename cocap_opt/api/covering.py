@@ -1,4 +1,4 @@
-"""The face's coverage: what each drone could see, as a table, and its digest."""
+"""Public functions for coverage: a table of all that each drone could see, and its digest."""
 
 import hashlib
 from typing import TYPE_CHECKING, Any
@@ -20,28 +20,28 @@ _PART = 100_000  # states that are digested at once
 def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
     """Compute the coverage c(i, t, f): the pixels per m2 that a drone's states give each face.
 
-    With the allowed moves of the drone it is all that your own model needs: a plan's J is
-    the sum, over steps and faces, of weight times the square root of the pixels that all drones
-    together give the face at the step. With `over_time` the pixels of all steps are added before
-    the root is taken; rewards and charges for moves are not included.
+    Together with the allowed moves of the drones, this is all that a model of your own needs: a
+    plan's J is the sum, over steps and faces, of the weight times the square root of the pixels
+    that all drones together give the face at the step. With `over_time`, the pixels of all steps
+    are added before the root is taken. Rewards and charges for moves are not included.
 
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    robot : number of the drone; drones alike in motion and camera see the same from a state
+    robot : number of the drone; drones with the same motion and camera see the same from a state
 
     Returns
     -------
     DataFrame
-        A row for each step, state that the drone can reach by then, and face that it sees from
-        there: `step`, the state as `x`, `y`, `layer`, `heading`, `pitch`, then `actor`, `face` (of
-        the actor), `pixels` (px/m2, above 0), and `weight` (of the face at the step). Steps that do
-        not count, such as the first, are left out.
+        A row for each step, each state that the drone can reach by then, and each face that it sees
+        from there: `step`, the state as `x`, `y`, `layer`, `heading`, `pitch`, then `actor`, `face`
+        (of the actor), `pixels` (px/m2, above 0), and `weight` (of the face at the step). Steps
+        that do not count, such as the first, are left out.
 
     Raises
     ------
     ValueError
-        If there is no drone of this number.
+        If there is no drone with this number.
 
     Examples
     --------
@@ -62,10 +62,10 @@ def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
 
 
 def coverage_digest(problem: Problem) -> str:
-    """Compute a digest of all coverage of a problem, to compare machines and versions by.
+    """Compute a digest of all coverage of a problem, for comparing machines and versions.
 
-    Two problems with the same digest agree on all pixels to the last bit, and so on each J. It
-    depends on what drones can see and reach, and not on names, weights, rewards and collision
+    Two problems with the same digest agree on all pixels to the last bit, and hence on each J. The
+    digest depends on what drones can see and reach, but not on names, weights, rewards or collision
     rules. The page on file formats has the recipe.
 
     Parameters
@@ -80,7 +80,7 @@ def coverage_digest(problem: Problem) -> str:
     Raises
     ------
     TypeError
-        If it is given no problem.
+        If `problem` is not a problem.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def coverage_digest(problem: Problem) -> str:
 def _columns(
     model: Model, robot_class: RobotClass, nodes: IntArray
 ) -> tuple[dict[str, NDArray[Any]], IntArray]:
-    """Returns coverage from some nodes by columns, and the view sum that each row adds to."""
+    """Returns the coverage from some nodes as columns, and the view sum that each row adds to."""
     graph, table = robot_class.graph, model.coverage(robot_class)
     owner = model.problem.face_owner
     position, entries = table.entries(nodes)

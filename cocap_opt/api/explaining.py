@@ -1,4 +1,4 @@
-"""The face's explanations: what a gap is made of, and what single re-plans would gain."""
+"""Public functions that explain a gap: its parts, and the gains from re-planning single drones."""
 
 from typing import TYPE_CHECKING
 
@@ -21,14 +21,15 @@ def explain(
 ) -> "pd.DataFrame":
     """Split the gap between a plan and a bound into terms that add up to it.
 
-    Each drone loses something by leaving a step as it does, the bound pays for faces beyond what
-    the drones get, and charges for rules that nobody uses. No amount is below 0, except that of a
-    rule that the plan breaks, and that of `stages`: what the stages of a staged certificate take
-    off the bound of its multipliers. `cocap-opt verify --explain` says it in words.
+    At each step a drone may lose something by the move that it makes; the bound allows more for
+    faces than the drones get, and includes the prices of rules that no drone uses. No amount is
+    below 0, except that of a rule that the plan breaks, and that of `stages`: the amount by which
+    the stages of a staged certificate lower the bound of its multipliers. `cocap-opt verify
+    --explain` prints the same in words.
 
     Parameters
     ----------
-    problem : that the plan is for
+    problem : the problem that the plan is for
     plan : a plan that can be flown, or a result that has one
     certificate : the certificate or proof of the bound, or a result that has one; if not given,
         that of `plan`
@@ -37,10 +38,10 @@ def explain(
     -------
     DataFrame
         A row per term: `kind` (path, face, views, row, decision, leaves, stages, claim, rounding),
-        `step`, `robot`, `actor`, `face` (of the actor), `amount` in units of J, `share` of the
-        bound, of views `robots` (that see the person), and of rows and decisions `resource`,
-        `sense` and `robots` (at most, or at least, so many may use it), `used` and `price`. `attrs`
-        has `bound`, `reward`, and their `difference`.
+        `step`, `robot`, `actor`, `face` (of the actor), `amount` in units of J, and `share` of the
+        bound; for views also `robots` (that see the person); for rows and decisions also
+        `resource`, `sense` and `robots` (at most, or at least, so many may use it), `used` and
+        `price`. `attrs` has `bound`, `reward`, and their `difference`.
 
     Raises
     ------
@@ -73,19 +74,20 @@ def explain(
 
 
 def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
-    """Plan each drone again while all others keep their paths, and return what that gains.
+    """Plan each drone again while all others keep their paths, and return the gains.
 
     Parameters
     ----------
-    problem : that the plan is for
+    problem : the problem that the plan is for
     plan : a plan that can be flown, or a result that has one
 
     Returns
     -------
     DataFrame
-        A row per drone that has such a path, the largest gain first: `robot`, `gain` of J, `share`
-        (of the plan's J), and the new `plan`. A gain is below 0 where the drone gives up a conflict
-        for it. Where pixels add up over time, the path is not always the drone's best.
+        A row per drone that has such a path, the largest gain first: `robot`, `gain` (in J),
+        `share` (of the plan's J), and the new `plan`. A gain is below 0 if the new path costs J in
+        order to avoid a conflict. Where pixels add up over time, the path is not always the drone's
+        best.
 
     Raises
     ------

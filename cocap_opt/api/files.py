@@ -1,4 +1,4 @@
-"""The face's files: scenes of any format in, scenes, plans, certificates and proofs in and out."""
+"""Public functions for files: load scenes of any format; read and save what this project writes."""
 
 from pathlib import Path
 from typing import TypeVar, overload
@@ -43,12 +43,13 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     Returns
     -------
     Problem
-        Checked, and never changing; its coverage is computed when something asks for it.
+        Checked and immutable; its coverage is computed when it is first needed.
 
     Raises
     ------
     FileError
-        If there is no such scene or option, or the file cannot be used; one line says why.
+        If there is no such scene or option, or the file cannot be used; a one-line message says
+        why.
 
     Examples
     --------
@@ -69,17 +70,18 @@ def save(
 
     Parameters
     ----------
-    path : the file; what is there is replaced
-    content : what to write; of a result, its plan
-    problem : the problem that a plan is for; a result knows it
+    path : the file; an existing one is replaced
+    content : the object to write; of a result, its plan is written
+    problem : the problem that a plan is for; not needed for a result, which knows it
 
     Raises
     ------
     FileError
         If the file cannot be written.
     ValueError
-        If a plan comes without its problem, is for another or cannot be flown in it, or a result
-        has no plan, or no certificate, so that `content` is None.
+        If a plan comes without its problem, is for another problem or cannot be flown in this one;
+        if a result has no plan; or if `content` is None, as the certificate of a result without
+        one.
 
     Examples
     --------
@@ -113,20 +115,21 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
 
     Parameters
     ----------
-    path : the file; `load` reads scenes of other kinds
-    kind : `Problem`, `Plan`, `CertificateFile` or `ProofFile`, if it must be one of these, as which
-        type checkers then know it
+    path : the file; `load` reads scenes in other formats
+    kind : the type that the content must have: `Problem`, `Plan`, `CertificateFile` or `ProofFile`;
+        type checkers then know it, too
 
     Returns
     -------
     Problem, Plan, CertificateFile or ProofFile
-        Whatever the file holds. A plan knows which problem it was made for (`Plan.made_for`), and
+        The content of the file. A plan knows which problem it was made for (`Plan.made_for`), and
         is refused for any other.
 
     Raises
     ------
     FileError
-        If it is none of these, another than `kind`, or is damaged; one line says what is wrong.
+        If the file holds none of these, or something other than `kind`, or is damaged; a one-line
+        message says what is wrong.
     TypeError
         If `kind` is none of the four.
 

@@ -1,4 +1,4 @@
-"""The face's view of people: how well a plan films them."""
+"""Public functions that measure how well plans film people, and bound it for all plans."""
 
 import numpy as np
 
@@ -35,33 +35,34 @@ def quality(
 ) -> Quality:
     """Measure how well a plan films people: by how many drones, how accurately, how sharply.
 
-    Of all this J may count the drones that see each person (`Views`); the rest is measured only. A
-    plan may break collision rules. Pixels are those of the scene's cameras.
+    J may include the number of drones that see each person (`Views`); all else here is measured but
+    is no part of J. The plan may break collision rules. Pixels are those of the scene's cameras.
 
     Parameters
     ----------
-    problem : that the plan is for
+    problem : the problem that the plan is for
     plan : a plan that can be flown, or a result that has one
-    at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them. None: that of the problem's objective, or 0.3
-    pixel_error : px, standard deviation with which a point is found in a picture, along each axis
-    position_error : m, standard deviation of a drone's place along each axis
+    at_least : share of a person's unobstructed solid angle that must be visible for a drone to
+        count as seeing the person. None: that of the problem's objective, or 0.3
+    pixel_error : px, standard deviation of a point's position in an image, along each axis
+    position_error : m, standard deviation of a drone's position along each axis
     attitude_error : rad, standard deviation of a camera's attitude about each axis
-    exposure : s for which the shutter is open
-    drone_size : m, of a drone from side to side
-    drone_pixels : px across the picture, from which on a drone counts in the picture of another
+    exposure : s, time for which the shutter is open
+    drone_size : m, width of a drone
+    drone_pixels : px, least width in another drone's image at which a drone counts as being in it
 
     Returns
     -------
     Quality
-        Printed it is a summary in words. `table` has a row per person and step, `summary` a few
-        numbers, `by_person` the same of each person, `worst` the worst moments in words.
+        Printing it gives a summary in words. `table` has a row per person and step, `summary` a few
+        numbers, `by_person` the same numbers for each person, and `worst` describes the worst
+        moments in words.
 
     Raises
     ------
     ValueError
-        If the plan cannot be flown in this problem, it is known to be for another, the result has
-        no plan, or a number is out of range; one line.
+        If the plan cannot be flown in this problem or is known to be for another, if the result has
+        no plan, or if a number is out of range; one line.
 
     Examples
     --------
@@ -92,28 +93,28 @@ def quality_bound(
     stop: Stop = never,
     start: Plan | Result | None = None,
 ) -> QualityBound:
-    """Prove how many person-steps several drones can see at most, whatever their plan.
+    """Prove the largest number of person-steps that several drones can see, whatever their plan.
 
-    For each number of drones up to `cameras` it bounds the share of person-steps that so many
-    drones or more see, over all plans that obey the rules. What the objective says does not matter.
+    For each number of drones up to `cameras`, bound the share of person-steps that at least so many
+    drones see, over all plans that obey the rules. The problem's objective does not matter.
 
     Parameters
     ----------
     problem : the drones, the people, and where they are
     cameras : the largest number of drones for which a bound is proved. None: the cameras of the
         problem's objective, or 2
-    at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them. None: that of the objective, or 0.3
+    at_least : share of a person's unobstructed solid angle that must be visible for a drone to
+        count as seeing the person. None: that of the objective, or 0.3
     seconds : for each number of drones, coverage not included
-    time_limit : seconds of all of it, the coverage included
+    time_limit : seconds for everything, coverage included
     stop : a further stopping criterion
-    start : a plan to begin with; one that breaks a rule is left out
+    start : a plan to begin with; it is ignored if it breaks a rule
 
     Returns
     -------
     QualityBound
-        Printed it says what is proved. `most(2).share` is the share that no plan exceeds,
-        `share(quality, 2)` that of a plan, `sentences(quality)` tells both, and `results` have the
+        Printing it states what is proved. `most(2).share` is the share that no plan exceeds,
+        `share(quality, 2)` that of a plan, `sentences(quality)` states both, and `results` have the
         certificates.
 
     Raises

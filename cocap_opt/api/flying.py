@@ -1,4 +1,4 @@
-"""The face's flights: where drones are at every moment, and what is left when something slips."""
+"""Public functions for flights: drones at every moment, and the effects of delays and losses."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -25,23 +25,23 @@ def trajectory(
     every: float | None = None,
     hovering: bool = False,
 ) -> "pd.DataFrame":
-    """Return where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
+    """Return the position of each drone of a plan at every moment, as `cocap-opt fly` writes it.
 
     Straight flights go from step to step at constant speeds. Smooth ones are at the same places at
-    the steps and have continuous speed and acceleration; that they keep away from each other and
-    from obstacles is proved for every moment. Rows are moments of the flight: straight lines
-    between them are up to `attrs["off_between_rows"]` m beside it, and nothing is proved about
+    the steps and have continuous speed and acceleration; it is proved for every moment that they
+    keep away from each other and from obstacles. Rows are moments of the flight. Straight lines
+    between them deviate from it by up to `attrs["off_between_rows"]` m, and nothing is proved about
     those lines.
 
     Parameters
     ----------
-    problem : that the plan is for
+    problem : the problem that the plan is for
     plan : a plan that obeys the scene's rules, or a result that has one
-    smooth : with continuous speed and acceleration
-    step : seconds of a step, if the problem does not define it
-    margin : metres by which drones may be nearer to people than the problem says, aside and over
+    smooth : fly with continuous speed and acceleration
+    step : seconds per step, if the problem does not define it
+    margin : m by which drones may be nearer to people than the problem says, sideways and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
-    every : seconds between rows; else a row a step, and ten a step of smooth flights
+    every : seconds between rows; if not given, one row per step, or ten for smooth flights
     hovering : also accept a plan in which no drone moves, which is otherwise refused
 
     Returns
@@ -49,21 +49,21 @@ def trajectory(
     DataFrame
         A row per drone and moment: `drone`, `t` (s since step 0), `x`, `y`, `z` (m, coordinates of
         the map), `yaw` (degrees, 0 along x, counter-clockwise, without jumps at a full turn),
-        `pitch` (degrees, of the camera, 0 level, below is negative), `above_ground` where the map
-        tells the ground, `above_takeoff` (over the map below the drone's start), and where the
-        scene says it `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs`
-        has `step`, `reward`, `least_distance` (m, between two drones at any moment),
-        `people_distance` (m, from a drone to the middle of a person, from above; None where there
-        is nobody) and the like, and of drones with homes `from_home`: for each drone and part of
-        the take the `seconds` from take-off to landing, and the ways `out` and `back`, as
-        `cocap-opt fly --json` has them.
+        `pitch` (degrees, of the camera, 0 level, negative below), `above_ground` where the ground
+        is known from the map, `above_takeoff` (over the map below the drone's start), and, if the
+        scene has a place on the Earth, `latitude`, `longitude` (WGS 84), `above_sea` or
+        `above_ellipsoid`. `attrs` has `step`, `reward`, `least_distance` (m, between two drones at
+        any moment), `people_distance` (m, from a drone to the middle of a person, seen from above;
+        None without people) and the like, and, for drones with homes, `from_home`: for each drone
+        and part of the take the `seconds` from take-off to landing, and the ways `out` and `back`,
+        as in `cocap-opt fly --json`.
 
     Raises
     ------
     ValueError
         If the plan breaks a rule, no drone moves, the length of a step is given nowhere or twice,
-        drones with this margin would keep no distance to people, a drone cannot fly so, or the
-        scene's place cannot be converted; one line.
+        drones with this margin would keep no distance to people, a drone cannot fly in this way, or
+        the scene's place cannot be converted; one line.
 
     Examples
     --------
@@ -99,45 +99,47 @@ def robustness(
 ) -> "pd.DataFrame":
     """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
-    Nobody reacts: all others fly as planned. Distances and rules are those of every moment, on
-    the flights' polynomials; J is computed between the steps, too. A drone that is lost at a step
-    has left the scene: it contributes nothing from there on, and is near nobody.
+    Nobody reacts: all other drones fly as planned. Distances and rules are evaluated at every
+    moment, on the flights' polynomials; J is computed between the steps, too. A drone that is lost
+    at a step leaves the scene: from then on it contributes nothing and is near nobody.
 
     Parameters
     ----------
-    problem : that the plan is for
+    problem : the problem that the plan is for
     plan : a plan that obeys the scene's rules, or a result that has one
-    smooth : with continuous speed and acceleration
-    step : seconds of a step, if the problem does not define it
-    margin : metres by which drones may be nearer to people than the problem says, aside and over
+    smooth : fly with continuous speed and acceleration
+    step : seconds per step, if the problem does not define it
+    margin : m by which drones may be nearer to people than the problem says, sideways and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
-    late : s, by which all people are late, and early
-    aside : m, by which all people walk to the left of where they would, and to the right
-    lag : s, by which any one drone is late; the worst drone counts
-    lost : steps at which drones are lost, each by itself. None: each drone at its worst step, the
-        last one at which its loss costs as much as if it had never flown
+    late : s by which all people are late, and, in a second change, early
+    aside : m by which all people walk to the left of their path, and, in a second change, to the
+        right
+    lag : s by which any one drone is late; the worst drone counts
+    lost : steps at which drones are lost, one drone at a time. None: each drone at its worst step,
+        the last one at which its loss costs as much as if it had never flown
 
     Returns
     -------
     DataFrame
-        A row per change, the first is the plan: `change` (in words), `reward` (J), `share` (of
-        the J of the flight as planned), `least_distance` (m, between two drones),
-        `people_distance` (m, from above, where the scene asks for one), `rules` (kept, or to whom
-        drones come too near; none where there is none between the steps), `ask_drones` and
-        `ask_people` (m, the distance to ask for in the scene, its own and what is missing). Of
-        lost drones `lost_drone` and `lost_step`; of these and the plan `by_two` and `by_none`
-        (shares of person-steps seen by two drones or more, and by none) and `no_longer` (a list of
-        `person` and `steps`, who is seen by two as planned and is no longer). `attrs` has
-        `delay_tolerance`, the seconds below which drones may be behind each other, and
-        `delay_tolerance_to_people`, those below which they may be ahead of people or behind them;
-        inf: any delay will do; None: the scene asks for no such distance, or there is nobody.
+        A row per change, preceded by one for the plan: `change` (in words), `reward` (J), `share`
+        (of the J of the flight as planned), `least_distance` (m, between two drones),
+        `people_distance` (m, seen from above, where the scene requires one), `rules` (kept, or whom
+        drones come too near to; none if no rule holds between the steps), `ask_drones` and
+        `ask_people` (m, the distance that the scene should require: its own plus the shortfall).
+        Rows of lost drones have `lost_drone` and `lost_step`; these and the plan's also have
+        `by_two` and `by_none` (shares of person-steps seen by two drones or more, and by none) and
+        `no_longer` (a list of `person` and `steps`: person-steps that two drones see as planned,
+        but no longer do). `attrs` has `delay_tolerance`: drones may be behind each other by less
+        than so many seconds; and `delay_tolerance_to_people`: drones may be ahead of people or
+        behind them by less than so many seconds. inf: any delay is allowed; None: the scene
+        requires no such distance, or has no people.
 
     Raises
     ------
     ValueError
         If the plan breaks a rule, the length of a step is given nowhere or twice, drones with this
-        margin would keep no distance to people, a drone cannot fly so, or a change is none or
-        longer than the flight; one line.
+        margin would keep no distance to people, a drone cannot fly in this way, or a change is zero
+        or longer than the flight; one line.
 
     Examples
     --------
@@ -165,7 +167,7 @@ def robustness(
 
 
 def _flight_scene(problem: Problem, step: float | None, margin: float | None) -> "FlightScene":
-    """Returns the scene that plans of a problem are flown in."""
+    """Returns the scene in which plans of a problem are flown."""
     from cocap_opt.flight.flight_scene import FlightScene
 
     if margin is not None:

@@ -1,4 +1,4 @@
-"""The face's trade-offs between J and the drones that see each person."""
+"""Public function for the trade-off between J and the number of drones that see each person."""
 
 from dataclasses import replace
 
@@ -30,34 +30,35 @@ def front(
     ----------
     problem : the drones, the people, and where they are; the weight of views in its objective does
         not matter
-    cameras : drones that see a person, from which on more add nothing. None: those of `so_far`, of
+    cameras : number of drones on a person beyond which more add nothing. None: that of `so_far`, of
         the problem's objective, or 2
     at_least : share of a person, by solid angle, that must be visible in a drone's image. None:
         that of `so_far`, of the objective, or 0.3
-    share : of all possible views, around which plans and bounds are found first. None: that of
+    share : share of all possible views around which plans and bounds are found first. None: that of
         `so_far`, or of the objective, if it has one
-    directions : how many weights of J and views are tried at most, until the trade-off is settled
-    seconds : of each of them, coverage not included; each time that one is tried again it has twice
-        as many as before
-    time_limit : seconds of all of them, the coverage included
+    directions : largest number of weightings of J and views to try until the trade-off is settled
+    seconds : for each weighting, coverage not included; they double each time that it is tried
+        again
+    time_limit : seconds for all of them, coverage included
     stop : a further stopping criterion
     so_far : a trade-off of the same problem, which is continued
 
     Returns
     -------
     Front
-        With its `plans`, none of which is better than another in both, and the `half_planes` that
-        all plans are in, each with its certificate. `reward_bound(views)` is the J that no plan of
-        at least so many views exceeds, `best_with(views)` the best one found, `views_bound` the
-        views that no plan exceeds, `gap` the most that is left between plans and proofs, and
-        `settled` is True if nothing is. `table` has all of them. Printed it tells them in words.
+        With its `plans`, none of which is better than another in both respects, and the
+        `half_planes` that contain all plans, each with its certificate. `reward_bound(views)` is
+        the J that no plan with at least so many views exceeds, `best_with(views)` the best such
+        plan found, `views_bound` the number of views that no plan exceeds, `gap` the largest gap
+        left between plans and proofs, and `settled` is True if there is none. `table` has all of
+        them. Printing it describes them in words.
 
     Raises
     ------
     ProblemError
         If `cameras`, `at_least` or `share` is out of range.
     ValueError
-        If `so_far` is of another problem or counts other views, or another number is not valid.
+        If `so_far` is for another problem or counts other views, or another number is not valid.
 
     Examples
     --------

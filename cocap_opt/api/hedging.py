@@ -1,4 +1,4 @@
-"""The face's comparison of plans beside takes."""
+"""Public function that compares plans for single takes with a plan for all of them."""
 
 from cocap_opt.api.arguments import require_problem
 from cocap_opt.data import require
@@ -9,25 +9,25 @@ from cocap_opt.stop import Stop, never
 
 
 def compare_takes(problem: Problem, *, seconds: float = 10.0, stop: Stop = never) -> Hedging:
-    """Show what a plan for one take loses in another, and what hedging costs.
+    """Compare the loss of a plan for one take when another take happens with the cost of hedging.
 
     For each take alone, and for all of them on average, it searches for the best plan and proves a
-    bound, with branch-and-price. All plans keep away from the people of all takes, so that each of
-    them can be flown whichever take it is.
+    bound, with branch-and-price. All plans keep away from the people of all takes, so that each
+    plan can be flown whichever take happens.
 
     Parameters
     ----------
-    problem : with takes
-    seconds : for each plan, the coverage included
+    problem : a problem with takes
+    seconds : for each plan, coverage included
     stop : a further stopping criterion
 
     Returns
     -------
     Hedging
-        With `plans`, one for each take, and `hedged`, the one for all. Each has its `rewards` in
-        each take, the `mean`, and the `bound` that no plan exceeds, with its certificate. `table`
-        has a row for each plan. `sentences()` says what plans for one take lose and what hedging
-        costs; printed it tells both.
+        With `plans`, one for each take, and `hedged`, the plan for all. Each has its `rewards` in
+        each take, their `mean`, and the `bound` that no plan exceeds, with its certificate. `table`
+        has a row for each plan. `sentences()` describes what plans for one take lose and what
+        hedging costs; printing the object shows both.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The face's judges: they check plans, certificates and proofs, and trust nobody."""
+"""Public functions that check plans, certificates and proofs independently of what made them."""
 
 from collections.abc import Sequence
 from math import inf
@@ -25,14 +25,14 @@ from cocap_opt.run.view_share import proved_in
 
 
 def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
-    """Ask the referee if a plan can be flown, which rules it breaks, and what its J is.
+    """Check with the referee if a plan can be flown, which rules it breaks, and what its J is.
 
-    The referee trusts no planner; it recomputes everything by slow, obvious loops.
+    The referee trusts no planner: it recomputes everything in slow, obvious loops.
 
     Parameters
     ----------
-    problem : that the plan is for
-    plan : a plan, or a result that has one; None, which a result without a plan has, is refused
+    problem : the problem that the plan is for
+    plan : a plan, or a result that has one; None, the plan of a result without one, is refused
 
     Returns
     -------
@@ -61,13 +61,13 @@ def verify(
 
     Parameters
     ----------
-    problem : that the claims are about
-    claims : plans, certificates, proofs or results to check, at most one plan among them; of a
-        result its plan, value, bound and certificate
-    second_opinion : find bounds a second time by independent code, which takes much longer: that of
-        networkx, or of cocap-check if a certificate is staged
-    plain : use no code that is compiled by numba; staged certificates take about twenty times as
-        long then, others no longer
+    problem : the problem that the claims are about
+    claims : plans, certificates, proofs or results to check, with at most one plan among them; of a
+        result, its plan, value, bound and certificate are checked
+    second_opinion : compute bounds a second time with independent code, which takes much longer:
+        with networkx, or with cocap-check if a certificate is staged
+    plain : use no code that is compiled by numba; staged certificates then take about twenty times
+        as long, others no longer
 
     Returns
     -------
@@ -79,15 +79,16 @@ def verify(
     ------
     CertificateError
         If a certificate belongs to another problem, is not valid, or claims a lower bound than its
-        numbers prove, or the second opinion is another bound.
+        numbers prove, or if the second opinion is a different bound.
     TooLargeError
-        If the second opinion would take longer than some minutes.
+        If the second opinion would take more than a few minutes.
     ValueError
-        If a plan or a result is for another problem, a plan breaks a rule or cannot be flown, its J
-        is not the one claimed or above the bound, a result claims a lower bound than its
-        certificate, there are two plans, nothing to check, or a result has a bound, such as that of
-        brute force, and no certificate is among the claims. Its plan alone, `result.plan`, can be
-        checked. A claim that is None, as the plan of a result without one, is refused, too.
+        If a plan or a result is for another problem; if a plan breaks a rule or cannot be flown, or
+        its J is not the one claimed or is above the bound; if a result claims a lower bound than
+        its certificate; if there are two plans, or nothing to check; if a claim is None, as the
+        plan of a result without one; or if a result has a bound, such as that of brute force, and
+        no certificate is among the claims. In that case its plan alone, `result.plan`, can be
+        checked.
 
     Examples
     --------
@@ -122,7 +123,7 @@ def verify(
 
 
 def _claim(claim: Plan | Result | Bound | None, problem: Problem) -> Plan | Result | Bound:
-    """Returns a claim that can be checked; refuses what is none, or is about another problem."""
+    """Returns a claim that can be checked; refuses all others, and claims about another problem."""
     if claim is None:
         words = "a result without a plan or a certificate has none that could be checked"
         raise ValueError(f"claims: must not be None; {words}")
@@ -133,7 +134,7 @@ def _claim(claim: Plan | Result | Bound | None, problem: Problem) -> Plan | Resu
 
 
 def _require_consistent(problem: Problem, claim: Result) -> None:
-    """Checks what a result says of its plan and bound, besides J."""
+    """Checks what a result says about its plan and bound, besides J."""
     bound = bound_in(claim)
     for name in ("value", "bound"):
         require_number(getattr(claim, name), name)
@@ -146,7 +147,7 @@ def _require_consistent(problem: Problem, claim: Result) -> None:
 
 
 def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:
-    """Refuses claims without a certificate, of which nothing or too little could be checked."""
+    """Refuses claims that, for want of a certificate, could not be checked or not fully."""
     for claim in claims:
         if isinstance(claim, Result) and claim.bound != inf:
             whose = f"{claim.method}'s" if claim.method else "a result's"

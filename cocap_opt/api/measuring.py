@@ -1,4 +1,4 @@
-"""The gap table of the face."""
+"""Public function for the gap table."""
 
 import logging
 import sys
@@ -34,26 +34,27 @@ def gap(
 ) -> "pd.DataFrame":
     """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
 
-    A planner of your own is a function of a problem and a stop, beside the names of others; its
-    rows have the function's name. If it has a parameter `seed`, it gets that of the scene. With
-    `out` it must be defined at the top level of a module or script: a folder knows its results by
-    the digest of that file, and of all that it imports from beside it.
+    `planners` may include a planner of your own, a function of a problem and a stop; its rows have
+    the function's name. If the function has a parameter `seed`, it gets that of the scene. With
+    `out`, it must be defined at the top level of a module or script: the folder identifies its
+    results by the digest of that file and of all that the file imports from its own folder.
 
     Parameters
     ----------
     scenes : names, files, problems, or functions that make the problem of a seed; one, or several
     planners : names in `PLANNERS` or `EXACT`, "module:function", names that installed packages
-        offer, or callables that take a problem and a stop and return a `Result`, as `plan` takes
-        them; if not given greedy, sequential, cocap, cocap-vs, cocap-prices, and with one or two
-        drones joint
-    seeds : of the scenes, or words such as "0-3"; a scene that is the same for several seeds is
-        taken once, and so is a problem, whose seed is 0
-    time_limit : seconds for each plan, and for each of the two bounds of a scene and seed; they
-        count from when coverage is ready; its time is charged to nobody
+        offer, or callables that take a problem and a stop and return a `Result`, as for `plan`; if
+        not given: greedy, sequential, cocap, cocap-vs, cocap-prices, and joint for one or two
+        drones
+    seeds : of the scenes, as numbers or as text such as "0-3"; a scene that is the same for several
+        seeds is used once, and so is a problem, whose seed is 0
+    time_limit : seconds for each plan, and for each of the two bounds of a scene and seed, counted
+        from when coverage is ready; the time for coverage is not counted
     work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
-        the table, but for its seconds, is the same on every machine that needs less than the time
+        the table, except for its times, is the same on every machine that stays within the time
         limit
-    out : folder that keeps plans, certificates and results; what is there is not computed again
+    out : folder for plans, certificates and results; those that it already has are not computed
+        again
     workers : processes, each on a core of its own; this process if not given
 
     Returns
@@ -65,11 +66,12 @@ def gap(
     Raises
     ------
     ValueError
-        If there is no such scene or planner, a limit is negative, there are not so many cores,
-        `out` cannot be used, a function is to be kept but could not be recognised later, or a
-        script that takes `workers` has no line ``if __name__ == "__main__":``.
+        If there is no such scene or planner, a limit is negative, there are fewer cores than
+        `workers`, `out` cannot be used, results of a function are to be kept but could not be
+        recognised later, or a script that uses `workers` has no line
+        ``if __name__ == "__main__":``.
     KeyboardInterrupt
-        After Ctrl-C, if there are no rows yet; else the rows so far are returned.
+        After Ctrl-C, if there are no rows yet; otherwise the rows so far are returned.
 
     Examples
     --------
@@ -113,12 +115,12 @@ def gap(
 
 
 def _foreign(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str, OwnPlanner]":
-    """Returns the planners that are none of this project's, by their names.
+    """Returns the planners that do not belong to this project, by their names.
 
     Parameters
     ----------
-    kept : results are kept in a folder
-    sent : other processes compute
+    kept : True if results are kept in a folder
+    sent : True if other processes compute
     """
     from cocap_opt.run.named_planners import own_planners
     from cocap_opt.run.options import Option
@@ -145,7 +147,7 @@ def _foreign(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict
 
 
 def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
-    """Refuses functions that are called as another planner is."""
+    """Refuses functions with the name of another planner."""
     from cocap_opt.run.engine import BOUND, SOLVERS
 
     for name in map(name_of, functions):
@@ -154,7 +156,7 @@ def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
 
 
 def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
-    """Returns seeds as plain numbers; refuses what is no seed."""
+    """Returns seeds as plain numbers; refuses anything that is no seed."""
     from cocap_opt.run.options import Option
 
     if isinstance(seeds, str):
@@ -173,7 +175,7 @@ def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
 
 
 def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str, int], Problem]]:
-    """Returns the names of scenes that have seeds, and a function from name and seed to problem."""
+    """Returns names of scenes other than problems, and a function from name and seed to problem."""
     functions = {name_of(scene): scene for scene in scenes if callable(scene)}
     seeded = [scene for scene in scenes if not isinstance(scene, Problem)]
     words = [name_of(scene) if callable(scene) else str(scene) for scene in seeded]
@@ -192,7 +194,7 @@ def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str
 
 
 def _require_told_apart(names: Sequence[tuple[str, int]]) -> None:
-    """Refuses two problems of one name and seed, whose rows nobody could tell apart."""
+    """Refuses two problems with the same name and seed, since their rows would look alike."""
     if len(set(names)) < len(names):
         raise ValueError("scenes: two are called the same; give them other names")
 
@@ -206,4 +208,4 @@ def _require_guard() -> None:
 
 
 def _nobody(message: str) -> None:
-    """Discards the note on seeds that make the same scene; the table shows which were kept."""
+    """Discards the note on seeds that give the same scene; the table shows which were kept."""

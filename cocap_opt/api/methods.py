@@ -1,4 +1,4 @@
-"""The face's planners, bounds and exact methods: by name or callable, with a limit."""
+"""Public functions that run planners, bounds and exact methods, given by name or as callables."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -80,42 +80,42 @@ def plan(
 ) -> Result | Replanned:
     """Plan all drones of a problem, or the rest of a mission that is being flown.
 
-    If its objective asks for a share of all views that the plan does not keep, views are given more
-    and more weight until one does, within the time limit.
+    If the objective requires a share of all views and the plan has fewer, views are given more and
+    more weight until a plan has that share or the time is up.
 
-    With `follow` and `from_step` the drones have flown a plan up to a step, and its rest is planned
-    again: with drones lost, or with people who walk differently from those that the plan was made
-    for. The new rest is no worse than the old one, if that still keeps the rules.
+    With `follow` and `from_step`, the drones have flown a plan up to a step, and its rest is
+    planned again: with drones lost, or with people who walk differently from those that the plan
+    was made for. The new rest is no worse than the old one, if that still keeps the rules.
 
     Parameters
     ----------
     problem : the drones, the people, and where they are
     planner : a name in `PLANNERS` or `EXACT`, "module:function", a name that an installed package
         offers, or any callable that takes a problem and a stop
-    time_limit : seconds, the coverage included
+    time_limit : seconds, coverage included
     stop : a further stopping criterion, such as ``co.WorkLimit(100)``
-    follow : a plan of the whole mission, of which the first steps are flown
+    follow : a plan of the whole mission, whose first steps have been flown
     from_step : the step at which the rest begins, from 1 to T - 1
     without : numbers of the drones that are lost at that step
-    bound_limit : seconds for the bound of the rest, which begins when the plan is there and ends
-        when the plan is proved to be within 1 %; 0: no bound
+    bound_limit : seconds for the bound of the rest, which is computed after the plan, until the
+        plan is proved to be within 1 %; 0: no bound
 
     Returns
     -------
     Result
-        With the plan, its J in `value` as the referee computes it, and why the planner stopped.
-        Its `seconds` are the wall-clock time of the search; the coverage of all states is apart,
-        in `coverage_seconds`. Of the rest of a mission it is a `Replanned`.
+        With the plan, its J in `value` as the referee computes it, and the reason why the planner
+        stopped. `seconds` is the wall-clock time of the search; the time for the coverage of all
+        states is separate, in `coverage_seconds`. For the rest of a mission it is a `Replanned`.
 
     Raises
     ------
     UnsupportedError
-        If the planner takes no such problems.
+        If the planner does not support such problems.
     RefereeError
-        If the planner's plan cannot be flown, or has another J than the planner claims.
+        If the planner's plan cannot be flown, or its J differs from the planner's claim.
     ValueError
-        If there is no planner of this name, it returns no result, or the time limit is negative;
-        of a rest, if there is no such step or drone, the steps before cannot be flown in this
+        If there is no planner with this name, it returns no result, or the time limit is negative;
+        for a rest, if there is no such step or drone, the steps before cannot be flown in this
         problem, or pixels add up over time.
 
     Examples
@@ -153,26 +153,26 @@ def bound(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    method : a name in `BOUNDS`, or any callable that takes what those take
-    time_limit : seconds, the coverage included
+    method : a name in `BOUNDS`, or any callable with the same arguments as those
+    time_limit : seconds, coverage included
     stop : a further stopping criterion
-    start : a plan that the method may begin with
-    report : called with a `Snapshot` of value and bound now and then
+    start : a plan that the method may start from
+    report : called with a `Snapshot` of value and bound from time to time
 
     Returns
     -------
     CertifiedResult
         With the bound and its `certificate`, which `verify` checks without any solver, and the
-        plan that it found, if any, with the referee's J.
+        plan that the method found, if any, with the referee's J.
 
     Raises
     ------
     UnsupportedError
-        If the method takes no such problems.
+        If the method does not support such problems.
     RefereeError
-        If its plan has another J than it claims, or its bound is below a plan's J.
+        If the J of its plan differs from its claim, or its bound is below a plan's J.
     ValueError
-        If there is no method of this name, the time limit is negative, or the start cannot be
+        If there is no method with this name, the time limit is negative, or the start cannot be
         flown in this problem.
 
     Examples
@@ -201,28 +201,28 @@ def solve(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    method : a name in `EXACT`, or any callable that takes what those take
-    time_limit : seconds, the coverage included; when they are over, the best plan and bound so far
-        are returned
+    method : a name in `EXACT`, or any callable with the same arguments as those
+    time_limit : seconds, coverage included; when they are over, the best plan and bound so far are
+        returned
     stop : a further stopping criterion
-    gap : (bound - J) / bound at which to stop; 0 means 1e-6, which is called optimal
-    start : a plan to begin with
-    report : called with a `Snapshot` of value and bound now and then
+    gap : (bound - J) / bound at which to stop; 0 means 1e-6, which counts as optimal
+    start : a plan to start from
+    report : called with a `Snapshot` of value and bound from time to time
 
     Returns
     -------
     CertifiedResult
-        With plan, value, bound, gap and `certificate`, which is None for brute force. It is called
-        optimal only where the bound proves it; a solver's own word for it is in the message.
+        With plan, value, bound, gap and `certificate`, which is None for brute force. The plan is
+        called optimal only if the bound proves it; a claim by the solver alone is in the message.
 
     Raises
     ------
     UnsupportedError
-        If the method takes no such problems, or a solver that it needs is not installed.
+        If the method does not support such problems, or needs a solver that is not installed.
     RefereeError
-        If its plan has another J than it claims, or its bound is below a plan's J.
+        If the J of its plan differs from its claim, or its bound is below a plan's J.
     ValueError
-        If there is no method of this name, the time limit is negative, `gap` is not in [0, 1), or
+        If there is no method with this name, the time limit is negative, `gap` is not in [0, 1), or
         the start cannot be flown in this problem.
 
     Examples
@@ -270,7 +270,7 @@ def _bounding(
 
 
 def _recorded(given: Method[R]) -> Method[R]:
-    """Returns a record that is given; one that stands in no registry is somebody's own."""
+    """Returns a given record, marked as foreign if it is in no registry."""
     is_ours = any(given is known for known in (*BOUNDS.values(), *SOLVERS.values()))
     return given if is_ours else replace(given, foreign=True)
 
@@ -288,7 +288,7 @@ def _answer(problem: Problem, given: object, method: Method[R], stop: Stop, **op
 
 
 def _limits(problem: Problem, method: Method[Any], seconds: float | None, stop: Stop) -> Stop:
-    """Returns a stop with a time limit; warns of one in which coverage will hardly be done."""
+    """Returns a stop with a time limit; warns if the limit is hardly enough to compute coverage."""
     require(stop, "stop", "a stopping criterion, such as WorkLimit(100)", Stop)
     allowance = Allowance(math.inf)
     if seconds is not None:

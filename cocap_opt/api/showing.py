@@ -1,4 +1,4 @@
-"""The face's player: plans side by side, in a notebook or on a page."""
+"""Public function for the player, which shows plans side by side in a notebook or on a page."""
 
 from typing import TYPE_CHECKING
 
@@ -28,24 +28,24 @@ def show(
 
     Parameters
     ----------
-    problem : that the plans are for
-    plans : plans, or results that have one, whose J is in their titles; None, or a result without a
-        plan, is left out. Without any plan the drones are shown at their starts; for drones that
-        may choose theirs, the ground above which they may start is shown
-    certificate : a certificate, a proof or a result that has one, by which the player tells the
-        bound, what is proved of each plan, and the cost of each move
+    problem : the problem that the plans are for
+    plans : plans, or results that have one, shown with their J in the titles; None, or a result
+        without a plan, is left out. Without any plan the drones are shown at their starts; for
+        drones that may choose their start, the ground above which they may start is shown
+    certificate : a certificate, a proof or a result that has one, from which the player shows the
+        bound, what is proved about each plan, and the cost of each move
 
     Returns
     -------
     Player
-        A notebook plays it; `save` writes a page of one file, which needs no network.
+        A notebook plays it; `save` writes a single-file page, which needs no network.
 
     Raises
     ------
     CertificateError
         If the certificate belongs to another problem, is not valid, or claims too low a bound.
     ValueError
-        If a plan cannot be flown in this problem, or it is known to be for another; one that breaks
+        If a plan cannot be flown in this problem or is known to be for another; a plan that breaks
         collision rules is shown.
 
     Examples

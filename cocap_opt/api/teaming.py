@@ -1,4 +1,4 @@
-"""The face's comparison of teams: how many drones, with which camera, at which height."""
+"""Public function that compares teams: numbers of drones, cameras, and flight heights."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -25,46 +25,46 @@ def team(
     out: str | Path | None = None,
     workers: int | None = None,
 ) -> "Teams":
-    """Compare teams: what so many drones reach, and what no team of that kind can.
+    """Compare teams: what each team achieves, and limits that no plan of such a team exceeds.
 
-    The drones of a team are like those of the problem, which must be alike, and start where it is
-    best: if those of the problem may choose their start, in one of these states, otherwise in any
-    free one. Each team is planned twice by branch-and-price, for J and for the number of drones
-    that see each person, and both are proved as far as time allows.
+    The drones of a team are like those of the problem, which must all be alike. They start where it
+    is best: if the problem's drones may choose their start, in one of those states, otherwise in
+    any free state. Each team is planned twice by branch-and-price, for J and for the number of
+    drones that see each person, and a bound is proved for each as far as time allows.
 
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    drones : numbers of drones, or one of them
-    camera : names of cameras, as `cocap-opt scenes` lists them, each of which makes teams of its
-        own; None: that of the problem's drones
-    heights : m, as the problem's flight heights are; at each of them is a team that stays there;
-        None: all of the problem's
-    cameras : drones that are to see a person
-    share : of person-steps that are to be seen by so many
-    at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them. None: that of the problem's objective, or 0.3
-    time_limit : seconds for each of the two problems of a team, from when coverage is there
+    drones : numbers of drones, or a single number
+    camera : names of cameras, as listed by `cocap-opt scenes`; each is tried in teams of its own.
+        None: the camera of the problem's drones
+    heights : m, in the reference of the problem's flight heights; at each of them a team is tried
+        that stays there. None: teams use all of the problem's heights
+    cameras : number of drones that are to see a person
+    share : share of person-steps that are to be seen by so many drones
+    at_least : share of a person's unobstructed solid angle that must be visible for a drone to
+        count as seeing the person. None: that of the problem's objective, or 0.3
+    time_limit : seconds for each of the two problems of a team, counted from when coverage is ready
     work_limit : pricing rounds for each of them
-    out : folder that keeps scenes, plans, certificates and teams.csv; what is there is not computed
-        again
+    out : folder for scenes, plans, certificates and teams.csv; those that it already has are not
+        computed again
     workers : processes, each on a core of its own; this process if not given
 
     Returns
     -------
     Teams
-        Printed it names the fewest drones that reach the share, and what is proved of fewer.
+        Printing it names the fewest drones that reach the share, and what is proved about fewer.
         `table` has a row for each team, with the columns of `teams.csv`, `rows` the same as
         objects, and `plot()` draws them.
 
     Raises
     ------
     ProblemError
-        If the problem's drones are not alike, or there can be none of these teams.
+        If the problem's drones are not alike, or none of these teams is possible.
     ValueError
         If another argument is out of range, or `out` cannot be used.
     KeyboardInterrupt
-        After Ctrl-C, if there are no rows yet; else rows say what was found.
+        After Ctrl-C, if there are no rows yet; otherwise the rows say what was found.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The face's variants of problems: what else is to be planned for, and what is left to plan."""
+"""Public functions that change problems: views, free starts, the rest of a mission, and takes."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -24,24 +24,23 @@ def with_views(
 ) -> Problem:
     """Reward several drones that see each person, besides pixels.
 
-    J then has one more part: for each person and step the number of drones that see the person, of
-    which at most `cameras` count, times `weight` and the person's importance. `Views` says when a
+    J then has one more part: for each person and step, the number of drones that see the person
+    (but at most `cameras`), times `weight` and the person's importance. `Views` defines when a
     drone sees a person.
 
     Parameters
     ----------
-    problem : the problem; what it counted before is replaced
+    problem : the problem; any views that it counted before are replaced
     cameras : drones beyond this number add nothing
-    weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
-        one for each. None: half of what one unhidden view of the person pays from where the person
-        fills a third of the image's height, the mean over eight directions around the person and
-        over the drones' cameras. "first": more than all that pixels and moves can pay, so that a
-        plan of more views comes before others, whatever their pixels, where all importances are 0
-        or one number; where they differ, pixels may decide between views that differ by less than
-        the least importance
-    at_least : share of the solid angle that the person has from a drone, with nothing in the way,
-        that is to be visible in its image
-    share : of all possible views, which plans are asked to keep; `front` finds the best that do
+    weight : weight of one drone that sees a person at one step, in px^0.5/m; one number for all
+        people or one for each. None: half of what one unhidden view of the person pays from where
+        the person fills a third of the image's height, the mean over eight directions around the
+        person and over the drones' cameras. "first": more than all that pixels and moves can pay,
+        so that a plan with more views comes first, whatever the pixels; this holds if all
+        importances are 0 or one number. Where they differ, pixels may decide between views that
+        differ by less than the least importance
+    at_least : share of a person's unobstructed solid angle that must be visible in a drone's image
+    share : share of all possible views that plans should keep; `front` finds the best that do
 
     Returns
     -------
@@ -51,8 +50,8 @@ def with_views(
     Raises
     ------
     ProblemError
-        If a number is out of range, or no drone has a camera with an image, by which a weight could
-        be found; one line names the field.
+        If a number is out of range, or no drone has a camera with an image from which a weight
+        could be found; one line names the field.
 
     Examples
     --------
@@ -71,18 +70,18 @@ def with_views(
 def with_starts(
     problem: Problem, starts: Literal["free", "random", "greedy"] = "free", seed: int = 0
 ) -> Problem:
-    """Let drones start elsewhere: wherever it is best, at random, or as they choose in turn.
+    """Let drones start elsewhere: wherever it is best, at random, or at starts chosen greedily.
 
-    Start sets decide more than planners do. From fixed starts a bound says nothing about others;
-    with free starts it holds for all of them.
+    Starts matter more than the choice of planner. With fixed starts a bound says nothing about
+    other starts; with free starts it holds for all of them.
 
     Parameters
     ----------
-    problem : the problem; drones that choose their start already, among states or in an area, keep
+    problem : the problem; drones that already choose their start, among states or in an area, keep
         that choice, and the others may start in every free state
-    starts : "free": planners choose; "random": fixed ones, drawn from the choices so that they keep
-        the rules; "greedy": fixed ones, each taken by one drone after the other for the best path
-        beside those before it, as `sequential` plans it
+    starts : "free": planners choose; "random": fixed starts, drawn from the possible ones so that
+        they keep the rules; "greedy": fixed starts, chosen by the drones in turn for the best path
+        given the earlier ones, as `sequential` plans it
     seed : of random starts
 
     Returns
@@ -117,25 +116,25 @@ def rest(
     from_step: int,
     without: Sequence[int] = (),
 ) -> Problem:
-    """Make the scene of the rest of a mission, from a step up to which a plan was flown.
+    """Make the scene of the rest of a mission, after a plan was flown up to a step.
 
-    People walk on from that step, each drone starts in the state in which it is, and its last step
-    is that of the mission. Views at its first step belong to what was flown, so that J of the whole
-    is J of what was flown and J of the rest.
+    People walk on from that step, each drone starts in its state at that step, and the scene ends
+    with the mission's last step. Views at its first step belong to the part that was flown, so that
+    J of the whole mission is J of that part plus J of the rest.
 
     Parameters
     ----------
     problem : the scene of the whole mission; its people may walk differently from those that the
         plan was made for
     plan : a plan of the whole mission, or a result that has one
-    from_step : from 1 to T - 1
-    without : numbers of the drones that are lost at that step: they contribute nothing from it on
+    from_step : the step at which the rest begins, from 1 to T - 1
+    without : numbers of the drones that are lost at that step and contribute nothing from then on
 
     Returns
     -------
     Problem
-        A scene as any other, with the drones that still fly, which `save` writes. Certificates of
-        rests are those of this scene.
+        A scene like any other, with the drones that still fly; `save` writes it. Certificates for
+        the rest are certificates of this scene.
 
     Raises
     ------
@@ -163,12 +162,12 @@ def takes(
 ) -> Problem:
     """Let people walk differently: draw takes around their walks.
 
-    In the first take people walk as given. In each other one every person is late or early by a
-    number of seconds, aside by a number of metres, and slower or faster, each drawn from a normal
-    distribution. Draws that lead into an obstacle, off the map, into somebody of the same take, or
-    too near to a drone's fixed start are drawn again; a person for whom 50 draws fail walks as
-    given, and a warning says so. Nobody of one take hides anybody of another. J is then its mean
-    over the takes, and plans keep away from the people of all of them.
+    In the first take people walk as given. In each of the others every person is late or early,
+    walks to one side, and is slower or faster, by amounts drawn from normal distributions. A draw
+    that leads into an obstacle, off the map, into another person of the same take, or too near to a
+    drone's fixed start is repeated; a person for whom 50 draws fail walks as given, and a warning
+    says so. People hide only people of the same take. J becomes the mean over the takes, and plans
+    keep away from the people of all of them.
 
     Parameters
     ----------
@@ -177,17 +176,19 @@ def takes(
     delay, aside, speed : standard deviations: in s, in m, and as a share of the speed
     seed : of the draws
     probabilities : of the takes, which sum to 1; all equal if not given
-    people : numbers of those who may walk otherwise; all if not given. The others are in all takes
+    people : numbers of the people who may walk differently; all if not given. The others walk as
+        given in all takes
 
     Returns
     -------
     Problem
-        The problem with takes "as given", "take 1", "take 2" and so on, whose name says so.
+        The problem with takes "as given", "take 1", "take 2" and so on, as its name says.
 
     Raises
     ------
     ProblemError
-        If a number is out of range, or delays have no seconds; one line names the field.
+        If a number is out of range, or there are delays but no seconds per step; one line names the
+        field.
 
     Examples
     --------
@@ -209,7 +210,7 @@ def takes(
 
 
 def _numbers(weight: float | Sequence[float] | None) -> float | tuple[float, ...] | None:
-    """Returns a number, or one for each person, that is checked elsewhere."""
+    """Returns a number, or a number for each person; they are checked elsewhere."""
     if isinstance(weight, Sequence | np.ndarray):
         return tuple(weight)
     if weight is not None:

@@ -127,7 +127,7 @@ def _export(
     # The default weight is by the cameras, so after these.
     problem = _counting(problem, views, views_weight, views_share)
     if kind.table == "views" and problem.objective.views is None:
-        raise UsageError("-o: views.csv is for a scene with --views, which this one has not")
+        raise UsageError("-o: views.csv is for a scene with --views, and this one has none")
     answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         if kind.ending == _SCENE:
@@ -164,7 +164,7 @@ class _Kind(NamedTuple):
         table = next((name for name in TABLES if output.stem.lower().endswith(name)), None)
         if table is None:
             names = ", ".join(f"{name}{_TABLE}" for name in TABLES)
-            raise UsageError(f"-o: name a table: {names}, or a name that ends so")
+            raise UsageError(f"-o: name a table: {names}, or a name that ends in one of these")
         return cls(ending, table)
 
 

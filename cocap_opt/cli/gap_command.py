@@ -69,7 +69,7 @@ class GivenPlans(NamedTuple):
         titles = PlanReader.titles(paths)
         for title in titles:
             if title in _TAKEN:
-                raise UsageError(f"--plan: {title} is what a planner is called; rename the file")
+                raise UsageError(f"--plan: {title} is the name of a planner; rename the file")
         given, fitting = (_of_one if len(problems) == 1 else _of_several)(paths, problems)
         plans: dict[str, dict[str, Plan | PlanFile]] = {}
         for name, given_plan in zip(_names(titles, given), given, strict=True):

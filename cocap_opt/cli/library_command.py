@@ -59,7 +59,7 @@ def _status(
     found = [known.standing(name)] if name else known.standings()
     rows = full_rows(found)
     if as_csv and json:
-        raise UsageError("--csv: is not to be combined with --json")
+        raise UsageError("--csv: must not be combined with --json")
     if as_csv:
         writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
         writer.writeheader()

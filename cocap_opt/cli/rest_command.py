@@ -92,7 +92,7 @@ class RestOptions:
     def require(self, output: Path | None, scene: str) -> Path:
         """Returns the file of the plan that is flown; refuses files that nothing is written to."""
         if self.plan is None:
-            raise UsageError("--plan: must name the plan of which the steps before are flown")
+            raise UsageError("--plan: must name the plan that was flown up to that step")
         Option("--bound-limit").require_limit(self.bound_limit)
         if self.certificate is not None and not self.bound_limit:
             raise UsageError("--certificate: must be left out where --bound-limit is 0")

@@ -65,7 +65,7 @@ def _recipe(
     copies = {output / name: content for name, content in places.files(place).items()}
     for path, content in copies.items():
         if path.exists() and not (path.is_file() and path.read_bytes() == content):
-            raise UsageError(f"{path}: is there and has been changed; name another folder")
+            raise UsageError(f"{path}: exists and has been changed; name another folder")
     make_folder(output)
     save_files(copies)
     print_result({"recipe": output / f"{place}.toml", "files": list(copies)}, json)

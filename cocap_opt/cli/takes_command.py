@@ -94,7 +94,7 @@ def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | N
     if not any(spread):
         raise UsageError("SCENE: has no takes; --delay, --aside or --speed draw some")
     if not problem.actors:
-        raise UsageError("SCENE: must have people, who walk otherwise")
+        raise UsageError("SCENE: must have people, who can walk differently")
     draws = 0 if seed is None else Option("--draw-seed").require_whole(seed)
     try:
         return with_drawn_takes(problem, _DRAWN if count is None else count, spread, draws)

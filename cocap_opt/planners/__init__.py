@@ -1,4 +1,4 @@
-"""Planners: callables from a problem to a result. To add one: one file, one line below."""
+"""Planners: callables from a problem to a result. A new one needs one file and one line below."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -13,7 +13,7 @@ __all__ = ["PLANNERS", "RECOMMENDED", "Planner"]
 
 
 class Planner(Protocol):
-    """A method that plans all robots of a problem, and proves nothing unless it says so.
+    """A method that plans all robots of a problem, and proves nothing unless its result says so.
 
     Any function that takes a problem and a stop and returns a `Result` is one.
     """

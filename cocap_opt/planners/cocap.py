@@ -16,10 +16,10 @@
     14          if the robot has a path, insert A into OPEN
 
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
-Search (Sharon et al. 2015). The listing is ours, in words, and that of docs/concepts/cocap.md; its
-numbers stand beside the lines of `algorithm_1`. It takes the greatest J, where the
-paper's background section speaks of least cost. How nodes are made is in
-`constraint_tree`, with the plan for the case that time runs out.
+Search (Sharon et al. 2015). The listing is our wording, the same as in docs/concepts/cocap.md; its
+numbers stand beside the lines of `algorithm_1`. It takes the greatest J, whereas the paper's
+background section speaks of least cost. `constraint_tree` makes the nodes, and the plan to fall
+back on when time runs out.
 """
 
 from collections.abc import Iterator
@@ -52,7 +52,7 @@ EXHAUSTED = "no plan obeys the rules: the constraint tree is exhausted"
 
 
 def algorithm_1(tree: ConstraintTree) -> Node | None:
-    """CoCap's Alg. 1: the conflict-free node found first; None where the tree is exhausted."""
+    """CoCap's Alg. 1: the first conflict-free node that is found; None if the tree is exhausted."""
     root, OPEN = tree.root(), tree.open  # 1-3
     if root is not None:
         OPEN.push(root)  # 4
@@ -79,19 +79,19 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
     Returns
     -------
     Result
-        The first conflict-free node popped. At a limit, of the last node popped the paths
-        that do not collide, and the other robots stay at their starts; or, after many nodes or
-        late, the plan of sequential planning by the same low level, where that is better.
-        `statistics` holds the nodes `generated` and `expanded`, the `depth` of the last one
-        popped, and the states `evaluated` by a lazy low level. If the tree is exhausted, no plan
-        obeys the rules: a low level fails only where there is no path, and every plan meets at
-        least one of the two constraints of a conflict.
+        The plan of the first conflict-free node popped. At a limit, the paths of the last node
+        popped that do not collide, while all other robots stay at their starts; or, after many
+        nodes or when little time is left, the plan of sequential planning with the same low level,
+        if that is better. `statistics` holds the numbers of nodes `generated` and `expanded`, the
+        `depth` of the last one popped, and the number of states `evaluated` by a lazy low level. If
+        the tree is exhausted, no plan obeys the rules: a low level fails only if there is no path,
+        and every plan satisfies at least one of the two constraints of a conflict.
     """
     return _searched(problem, stop, low_level, OpenNodes())
 
 
 def cocap_lazy(problem: Problem, stop: Stop = never) -> Result:
-    """Plan as `cocap` does, the same plan, and evaluate only the views that decide it."""
+    """Find the same plan as `cocap`, but evaluate only the views that decide it."""
     return cocap(problem, stop, low_level=LazyValueIteration())
 
 
@@ -101,7 +101,7 @@ def cocap_vs(problem: Problem, stop: Stop = never) -> Result:
 
 
 def cocap_vs_undiscounted(problem: Problem, stop: Stop = never) -> Result:
-    """Plan as `cocap-vs` does, with a discount in the queue's order only, not in the rewards."""
+    """Plan as `cocap-vs` does, but discount only the order of the queue, not the rewards."""
     return cocap(problem, stop, low_level=ViewSearch(Undiscounted()))
 
 
@@ -113,9 +113,9 @@ def cocap_rounds(problem: Problem, stop: Stop = never) -> Result:
 
 @timed
 def cocap_focal(problem: Problem, stop: Stop = never) -> Result:
-    """Plan as `cocap-rounds` does, with a focal list, and with rounds that obey the rules at last.
+    """Plan as `cocap-rounds` does, with a focal list, and finally with rounds that obey the rules.
 
-    Of the open nodes within 1 % of the greatest J that of the fewest conflicts comes first.
+    Among open nodes within 1 % of the greatest J, the one with the fewest conflicts comes first.
     """
     return _searched(problem, stop, value_iteration, FocalNodes(), greedily_in_rounds, in_rounds)
 
@@ -136,8 +136,8 @@ def _searched(
 
     Parameters
     ----------
-    plan_root : plans the team of the root, conflicts ignored
-    ending : betters the plan that is found, under the rules
+    plan_root : plans the team of the root, ignoring conflicts
+    ending : improves the plan that is found, under the rules
     """
     responses = Responses(low_level, stop)
     nobody = responses.nobody(problem)

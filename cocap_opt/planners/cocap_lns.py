@@ -1,10 +1,10 @@
 """Rounds of best responses, then large neighbourhood search.
 
-It is made of the others' parts: sequential planning and rounds of best responses give a first
-plan, which large neighbourhood search improves (`coordination.neighbourhoods`). The search's best
-responses are over few states of each robot, so that it can ask for many; rounds of responses over
-all states end it. Where sequential planning fails, CoCap's tree with a focal list, from a root
-planned in rounds, goes on until it finds a plan, or has proved that there is none.
+It combines parts of other planners: sequential planning and rounds of best responses give a first
+plan, which large neighbourhood search improves (`coordination.neighbourhoods`). The search computes
+best responses over few states of each robot, so that it can make many of them; it ends with rounds
+of responses over all states. Where sequential planning fails, CoCap's tree with a focal list, from
+a root planned in rounds, takes over until it finds a plan or has proved that there is none.
 """
 
 from collections.abc import Iterator
@@ -41,14 +41,14 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
 
     Parameters
     ----------
-    responses : paths per robot that the search asks for before it ends; more of them take longer
+    responses : number of paths per robot that the search computes before it ends; more take longer
         and come nearer to the optimum
 
     Returns
     -------
     Result
-        No robot alone can better its plan, unless a limit has stopped it: then it is the best plan
-        so far. `statistics` holds the number of `responses` over all states.
+        A plan that no robot can improve by changing its own path alone, or, if a limit was reached,
+        the best plan so far. `statistics` holds the number of `responses` over all states.
     """
     asked = Responses(value_iteration, stop)
     nobody = asked.nobody(problem)
@@ -62,7 +62,7 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
 def first_plan(
     nobody: PlannedTeam, responses: Responses, stop: Stop, planning: Planning
 ) -> Iterator[PlannedTeam]:
-    """Yields the team as it is planned for the first time; it is not whole if there is no plan."""
+    """Yields the team while its first plan is made; in the end not whole if there is none."""
     team = nobody
     for team in planning(nobody, responses):
         yield team
@@ -76,7 +76,7 @@ def first_plan(
 def _better_and_better(
     nobody: PlannedTeam, responses: Responses, stop: Stop, asked: int
 ) -> Iterator[PlannedTeam]:
-    """Yields the team as it is planned, and then each better one."""
+    """Yields the team while it is planned, and then each better one."""
     team = nobody
     for team in first_plan(nobody, responses, stop, then_in_rounds):
         yield team

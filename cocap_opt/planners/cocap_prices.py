@@ -1,12 +1,12 @@
-"""Plans where prices point, from a plan of each drone in turn on.
+"""Searches for plans guided by prices, starting from a plan made drone by drone.
 
-A mixture flies several paths of each drone in part. The best mixture without rules is a concave
-program, and mixture ascent comes near it within dozens of steps. Its prices say what a view is
-worth once the others do well, and its paths are parts of good plans (`mixtures.plan_search`). Each
-time the search stands still, the mixture is raised for twice as many steps, and the search goes on
-with its new paths and prices, until that has gained nothing, or often enough. Rounds of best
-responses over all states end each search. A plan that is given is the first one, in place of that
-of each drone in turn, where it obeys the rules.
+A mixture flies several paths of each drone, each in part. Finding the best mixture without rules is
+a concave program, and mixture ascent comes near its optimum within dozens of steps. Its prices say
+what a view is worth given that the other drones do well, and its paths are parts of good plans
+(`mixtures.plan_search`). Each time the search makes no more progress, the mixture is improved with
+twice as many steps, and the search continues with its new paths and prices, until this gains
+nothing or has been done often enough. Each search ends with rounds of best responses over all
+states. A given plan replaces the first one, made drone by drone, if it obeys the rules.
 
 Source: the restricted master heuristics of column generation, Joncour et al. 2010; here the mixture
 is raised without a linear program.
@@ -43,21 +43,21 @@ _STANDS_STILL = "stalled: its last search found nothing better"
 
 @timed
 def cocap_prices(problem: Problem, stop: Stop = never, start: Plan | None = None) -> Result:
-    """Plan each robot in turn, as `sequential` does, then search where prices of mixtures point.
+    """Plan each robot in turn, as `sequential` does, then search guided by prices of mixtures.
 
-    Where that fails, the constraint tree goes on, as in `cocap_lns`.
+    If sequential planning fails, the constraint tree takes over, as in `cocap_lns`.
 
     Parameters
     ----------
-    start : a plan to begin with, than which the result is no worse. One that cannot be flown here,
-        or breaks a rule, is left aside
+    start : a plan to start from; the result is no worse. It is ignored if it cannot be flown here
+        or breaks a rule
 
     Returns
     -------
     Result
-        No robot alone can better its plan, unless a limit has stopped it: then it is the best plan
-        so far. `statistics` holds the number of `responses` over all states, of `mixtures`, and of
-        `searches`; `message` says so where the planner stands still.
+        A plan that no robot can improve by changing its own path alone, or, if a limit was reached,
+        the best plan so far. `statistics` holds the numbers of `responses` over all states, of
+        `mixtures` and of `searches`; `message` says if the planner made no more progress.
     """
     learning = _Learning(Responses(value_iteration, stop), stop)
     nobody = learning.responses.nobody(problem)
@@ -72,13 +72,13 @@ def cocap_prices(problem: Problem, stop: Stop = never, start: Plan | None = None
 
 
 class _Learning:
-    """A plan that is bettered by what mixtures teach.
+    """A plan that is improved with the prices and paths of mixtures.
 
     Attributes
     ----------
-    responses : over all states
-    searches : that have begun
-    stands_still : the last search has gained nothing, with a mixture that was raised again
+    responses : number of responses over all states
+    searches : number of searches begun
+    stands_still : the last search gained nothing, even with a mixture that was improved again
     """
 
     def __init__(self, responses: Responses, stop: Stop) -> None:
@@ -95,7 +95,7 @@ class _Learning:
     def better_and_better(
         self, nobody: PlannedTeam, start: Plan | None = None
     ) -> Iterator[PlannedTeam]:
-        """Yields the team as it is planned, or as it starts, and then each better one."""
+        """Yields the team while it is planned, or the given start, and then each better team."""
         team, first = nobody, first_plan(nobody, self.responses, self._stop, one_by_one)
         if start is not None:
             first = self._from(nobody, start)
@@ -105,7 +105,7 @@ class _Learning:
             yield from self._searched(team)
 
     def _from(self, nobody: PlannedTeam, start: Plan) -> Iterator[PlannedTeam]:
-        """Yields the team that flies a plan, and then as its robots answer one another."""
+        """Yields the team that flies a plan, and then its rounds of best responses."""
         model, team = nobody.model, nobody
         for robot, path in enumerate(model.paths(start)):
             team = team.with_path(robot, SingleRobotPath.of(model, robot, path))
@@ -113,7 +113,7 @@ class _Learning:
         yield from in_rounds(team, self.responses)
 
     def _searched(self, team: PlannedTeam) -> Iterator[PlannedTeam]:
-        """Yields each better team, until searches stand still."""
+        """Yields each better team, until searches make no more progress."""
         model = team.model
         views = PricedViews(model, self._stop)
         rng = np.random.default_rng(0)

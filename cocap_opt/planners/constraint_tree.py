@@ -1,4 +1,4 @@
-"""The constraint tree of CoCap: its nodes, which of them is next, and a plan to fall back on."""
+"""The constraint tree of CoCap: its nodes, their order, and a plan to fall back on."""
 
 import heapq
 from collections.abc import Callable, Mapping
@@ -30,7 +30,7 @@ class Node:
 
 
 class OpenNodes:
-    """Queue of the nodes that are not expanded yet: that of the greatest J first, then the oldest.
+    """Queue of nodes that are not expanded yet: the greatest J first, and of equal ones the oldest.
 
     Attributes
     ----------
@@ -62,10 +62,10 @@ class OpenNodes:
 
 
 class FocalNodes(OpenNodes):
-    """Queue from which, of the nodes of nearly the greatest J, that of the fewest conflicts comes.
+    """Queue that gives the node with the fewest conflicts among those of nearly the greatest J.
 
-    It gives up a little J to come to a plan without conflicts sooner: where many robots meet, the
-    node of greatest J nearly always has conflicts left. Source: focal search as in Enhanced
+    It gives up a little J to find a plan without conflicts sooner: where many robots meet, the node
+    with the greatest J nearly always has conflicts left. Source: focal search as in Enhanced
     Conflict-Based Search (Barer et al. 2014), there for the least cost.
 
     Parameters
@@ -97,15 +97,15 @@ class ConstraintTree:
 
     Parameters
     ----------
-    nobody : team of which nobody is planned yet, or the first robots are
-    plan_root : plans the team of the root, conflicts ignored; once, as published, if not given
+    nobody : team in which no robot is planned yet, or only the first ones are
+    plan_root : plans the team of the root, ignoring conflicts; once, as published, if not given
     before_child : called before each child is made
 
     Attributes
     ----------
     open : OPEN, the queue of nodes that are not expanded yet
     team : of the node popped last; before there is one, that of the root as far as it is planned
-    root_seconds : that the root has taken
+    root_seconds : s, time that planning the root has taken
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class ConstraintTree:
         self.root_seconds = 0.0
 
     def root(self) -> Node | None:
-        """Node of every robot's best path given the earlier ones; None where one has no path."""
+        """The node of every robot's best path given the earlier ones; None if one has none."""
         clock = Clock()
         for team in self._plan_root(self._root, self._responses):  # 2
             self._root = team
@@ -135,11 +135,11 @@ class ConstraintTree:
         return Node(self._root, unconstrained, self._root.value)  # 3
 
     def first_conflict(self, node: Node) -> Conflict | None:
-        """Earliest conflict of a node's plan, of the first robots."""
+        """The earliest conflict of a node's plan, and of several the one with the first robots."""
         return next(iter(node.conflicts), None)  # 7
 
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
-        """Node in which a robot of the conflict gives way; None where that leaves it no path.
+        """The node in which a robot of the conflict gives way; None if it then has no path.
 
         Only that robot is planned again.
         """
@@ -160,7 +160,7 @@ class ConstraintTree:
         return self.open.last.team if self.open.last else self._root
 
     def statistics(self, expanded: int) -> Mapping[str, float]:
-        """Returns the numbers of a search that has expanded so many nodes."""
+        """Returns the statistics of a search that has expanded so many nodes."""
         return {
             "generated": self.open.pushed,
             "expanded": expanded,
@@ -176,9 +176,9 @@ FELL_BACK = "stopped: this is the plan of sequential planning"
 
 
 class SparePlan:
-    """Plans sequentially once a constraint tree is large, or time runs out.
+    """Makes a sequential plan once a constraint tree is large or time runs out.
 
-    That takes about as long as the root has taken.
+    This takes about as long as planning the root has taken.
     """
 
     def __init__(self, nobody: PlannedTeam, responses: Responses, stop: Stop) -> None:
@@ -186,14 +186,14 @@ class SparePlan:
         self._team: PlannedTeam | None = None
 
     def keep(self, tree: ConstraintTree) -> None:
-        """Make the plan if it is time for it and it is not there."""
+        """Make the plan if it is due and has not been made yet."""
         is_late = self._stop.seconds_left < 2 * tree.root_seconds
         if self._team is None and (tree.open.pushed >= SPARE_FROM or is_late):
             changes = one_by_one(self._nobody, self._responses)
             self._team = hovering(followed(self._nobody, changes)[0])
 
     def or_better(self, result: Result, limit: Limit) -> Result:
-        """Returns a result, or that of the spare plan where it has a greater J."""
+        """Returns the given result, or that of the spare plan if its J is greater."""
         if self._team and self._team.is_whole and self._team.value > result.value:
             spare = result_of(self._team, limit, result.statistics)
             return replace(spare, message=FELL_BACK)

@@ -1,17 +1,17 @@
 """Formation planning: the robots keep evenly spaced places on circles around the actors.
 
-From Greedy Perspectives (Suresh et al. 2024, arXiv 2310.10863) and its program are: robots
-shared out evenly between the actors, 5 m around theirs and 5 m high, looking at it; at each step
-a circle is turned to where its robots see most. Where there are fewer robots than actors, a
-circle is around the centroid of several, and wider by the farthest of them, as that of Hughes et
-al. 2024 (arXiv 2404.03103) is around all.
+From Greedy Perspectives (Suresh et al. 2024, arXiv 2310.10863) and its program come these ideas:
+the robots are divided evenly among the actors, fly on a circle 5 m around their actor and 5 m high,
+and look at it; at each step a circle is turned so that its robots see most. Where there are fewer
+robots than actors, a circle surrounds the centroid of several actors and is wider by the distance
+of the farthest, just as the circle of Hughes et al. 2024 (arXiv 2404.03103) surrounds all actors.
 
-Both put their robots into their places and ask no more: they begin in formation, are as fast as
-need be, and fly through walls and each other. Ours is our reading of what of that can be flown:
-who goes where is decided by where the robots start, a circle turns no faster than they fly, each
-robot flies as near to its place as obstacles and the robots before it let it, and looks where it
-sees most on the way. (Two robots on a circle face each other; their program sets them at a right
-angle.)
+Both simply put their robots into their places: the robots begin in formation, are as fast as they
+need to be, and fly through walls and each other. This version is our reading of the part that can
+be flown: the starts of the robots decide which places they take, a circle turns no faster than they
+fly, and each robot flies as near to its place as obstacles and the earlier robots allow, and looks
+where it sees most on the way. (Two robots on a circle face each other here; the program places them
+at a right angle.)
 """
 
 import math
@@ -38,7 +38,7 @@ from cocap_opt.world.workspace import HeightMap
 
 
 class Circle(NamedTuple):
-    """The n robots on a circle, counter-clockwise, where they would be, and the actors inside."""
+    """The n robots on a circle, counter-clockwise, their intended places, and the actors inside."""
 
     robots: tuple[int, ...]
     actors: tuple[int, ...]
@@ -51,10 +51,10 @@ class Circle(NamedTuple):
     def share_out(
         cls, problem: Problem, standoff: float, height: float, orientations: int
     ) -> "list[Circle]":
-        """Share robots and actors out evenly: actors by number, robots for the least way in all.
+        """Divide actors evenly by number, and robots so that their ways are shortest in total.
 
-        Around their circle robots are in the order in which they start around it. The parameters
-        are those of `formation`.
+        Robots keep the order around their circle in which they start. The parameters are those of
+        `formation`.
         """
         from scipy.optimize import linear_sum_assignment  # a quarter of what imports take
 
@@ -91,7 +91,7 @@ class Circle(NamedTuple):
         wanted: tuple[float, float],
         turns: FloatArray,
     ) -> "Circle":
-        """Returns evenly spaced places around the actors, outside of the outermost of them."""
+        """Returns evenly spaced places around the actors, outside the outermost of them."""
         (standoff, height), middle = wanted, _middle(problem, inside)
         actors = [problem.actors[j] for j in inside]
         ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
@@ -113,7 +113,7 @@ class Circle(NamedTuple):
     def rewards(self, model: Model, views: list[LazyCoverage], stop: Stop) -> FloatArray:
         """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
 
-        A robot sees nothing from a place that is blocked, or that it cannot have reached yet.
+        A robot sees nothing from a place that is blocked or that it cannot have reached yet.
 
         Parameters
         ----------
@@ -136,9 +136,9 @@ class Circle(NamedTuple):
         return rewards
 
     def best_turns(self, problem: Problem, rewards: FloatArray) -> IntArray:
-        """Find the turns [T+1] of greatest reward [T+1, K] in all, by value iteration.
+        """Find the turns [T+1] of the greatest total reward [T+1, K], by value iteration.
 
-        A circle turns only if all its robots are fast enough for it. Ties do not turn.
+        A circle turns only if all its robots are fast enough. In a tie it does not turn.
         """
         value, turns = rewards.copy(), np.arange(rewards.shape[1])
         apart = np.abs(turns[:, None] - turns)
@@ -155,7 +155,7 @@ class Circle(NamedTuple):
         return np.array(chosen)
 
     def _looking_inwards(self, model: Model, seat: int, t: int) -> tuple[IntArray, IntArray]:
-        """Turns [m] of K whose place is in anybody's reach, and states [m] that look inwards."""
+        """Turns [m] of K to places that a robot can reach, and states [m] that look inwards."""
         problem, robot = model.problem, self.robots[seat]
         graph = model.class_of[robot].graph
         motion, tilts = graph.motion, np.array(problem.robots[robot].camera.tilts)
@@ -172,9 +172,10 @@ class Circle(NamedTuple):
         return turns, (heading * len(tilts) + pitch) * graph.n_places + place
 
     def _can_follow(self, problem: Problem, t: int) -> BoolArray:
-        """Tell which turns [K] of the next step all robots can reach from each turn [K] of step t.
+        """Find the turns [K] of the next step that all robots can reach from each turn [K] of t.
 
-        Where the actors outrun a robot, it is enough that turning takes it no farther than not to.
+        Where the actors outrun a robot, a turn is also allowed if it takes the robot no farther
+        than not turning.
         """
         before, after = self.at[:, t, :, None], self.at[:, t + 1, None, :]
         far = np.abs(after - before).max(axis=-1)  # [n, K, K] m
@@ -185,7 +186,7 @@ class Circle(NamedTuple):
         return result
 
     def _nearest_best(self, problem: Problem, value: FloatArray) -> int:
-        """Turn of greatest value [K]; of several the one that is nearest to the starts."""
+        """Turn of the greatest value [K]; of several, the one nearest to the starts."""
         starts = [problem.height_map.centre(*problem.first_starts[i][:2]) for i in self.robots]
         way = self.at[:, 0] - np.array(starts)[:, None]
         far = np.hypot(way[..., 0], way[..., 1]).sum(axis=0)
@@ -202,7 +203,7 @@ def _middle(problem: Problem, actors: tuple[int, ...]) -> FloatArray:
 def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
     """Distance (m), nearest to the wanted one, at which the camera sees a point `above` m below it.
 
-    With a gimbal it is enough if one of its tilts does.
+    With a gimbal, one tilt that does so is enough.
     """
     camera = robot.camera
     if not isinstance(camera, Camera) or above <= 0:
@@ -215,7 +216,7 @@ def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
 
 
 def _reachable(model: Model, robot: int) -> BoolArray:
-    """States [T+1, S] in places that a robot can have reached, however it looks there."""
+    """States [T+1, S] in places that a robot can have reached, in any orientation."""
     graph = model.class_of[robot].graph
     reach = graph.reachable(model.starts(robot), model.problem.horizon)
     places = reach.reshape(len(reach), graph.n_orientations, graph.n_places).any(axis=1)
@@ -242,14 +243,14 @@ def formation(
     ----------
     standoff : distance (m) from the outermost actor; nearer or farther where the camera would
         look past the actors' middle
-    height : the flight height (m) nearest to it is flown where that is possible
-    orientations : in how many ways a circle can be turned
+    height : m; robots fly at the nearest flight height where that is possible
+    orientations : number of ways in which a circle can be turned
 
     Returns
     -------
     Result
-        As `sequential` has it; `statistics` holds the number of states `evaluated`. Without
-        actors all robots stay where they are, or go to their goals.
+        As for `sequential`; `statistics` holds the number of states `evaluated`. Without actors,
+        all robots stay where they are or go to their goals.
     """
     model = compiled(problem)
     views = LazyCoverage.of_robots(model)
@@ -275,7 +276,7 @@ def _starts(problem: Problem, robot: int) -> FloatArray:
 
 
 def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
-    """Returns points [n, 3] (m) at a flight height over [n, 2]; off the map over its edge."""
+    """Returns points [n, 3] (m) at a flight height over [n, 2]; off the map, over its edge."""
     x, y = height_map.cells_of(at).T
     width, depth = height_map.shape
     altitudes = height_map.altitudes((height,))[0]
@@ -286,8 +287,9 @@ def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
 class _Formation:
     """A low level: the path that keeps a robot near its places in the formation.
 
-    It is the path that is least far from them in all, and looks where it sees most. Both by value
-    iteration: over all states, then over those along the way, for the marginal view reward.
+    The path has the least total distance from these places, and looks where it sees most. Both are
+    found by value iteration: over all states, then over the states along the way, for the marginal
+    view reward.
     """
 
     places: list[FloatArray]  # [T+1, 3] m of each robot
@@ -295,7 +297,7 @@ class _Formation:
     is_lazy: ClassVar = True
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Find the path; raises LimitReached."""
+        """Find the path, or raise LimitReached."""
         task.stop.check()
         places, views = self.places[task.robot], self.views[task.robot]
         before, way = views.evaluated, _nearest(task, places)
@@ -324,7 +326,7 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
 
 
 def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
-    """Path through the same places that looks where the marginal reward is greatest in all."""
+    """Path through the same places, with the orientations of the greatest total marginal reward."""
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
     graph, bonuses = robot_class.graph, Bonuses.of(problem.objective)
     everywhere = np.arange(graph.n_orientations) * graph.n_places

@@ -1,9 +1,9 @@
 """Greedy planning over robots, ignoring collisions: the "unconstrained" reference.
 
 Each robot in turn gets its best path given what the earlier ones see. Without collision
-rules the plan has at least half the optimal J, if the low level is exact. Myopic planning, each
-robot's best path as if it were alone, loses what the robots' knowledge of one another is worth;
-it is the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
+rules the plan has at least half the optimal J, if the low level is exact. Myopic planning gives
+each robot its best path as if it were alone, and so shows what the robots' knowledge of one another
+is worth; it is the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
 """
 
 from cocap_opt.coordination.low_level import (
@@ -29,7 +29,7 @@ from cocap_opt.timing import timed
 
 @timed
 def greedy(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iteration) -> Result:
-    """Plan the robots in order, each best given the earlier ones; collisions are ignored.
+    """Plan the robots in order, each as best given the earlier ones; collisions are ignored.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def greedy(problem: Problem, stop: Stop = never, low_level: LowLevel = value_ite
     Returns
     -------
     Result
-        At a limit, robots that are not planned yet stay at their starts.
+        At a limit, robots not planned yet stay at their starts.
     """
     return _planned(problem, stop, low_level, greedily)
 
@@ -49,13 +49,13 @@ def greedy_rounds(
 ) -> Result:
     """Plan greedily, then in rounds of best responses until nobody gains; ignore collisions.
 
-    In a round each robot in turn is planned again against all others; only gains are kept.
+    In a round, each robot in turn is planned again given all others; only improvements are kept.
     """
     return _planned(problem, stop, low_level, greedily_in_rounds)
 
 
 def greedy_lazy(problem: Problem, stop: Stop = never) -> Result:
-    """Plan as `greedy` does, the same plan, and evaluate only the views that decide it."""
+    """Find the same plan as `greedy`, but evaluate only the views that decide it."""
     return greedy(problem, stop, low_level=LazyValueIteration())
 
 
@@ -70,7 +70,7 @@ def _planned(problem: Problem, stop: Stop, low_level: LowLevel, planning: Planni
 
 
 def myopic(problem: Problem, stop: Stop = never) -> Result:
-    """Plan each robot's best path without looking at any other's; collisions are ignored."""
+    """Plan each robot's best path without regard to the others; collisions are ignored."""
     return greedy(problem, stop, low_level=_alone)
 
 

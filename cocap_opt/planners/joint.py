@@ -2,10 +2,10 @@
 
 Two robots move independently of each other, so that the maximum over pairs of actions is taken
 one robot after the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. Rules that hold between
-steps couple the moves: pairs of places that are near enough for it are done again, move by move of
-both, without the forbidden ones.
+steps couple the moves: for pairs of places that are near enough, the maximum is computed again over
+all pairs of moves that are not forbidden.
 
-The memory that it takes is known before: it is that of the arrays which `Pair` holds at once, as
+The memory needed is known in advance: it is that of the arrays which `Pair` holds at once, as
 tests/core/test_joint.py measures.
 """
 
@@ -60,12 +60,12 @@ class _PairSide:
         return (origins[:, None] + self.places[t]).ravel()
 
     def position(self, t: int, places: IntArray) -> IntArray:
-        """Returns positions of place numbers in the list of step t; n_t for a place not in it."""
+        """Returns the positions of place numbers in the list of step t; n_t for others."""
         at = np.minimum(np.searchsorted(self.places[t], places), len(self.places[t]) - 1)
         return np.where(self.places[t][at] == places, at, len(self.places[t]))
 
     def positions_of_states(self, t: int, states: IntArray) -> IntArray:
-        """Returns positions of state numbers, which can be reached, among the states of step t."""
+        """Returns the positions of reachable state numbers among the states of step t."""
         orientation, place = np.divmod(states, self.robot_class.graph.n_places)
         return orientation * len(self.places[t]) + self.position(t, place)
 
@@ -75,7 +75,7 @@ class _PairSide:
 
 
 class _PairWays(NamedTuple):
-    """K ways in which a robot can go on from each of n places."""
+    """The K ways in which a robot can continue from each of n places."""
 
     turns: bool  # False: the state is unchanged
     to: IntArray  # [K, n] positions at t+1, one past the last where the way is closed
@@ -92,7 +92,7 @@ class Pair:
     """Value iteration over all pairs of states that robots 0 and 1 (a and b) can reach.
 
     Values are arrays [n, m] over the states of both robots at a step, CLOSED where the two
-    conflict or one of them has no way on. Inside a step they have the axes [Oa, na_t, Ob, nb_t]:
+    conflict or one of them cannot continue. Within a step they have the axes [Oa, na_t, Ob, nb_t]:
     orientations and places of both.
     """
 
@@ -104,7 +104,7 @@ class Pair:
         self.bonuses = Bonuses.of(model.problem.objective)
 
     def best_starts(self, value: FloatArray) -> tuple[int, int] | None:
-        """Returns the states in which both robots best start; None where there is no pair of paths.
+        """Returns the best start states of both robots; None if there is no pair of paths.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class Pair:
         return values[::-1]
 
     def best_paths(self, values: list[FloatArray]) -> tuple[Path, Path] | None:
-        """Reads the best pair of paths off the values; ties go to the first pair of states.
+        """Reads the best pair of paths off the values; in a tie, the first pair of states.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class Pair:
 
         Returns
         -------
-        State numbers of both paths; None where there is no pair of paths.
+        State numbers of both paths; None if there is no pair of paths.
         """
         starts = self.best_starts(values[0])
         if starts is None:
@@ -198,7 +198,7 @@ class Pair:
         return values.reshape(o_a * n_a, o_b * n_b)
 
     def step_back(self, t: int, ahead: FloatArray) -> FloatArray:
-        """Returns the best of the pairs of actions at t, without the rewards of t."""
+        """Returns the values of the best pairs of actions at t, without the rewards of t."""
         ahead = ahead.reshape(*self.a.sizes(t + 1), *self.b.sizes(t + 1))
         half = self._best_move(t, ahead, self.b, axis=2)
         best = self._best_move(t, half, self.a, axis=0)
@@ -251,7 +251,7 @@ class Pair:
     def _redo_near_pairs(
         self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray
     ) -> None:
-        """Computes pairs of places again whose moves may conflict, in `best`, move by move.
+        """Recomputes, in `best`, pairs of places whose moves may conflict, move by move.
 
         Where none of b's moves can conflict with a's move, `half` holds b's best.
         """
@@ -275,14 +275,14 @@ class Pair:
             best[:, pairs[0], :, pairs[1]] = self._best_of_pairs(t, pairs, halves, values)
 
     def pairs_at_once(self) -> int:
-        """Returns of how many pairs of places the moves are looked at together."""
+        """Returns the number of pairs of places whose moves are considered together."""
         ways = len(self.b.robot_class.graph.moves)
         orientations = self.a.robot_class.graph.n_orientations
         orientations *= self.b.robot_class.graph.n_orientations
         return max(1, _AT_ONCE // (ways * (orientations + 10)))
 
     def _near_pairs(self, t: int) -> tuple[IntArray, IntArray]:
-        """Returns the pairs of places at t, by position, of which some moves may conflict."""
+        """Returns the pairs of places at t, by position, from which some moves may conflict."""
         problem = self.model.problem
         radii = self.a.robot_class.graph.motion.radius + self.b.robot_class.graph.motion.radius
         reach = radii * problem.height_map.resolution + problem.rules.separation
@@ -306,8 +306,8 @@ class Pair:
 
         Parameters
         ----------
-        halves : by whether a may turn, of places of a at t+1 and of b at t
-        values : by whether a and b may turn, of the pairs at t+1; all with closed ends
+        halves : values for places of a at t+1 and of b at t, by whether a may turn
+        values : values of the pairs at t+1, by whether a and b may turn; all with closed ends
         """
         rules, (at_a, at_b) = self.model.problem.rules, at
         tails_a, tails_b = (
@@ -337,7 +337,7 @@ class Pair:
         return best
 
     def _ways(self, t: int, side: _PairSide, at: IntArray) -> list[_PairWays]:
-        """Returns the ways on from positions [n] at t."""
+        """Returns the ways to continue from positions [n] at t."""
         heads = side.robot_class.graph.heads_at(t, side.places[t][at])
         turning = _PairWays(
             True,
@@ -368,7 +368,7 @@ class Pair:
     def _forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
-        """Returns which pairs of moves [n, m], from two states to their heads, break a rule."""
+        """Returns an array [n, m], true for pairs of moves (tails to heads) that break a rule."""
         if not self.model.problem.rules.hold_between_steps:
             return False
         sides = self.a, self.b
@@ -431,7 +431,7 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
     Raises
     ------
     LimitReached
-        Also for memory, before the values of all pairs would take too much of it.
+        Also when the values of all pairs would take too much memory.
     """
     stop.check()
     if len(model.problem.robots) == 1:
@@ -457,7 +457,7 @@ _PER_WAY = 20.0  # of each way of b from a near pair: where it leads, and whethe
 
 
 def bytes_needed(pair: Pair) -> float:
-    """Returns the peak of the process's memory: values of later steps, and the work on one."""
+    """Returns the peak memory in bytes: values of later steps, and arrays for the current one."""
     peak = later = 0.0
     for t in range(pair.horizon, -1, -1):
         (o_a, n_a), (o_b, n_b) = pair.a.sizes(t), pair.b.sizes(t)
@@ -470,7 +470,7 @@ def bytes_needed(pair: Pair) -> float:
 
 
 def _numbers_of_step_back(pair: Pair, t: int) -> float:
-    """Returns the most numbers that a step back from t+1 to t holds in memory."""
+    """Returns the largest count of numbers that a step back from t+1 to t holds in memory."""
     (o_a, n_a), (o_b, n_b) = pair.a.sizes(t), pair.b.sizes(t)
     ahead_a, ahead_b = len(pair.a.places[t + 1]), len(pair.b.places[t + 1])
     whole = float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))

@@ -1,4 +1,4 @@
-"""Lazy coverage: what low levels that look at few views evaluate, and remember."""
+"""Lazy coverage, for low levels that need few views: each is evaluated once and remembered."""
 
 import numpy as np
 

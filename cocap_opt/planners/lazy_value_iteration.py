@@ -1,4 +1,4 @@
-"""Value iteration that evaluates the views on good paths only, and finds the same path.
+"""Value iteration that evaluates only the views on good paths, and finds the same path.
 
      1  R(t, s) <- the reward of state s at step t if hardly anything hides anybody, an upper bound
      2  forever
@@ -8,13 +8,13 @@
      6      evaluate the views on the path, and those on paths nearly as good
      7      R of these <- their rewards
 
-The best path by an upper bound is the best of all if its own rewards are exact. It is also the path
-that value iteration on all views takes: whatever ties with it by the true rewards ties by R, too,
-and of those that tie both take the same.
+A path that is best by an upper bound is the best of all if its own rewards are exact. It is also
+the path that value iteration on all views finds: any path that ties with it by the true rewards
+also ties by R, and both methods break ties in the same way.
 
-Source: LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490); the numbers are this listing's. Many
-views are evaluated at once, since a sweep takes as long as hundreds of them, and a view among many
-takes a tenth of what it takes alone.
+Source: LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490); the numbers are those of this listing.
+Many views are evaluated at once, since a sweep takes as long as evaluating hundreds of views, and a
+view among many takes a tenth of the time that it takes alone.
 """
 
 import numpy as np
@@ -42,8 +42,9 @@ _HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: meas
 class LazyValueIteration:
     """Lazy value iteration as a low level. Each instance remembers the views it has evaluated.
 
-    Time is kept for planning every robot once by what is known then, but no more than half of what
-    there is: such a path is good by the views that are evaluated, and says which limit was near.
+    It reserves time to plan every robot once from what is known by then, but no more than half of
+    the time available. Such a path is good by the views evaluated so far, and names the limit that
+    was near.
     """
 
     is_lazy = True
@@ -53,7 +54,7 @@ class LazyValueIteration:
         self._reserves: dict[tuple[Model, Stop], float] = {}  # s
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Find the path that value iteration on all views finds; raises LimitReached."""
+        """Find the path that value iteration on all views finds, or raise LimitReached."""
         task.stop.check()
         reserve = self._reserve_of(task)
         coverage = self._coverage_of(task)
@@ -66,7 +67,7 @@ class LazyValueIteration:
         return SingleRobotPath(path, coverage.pixels_along(path), evaluated, limit)
 
     def _reserve_of(self, task: SingleRobotTask) -> float:
-        """Returns the seconds that are kept, of what there was at the first task of a model."""
+        """Returns the seconds to reserve, given those left at the first task of a model."""
         key = task.model, task.stop
         if key not in self._reserves:
             self._reserves[key] = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
@@ -81,7 +82,7 @@ class LazyValueIteration:
 
 
 def _seconds_in_a_hurry(model: Model) -> float:
-    """Returns the seconds, about, that planning every robot once takes without more rounds."""
+    """Returns the approximate seconds that planning every robot once takes without more rounds."""
     states = sum(len(c.robots) * c.graph.n_states for c in model.classes)
     return states * (model.problem.horizon + 1) * _HURRIED
 
@@ -97,12 +98,12 @@ class _Search:
         self._frames = Frame.all_from(self._graph, self._starts, task.model.problem.horizon)
 
     def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
-        """Returns the best path, all of which is evaluated; None if there is none.
+        """Returns the best path, whose views are all evaluated; None if there is none.
 
         Parameters
         ----------
-        enough : where it is reached, a path that is good by what is evaluated is returned, and
-            the limit
+        enough : a limit; once it is reached, a path that is good by the views evaluated so far is
+            returned together with the limit
         """
         width, best, least, earlier = _WIDTH, None, CLOSED, None
         while True:  # 2
@@ -143,7 +144,7 @@ class _Search:
         return nodes
 
     def _evaluate(self, nodes: IntArray) -> int:
-        """Evaluates those of nodes [n] that are not known; returns the last step of any, or 0."""
+        """Evaluates the nodes among [n] that are not known; returns the last step of any, or 0."""
         unknown = self._coverage.unknown(nodes)
         self._coverage.evaluate(unknown, self._task.stop)
         return int(unknown.max(initial=0)) // self._graph.n_states
@@ -164,13 +165,13 @@ def _near_best(
     width: int,
     least: float,
 ) -> IntArray:
-    """Returns nodes [n] of nearly best paths from starts: of each step those that lose least.
+    """Returns nodes [n] of nearly best paths from starts: at each step those that lose least.
 
     Parameters
     ----------
     value : [T+1, S] of a backward sweep
-    width : number of nodes of a step, at most
-    least : value that a path through them must have at least
+    width : largest number of nodes per step
+    least : least value of a path through them
     """
     turns = _turns(graph)
     best = value[0, starts]

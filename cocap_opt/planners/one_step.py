@@ -1,6 +1,6 @@
 """Planning one step ahead: step by step, each robot in turn takes the best view of the next step.
 
-What looking ahead is worth, measured by doing without.
+The comparison with it shows what looking farther ahead is worth.
 """
 
 from collections.abc import Iterable
@@ -50,17 +50,17 @@ class _Progress:
 
 @timed
 def one_step(problem: Problem, stop: Stop = never) -> Result:
-    """At each step move the robots in order, each to the state of greatest marginal reward.
+    """At each step, move the robots in order, each to the state with the greatest marginal reward.
 
-    Of several starts each robot in turn takes the one from which it sees most at the first step
-    that counts, clear of those before it and of a start for each of those after it.
+    If a robot has several starts, it takes the one from which it sees most at the first step that
+    counts, clear of the earlier robots and of one possible start for each later robot.
 
-    A robot keeps clear of where those before it go, and of where those after it are: so all can
-    stay where they are at any time, and without goals there always is a plan that obeys the
-    rules. For that nobody moves into a cell that a later robot is about to leave. Ties go to the
-    calmest move, as in value iteration. A robot with a goal takes only states from which it could
-    reach the goal if it were alone; where the others then shut it out, the planner has failed. At
-    a limit all stay where they are from then on.
+    A robot keeps clear of the places that earlier robots go to and of those that later robots are
+    in. All robots can therefore stay where they are at any time, so that without goals there is
+    always a plan that obeys the rules; the price is that no robot moves into a cell that a later
+    robot is about to leave. In a tie it takes the calmest move, as value iteration does. A robot
+    with a goal takes only states from which it could reach the goal if it were alone; if the others
+    then block its way, the planner fails. At a limit, all robots stay where they are from then on.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
 
 
 def _at_starts(model: Model) -> list[_Progress]:
-    """Put all robots where they start, with the pixels they have there if these count."""
+    """Put all robots at their starts, with the pixels that they have there if these count."""
     problem = model.problem
     robots, sources = list[_Progress](), LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
@@ -107,7 +107,7 @@ def _at_starts(model: Model) -> list[_Progress]:
 
 
 def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progress) -> int:
-    """Choose the start of a robot beside those that are placed already."""
+    """Choose the start of a robot, given those that are placed already."""
     problem, starts = model.problem, model.starts(robot)
     if len(starts) == 1:
         return int(starts[0])
@@ -128,7 +128,7 @@ def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progres
 
 
 def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> IntArray:
-    """States that a robot may go to from step t, those before it having moved."""
+    """States that a robot may go to from step t, after the earlier robots have moved."""
     progress = robots[robot]
     others = _others(model.problem, robots, robot, t)
     closed = avoid_paths(model, progress.robot_class, others)
@@ -142,16 +142,16 @@ def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> In
 def _others(
     problem: Problem, robots: list[_Progress], robot: int, t: int
 ) -> Iterable[tuple[Cell, Cell]]:
-    """Cells of the others at step t and at the next: there still, if they have not moved."""
+    """Cells of the others at step t and at the next; the same ones if they have not moved yet."""
     for other, progress in enumerate(robots):
         if other != robot:
             yield problem.cell(other, progress.state(t)), problem.cell(other, progress.state(-1))
 
 
 def _stay(model: Model, robots: list[_Progress]) -> bool:
-    """Leave all robots where they are, from each one's last step to the horizon.
+    """Leave all robots where they are, from the last step of each to the horizon.
 
-    False if a person sends one away.
+    Returns False if a person comes too near to one of them.
     """
     for progress in robots:
         graph, place = progress.robot_class.graph, progress.path[-1]

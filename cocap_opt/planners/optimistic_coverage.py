@@ -1,10 +1,10 @@
 """Coverage of states that is an upper bound until it is evaluated.
 
-Before that a state counts as if nothing hid anybody from it, but single columns of the map that
-hide all of somebody. The reward of a view is
-w (sqrt(z + c) - sqrt(z)) summed over the faces, which grows with its coverage c whatever pixels z
-the others have: an upper bound on coverage gives one on the reward. Where drones that see people
-are counted, whoever may be seen in part counts as seen.
+Until then the coverage of a state is computed as if nobody were hidden, except by a single column
+of the map that hides the whole person. The reward of a view is w (sqrt(z + c) - sqrt(z)), summed
+over the faces. It grows with the view's coverage c, whatever pixels z the others have, so that an
+upper bound on coverage gives one on the reward. Where drones that see people are counted, everybody
+who may be partly visible counts as seen.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -32,13 +32,13 @@ class OptimisticCoverage:
 
     Parameters
     ----------
-    stop : stopping criterion, checked at every step; LimitReached
+    stop : stopping criterion, checked at every step; raises LimitReached
 
     Attributes
     ----------
     evaluated : number of nodes evaluated so far
-    rewards : [T+1, S] of every state on top of the others' pixels: the reward itself of nodes that
-        are known, an upper bound on it elsewhere, CLOSED outside the free states
+    rewards : [T+1, S] rewards of states on top of the others' pixels: exact for nodes that are
+        known, an upper bound for others, CLOSED outside the free states
     """
 
     def __init__(self, model: Model, robot_class: RobotClass, stop: Stop) -> None:
@@ -62,7 +62,7 @@ class OptimisticCoverage:
         self.evaluated = 0
 
     def _set_bounds(self, steps: "list[_StepBounds]") -> None:
-        """Takes down the bounds on what nodes see of each face, in the order of the view sums."""
+        """Stores the bounds on each node's pixels of each face, in the order of the view sums."""
         nodes, pixels, counts = (
             np.concatenate(column)
             for column in zip(*((s.seeing, s.pixels, s.counts) for s in steps), strict=True)
@@ -78,15 +78,15 @@ class OptimisticCoverage:
         self._first_bounds = np.cumsum(counts) - counts  # [Z]
 
     def unknown(self, nodes: IntArray) -> IntArray:
-        """Returns those of nodes [n] that are not evaluated and may see something, increasing."""
+        """Returns the nodes among [n] that are not evaluated and may see something, increasing."""
         return np.unique(nodes[~self._known[nodes]])
 
     def known_rewards(self) -> FloatArray:
-        """Returns rewards [T+1, S] with nothing where a node is not known: lower bounds."""
+        """Returns rewards [T+1, S] that are 0 for nodes that are not known: lower bounds."""
         return np.where(self._known.reshape(self.rewards.shape), self.rewards, 0.0)
 
     def put_on_top_of(self, pixels: FloatArray) -> None:
-        """Lets `rewards` be on top of the pixels [Z] that others have."""
+        """Makes `rewards` those on top of the pixels [Z] that others have."""
         before, self._pixels = self._pixels, pixels.copy()
         changed = np.flatnonzero(pixels != before)
         n_parts = int(self._bound_counts[changed].sum()) // _AT_ONCE + 1
@@ -104,12 +104,12 @@ class OptimisticCoverage:
         self._flat[self._found.nodes] = self._gains(self._found)
 
     def evaluate(self, nodes: IntArray, stop: Stop) -> None:
-        """Evaluates nodes [n], increasing, that are not known; `rewards` tell of it.
+        """Evaluates unknown nodes [n], in increasing order, and updates `rewards`.
 
         Raises
         ------
         LimitReached
-            If a limit is reached before all are evaluated. What is evaluated is kept.
+            If a limit is reached before all are evaluated. Those already evaluated are kept.
         """
         for first in range(0, len(nodes), self._views.batch):
             stop.check()
@@ -126,7 +126,7 @@ class OptimisticCoverage:
             self._flat[batch] = self._gains(found)
 
     def _gains(self, found: "_Evaluated") -> FloatArray:
-        """Returns the rewards [n] of evaluated nodes, to the last bit as `marginal_reward` does."""
+        """Returns the rewards [n] of evaluated nodes, bit for bit those of `marginal_reward`."""
         of = found.view_sums
         gains = marginal_gain(self._problem, of, self._pixels[of], found.pixels)
         gains *= self._weights[of]
@@ -177,7 +177,7 @@ class _StepBounds(NamedTuple):
 
 
 def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBounds]:
-    """Returns the bounds of all steps, for all nodes that a class can reach; LimitReached."""
+    """Returns the bounds of all steps for all nodes that a class can reach; raises LimitReached."""
     problem, views = model.problem, UnhiddenViews(model.views(robot_class))
     reachable, size = model.reachable(robot_class), robot_class.graph.n_states
 

@@ -1,4 +1,4 @@
-"""Results made of a team, wherever a planner has got to."""
+"""Results made of a team, complete or not."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,7 +17,7 @@ _ONE_STEP_AT_A_TIME = (
 def hovering(team: PlannedTeam) -> PlannedTeam:
     """Returns the team in which all robots without a path stay at their starts.
 
-    A robot whose goal is elsewhere has no path then.
+    A robot whose goal is elsewhere still has no path.
     """
     found = (single or _hover(team, i) for i, single in enumerate(team.found))
     return replace(team, found=tuple(found))
@@ -36,9 +36,9 @@ def _hover(team: PlannedTeam, robot: int) -> SingleRobotPath:
 def result_of(
     team: PlannedTeam, limit: Limit | None = None, statistics: Mapping[str, float] | None = None
 ) -> Result:
-    """Make the result of a planner that has planned every robot, or let it stay.
+    """Make the result of a planner that has planned every robot or left it at its start.
 
-    There is no plan where a robot has no path, since it may not stay at its start.
+    There is no plan if a robot has no path, because it may not stay at its start.
     """
     if not team.is_whole:
         assert limit is not None, "robots have no path, though no limit stopped the planner"
@@ -73,9 +73,9 @@ def result_without_conflicts(
 ) -> Result:
     """Make the result of a planner that is stopped before its paths obey the rules.
 
-    All robots stay at their starts, which obeys every rule; then one after the other takes
-    its path, where that collides with nobody and increases J. There is no plan where a
-    robot has a goal elsewhere.
+    At first all robots stay at their starts, which obeys every rule; then one after the other takes
+    its path if that collides with no other robot and increases J. There is no plan if a robot's
+    goal is elsewhere.
     """
     safe: PlannedTeam = hovering(Team.nobody(team.model))
     if not safe.is_whole:
@@ -99,7 +99,7 @@ def result_without_conflicts(
 
 
 def with_message(result: Result, words: str) -> Result:
-    """Returns a result that says something more."""
+    """Returns a result with further words in its message."""
     return replace(result, message="; ".join(filter(None, (result.message, words))))
 
 

@@ -1,7 +1,7 @@
 """Sequential planning with earlier robots as moving obstacles (prioritised planning).
 
 Source: Greedy Perspectives, "sequential planning with inter-robot collision constraints".
-Rounds of best responses and several orders of the robots are what is usually added to it.
+Rounds of best responses and several orders of the robots are its usual extensions.
 """
 
 from collections.abc import Iterator
@@ -27,8 +27,8 @@ def sequential(
     """Plan the robots in order, each clear of the earlier ones' paths.
 
     The start cells of robots not yet planned are kept free at all steps, as in the source,
-    so that a robot for which no time is left can stay there. A robot for which no path is left
-    ends the attempt: that is a failure of the order, and proves nothing.
+    so that a robot for which no time is left can stay there. The attempt ends if a robot has no
+    path left: the order has then failed, which proves nothing.
     """
     responses = Responses(low_level, stop)
     nobody = responses.nobody(problem)
@@ -36,7 +36,7 @@ def sequential(
 
 
 def sequential_lazy(problem: Problem, stop: Stop = never) -> Result:
-    """Plan as `sequential` does, the same plan, and evaluate only the views that decide it."""
+    """Find the same plan as `sequential`, but evaluate only the views that decide it."""
     return sequential(problem, stop, low_level=LazyValueIteration())
 
 
@@ -46,8 +46,9 @@ def sequential_rounds(
 ) -> Result:
     """Plan as `sequential` does, then in rounds of best responses that obey the rules.
 
-    In a round each robot in turn is planned again, clear of all others and for what it adds to
-    what they see. It ends with a plan that no robot alone can better.
+    In a round, each robot in turn is planned again, clear of all others and for the views that it
+    adds to theirs. The rounds end with a plan that no robot can improve by changing its own path
+    alone.
     """
     responses = Responses(low_level, stop)
     nobody = responses.nobody(problem)
@@ -60,7 +61,7 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
 
     Parameters
     ----------
-    orders : how many; the first is that of the robots' numbers, the others are random
+    orders : number of orders; the first is that of the robots' numbers, the others are random
     """
     responses = Responses(value_iteration, stop)
     nobody = responses.nobody(problem)
@@ -68,7 +69,7 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
 
 
 def _in_orders(nobody: PlannedTeam, responses: Responses, orders: int) -> Iterator[PlannedTeam]:
-    """Yields each better team; before there is a whole one, also the teams that lead to it."""
+    """Yields each better team; before the first whole one, also the teams that lead to it."""
     rng, best = np.random.default_rng(0), None
     for n in range(orders):
         order = rng.permutation(nobody.size).tolist() if n else None
@@ -79,7 +80,7 @@ def _in_orders(nobody: PlannedTeam, responses: Responses, orders: int) -> Iterat
 
 
 def _result(team: PlannedTeam, limit: Limit | None) -> Result:
-    """Returns the result of a team that is planned as far as a limit or the others let it be."""
+    """Returns the result of a team that is planned as far as a limit or the other robots allow."""
     if not team.is_whole and limit is None:
         robot = team.found.index(None)
         words = f"drone {robot} has no path left beside the drones before it"

@@ -13,11 +13,11 @@
 
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), to the letter: the discount of line 7,
 Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1) with k from 1, compounds, since Rbar_k is discounted
-already; a state includes its step; dominance compares the compounded values; a dead end goes back
-to the best of what is left in OPEN. The listing is ours, in words, and that of
-docs/concepts/cocap.md; its numbers stand beside the lines of `_algorithm_2`. The search asks for
-the coverage of a state only when it reaches it, which is its whole point: rendering views costs
-far more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
+already; a state includes its step; dominance compares the compounded values; after a dead end the
+search goes back to the best state left in OPEN. The listing is our wording, the same as in
+docs/concepts/cocap.md; its numbers stand beside the lines of `_algorithm_2`. The search evaluates
+the coverage of a state only when it reaches that state, which is its whole point: rendering views
+costs far more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
 """
 
 import heapq
@@ -53,7 +53,7 @@ _Entry = tuple[float, int, _Way, int, int]  # of the queue: -key, -k, way, numbe
 
 @dataclass(frozen=True)
 class Compounded:
-    """The paper's discount: values are discounted again at every step, and are the keys."""
+    """The paper's discount: values are discounted again at every step, and serve as the keys."""
 
     gamma: float = GAMMA
 
@@ -70,8 +70,8 @@ class Compounded:
 class Undiscounted:
     """Values are plain sums of rewards; only the keys in the queue are discounted by depth.
 
-    With gamma below 1 promising shallow branches compete with deep ones: paths are better, and
-    more states are evaluated. With 1 the search dives.
+    With gamma below 1, promising shallow branches compete with deep ones: paths are better, and
+    more states are evaluated. With gamma 1 the search goes straight to the last step.
     """
 
     gamma: float | None = None  # None: _FINAL_DISCOUNT ** (1 / T)
@@ -90,7 +90,7 @@ _Discount = Compounded | Undiscounted
 
 
 def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:
-    """CoCap's Alg. 2: the path to the first state of the last step taken; None if there is none.
+    """CoCap's Alg. 2: the path to the first state at the last step that is taken; None without one.
 
     States are (k, v): state number v as the k-th of a path, k = 1..T+1.
     """
@@ -128,7 +128,7 @@ class ViewSearch:
 
     Parameters
     ----------
-    discount : of the views to come
+    discount : discount of the rewards of later views
     """
 
     is_lazy = True
@@ -138,7 +138,7 @@ class ViewSearch:
         self._views: dict[Model, list[LazyCoverage]] = {}  # by robot
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Search for a path; raises LimitReached."""
+        """Search for a path, or raise LimitReached."""
         model = task.model
         if model not in self._views:
             self._views[model] = LazyCoverage.of_robots(model)
@@ -152,11 +152,11 @@ class ViewSearch:
 def _rewarded_starts(
     task: SingleRobotTask, coverage: LazyCoverage
 ) -> list[tuple[int, float, _Way]]:
-    """States in one of which the robot starts, with their rewards and ways to actors.
+    """Possible start states of the robot, with their rewards and ways to actors.
 
-    The paper has one start, whose reward is a constant and taken as 0. Where several do not count
-    either, the search begins at the one that looks most directly at the nearest actor; where they
-    do, all of them are evaluated.
+    The paper has a single start, whose reward is a constant and taken as 0. With several starts,
+    the search begins at the one that looks most directly at the nearest actor if views at the start
+    do not count; if they count, all starts are evaluated.
     """
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
     graph, every = robot_class.graph, task.model.starts(task.robot)
@@ -176,7 +176,7 @@ def _rewarded_starts(
 def _rewarded_successors(
     task: SingleRobotTask, coverage: LazyCoverage, k: int, v: int
 ) -> Iterator[tuple[int, float, _Way]]:
-    """States that may follow the k-th one, v, with their marginal rewards and ways to actors."""
+    """States that may follow v, the k-th state, with their marginal rewards and ways to actors."""
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
     graph = robot_class.graph
     heads = graph.successors(k - 1, v)

@@ -1,4 +1,4 @@
-"""The planning problem: scene data that is checked once where it is made, and plans for it.
+"""The planning problem: scene data, checked once when it is created, and plans for it.
 
 The names below are the vocabulary of all other modules: `from cocap_opt.problem import Problem`.
 """

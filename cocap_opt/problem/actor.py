@@ -21,7 +21,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     shape : `Cuboid`, `Prism` or `TriangulatedCuboid`
     weights : one per face of the shape; None: all 1
     importance : [>= T+1] factor of the weights; None: all 1
-    name : as people call the person; None if unspecified
+    name : the person's name for readers; None if unspecified
     begin : s, the time at step 0 in the track that the person walks; None: there is no track
     take : name of the only take in which the person is there; None: of all takes
 

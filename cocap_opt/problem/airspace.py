@@ -1,4 +1,4 @@
-"""Airspace closed though nothing is there: no-fly zones, above a ceiling, and near people."""
+"""Airspace that is closed although it is empty: no-fly zones, above a ceiling, and near people."""
 
 from collections.abc import Iterable
 
@@ -25,7 +25,7 @@ class Airspace(Data, frozen=True):
     people_above : m above the head, or below the feet, beyond which `people_aside` no longer
         applies; None: it applies at any height
     people_stray : share of a move by which drones may be ahead of an even pace or behind it; moves
-        keep correspondingly more distance from people
+        keep a correspondingly larger distance from people
     """
 
     no_fly: tuple[Mesh, ...] = ()
@@ -60,7 +60,7 @@ class Airspace(Data, frozen=True):
 
     @property
     def told_people(self) -> str:
-        """The distance to people, in words, where there is one."""
+        """The required distance to people, in words, if there is one."""
         over = "" if self.people_above is None else f" or {self.people_above:g} m above"
         return f"{self.people_aside:g} m from people{over}"
 
@@ -71,7 +71,7 @@ class Airspace(Data, frozen=True):
 
         Parameters
         ----------
-        before, after : [.., 3] m, where drones are at step t and t+1; without the latter only
+        before, after : [.., 3] m, positions of drones at steps t and t+1; without the latter only
             step t counts
         """
         if not self.people_aside:
@@ -83,9 +83,10 @@ class Airspace(Data, frozen=True):
         return rules.pass_too_near((before - middles[t]) * scale, (after - middles[t + 1]) * scale)
 
     def _scale(self, rules: CollisionRules, moves: FloatArray) -> FloatArray:
-        """Returns factors [.., 3] by which ways are shorter if moves [.., 3] (m) may stray.
+        """Returns factors [.., 3] that shorten the ways to people if moves [.., 3] (m) may stray.
 
-        Who keeps a distance with a stray to spare keeps that distance in a world shrunk by as much.
+        A drone that keeps its distance in the world shrunk by these factors keeps it however its
+        moves stray.
         """
         aside = np.hypot(moves[..., 0], moves[..., 1])
         least = np.array([rules.separation, rules.separation, rules.vertical]) - TOLERANCE

@@ -1,4 +1,4 @@
-"""Sensors of robots: pinhole cameras, and the cone of Hughes et al."""
+"""Sensors of robots: pinhole cameras, and the cone sensor of Hughes et al."""
 
 import math
 
@@ -8,7 +8,7 @@ from cocap_opt.data import FOCAL, MOST_PIXELS, Data, require, whole, within
 class Camera(Data, frozen=True, tag="pinhole"):
     """A pinhole camera with square pixels and its principal point in the middle.
 
-    More than one tilt makes a gimbal: the pitch index is then part of the motion state.
+    A camera with more than one tilt has a gimbal: the pitch index is then part of the motion state.
 
     Attributes
     ----------
@@ -42,11 +42,12 @@ class Camera(Data, frozen=True, tag="pinhole"):
 
 
 class Cone(Data, frozen=True, tag="cone"):
-    """The sensor of Hughes et al. 2024, which has no image, no range, and sees past obstacles.
+    """The sensor of Hughes et al. 2024, without image or range limit, which sees past obstacles.
 
     It detects the actors whose foot point is ahead, within half of the opening to either side.
-    Each of their faces then has `|d.u| max(0, -d.n) / |d|^4` in place of px/m2, where n is the
-    face's normal, d the way to its middle, dropped to the ground, and u the level look direction.
+    Each of their faces then counts `|d.u| max(0, -d.n) / |d|^4` in place of px/m2, where n is the
+    face's normal, d the vector to its middle, projected to the ground, and u the horizontal viewing
+    direction.
 
     Attributes
     ----------
@@ -61,7 +62,7 @@ class Cone(Data, frozen=True, tag="cone"):
 
     @property
     def tilts(self) -> tuple[float, ...]:
-        """The only tilt, 0: the sensor looks level and has no gimbal."""
+        """The only tilt, 0: the sensor looks horizontally and has no gimbal."""
         return (0.0,)
 
     @property

@@ -1,4 +1,4 @@
-"""Checks of a scene: each check names the field that is wrong, and what is allowed."""
+"""Checks of a scene: each check names the field that is wrong and the values that are allowed."""
 
 from cocap_opt.data import (
     LARGEST,
@@ -21,7 +21,7 @@ from cocap_opt.problem.takes import require_takes
 
 
 def require_scene(scene: SceneData) -> None:
-    """Checks how the fields of a scene go together; each is of its type.
+    """Checks that the fields of a scene, whose types are already checked, fit each other.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def _in_metres(scene: SceneData, x: int, y: int) -> str:
 
 
 def _require_area(scene: SceneData, field: str, area: StartArea, robot: Robot) -> None:
-    """Checks that an area is of the map and the robot."""
+    """Checks that an area lies on the map and fits the robot."""
     width, depth = scene.height_map.shape
     for x, y in area.cells or ():
         require(
@@ -166,7 +166,7 @@ def _require_limits(
 
 
 def _require_starts(scene: SceneData) -> None:
-    """Checks that each robot has a start, and that all together have starts that are apart."""
+    """Checks that each robot has a start, and that all can start without a conflict."""
     if refusals := refused_starts(scene):
         raise ProblemError(told(scene, refusals))
     _ = scene.first_starts  # which raises where there is none

@@ -1,4 +1,4 @@
-"""Arrows at the edges of a top view that cut a no-fly zone, so that nobody thinks it ends there."""
+"""Arrows where the edge of a top view cuts a no-fly zone, to show that the zone goes on."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Cut(NamedTuple):
 
 
 def cuts(zones: Sequence[FloatArray], low: FloatArray, high: FloatArray) -> list[Cut]:
-    """Returns arrows along the edges that cut a zone, some distance apart, at least one a cut.
+    """Returns arrows along the edges that cut a zone, some distance apart, at least one per cut.
 
     Parameters
     ----------
-    zones : triangles [n, 3, 2 or 3] (m) of each
+    zones : triangles [n, 3, 2 or 3] (m) of each zone
     low, high : [2] m, the corners of the picture
     """
     triangles = np.concatenate([np.zeros((0, 3, 2)), *(zone[..., :2] for zone in zones)])
@@ -56,7 +56,7 @@ def draw_cuts(ax: Axes, zones: Sequence[FloatArray], colour: str) -> None:
 
 
 def _crossed(triangles: FloatArray, axis: int, at: float) -> Iterator[tuple[float, float]]:
-    """Yields the parts of the line where a coordinate is `at` that lie within triangles, merged."""
+    """Yields the merged parts, within triangles, of the line where one coordinate is `at`."""
     across, along = triangles[..., axis], triangles[..., 1 - axis]
     passed = (across.min(axis=1) < at) & (across.max(axis=1) > at)
     across, along = across[passed], along[passed]

@@ -1,11 +1,11 @@
-"""Homes: from which flight heights a drone may land at its own."""
+"""Homes of drones: the flight heights from which a drone can land at its home."""
 
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.scene import SceneData
 
 
 def landing_layers(scene: SceneData, robot: Robot) -> list[int]:
-    """Returns the layers from which a drone may sink straight down to its home, and rise to."""
+    """Returns the layers between which and its home a drone may go straight up and down."""
     assert robot.home is not None
     (x, y), motion, workspace = robot.home, robot.motion, scene.workspace
     ground = float(scene.height_map.heights[x, y])

@@ -22,10 +22,9 @@ class LandCover(Data, frozen=True, eq=False):
 
     Attributes
     ----------
-    kind : what is there: "water", "green", "street", "footway", "paved", "yard", "building" or
-        "other"
+    kind : "water", "green", "street", "footway", "paved", "yard", "building" or "other"
     outline : [n, 2] m, corners x, y along the rim
-    holes : rims of what is left out, each as the outline
+    holes : rims of the parts that are left out, each in the form of the outline
     name : written on the ground; None if it has none
 
     Raises
@@ -57,7 +56,10 @@ class LandCover(Data, frozen=True, eq=False):
         return self.outline.min(axis=0), self.outline.max(axis=0)
 
     def holds(self, points: FloatArray) -> BoolArray:
-        """Returns which points [n, 2] (m) lie in the area, its rim included, and in no hole."""
+        """Returns an array [n], true for points [n, 2] (m) in the area.
+
+        The rim belongs to the area, and holes do not.
+        """
         import shapely  # few have land
 
         area = shapely.Polygon(self.outline, self.holes)
@@ -98,9 +100,9 @@ def _rim(rim: FloatArray, field: str) -> FloatArray:
 
 
 def lands_at(areas: Sequence[LandCover], points: FloatArray) -> list[Land | None]:
-    """Returns the kind of land at each of some points [n, 2] (m); None where that is unknown.
+    """Returns the kind of land at points [n, 2] (m); None where that is unknown.
 
-    Of areas that lie on each other the last one counts.
+    Where areas overlap, the last one counts.
     """
     found: list[Land | None] = [None] * len(points)
     for area in areas:
@@ -110,9 +112,9 @@ def lands_at(areas: Sequence[LandCover], points: FloatArray) -> list[Land | None
 
 
 def in_cells(areas: Sequence[LandCover], height_map: HeightMap) -> IntArray:
-    """Returns the number in LANDS of what covers the middle of each cell [X, Y]; -1 where unknown.
+    """Returns the number in LANDS of the land at the middle of each cell [X, Y]; -1 where unknown.
 
-    Of areas that lie on each other the last one counts.
+    Where areas overlap, the last one counts.
     """
     found = np.full(height_map.shape, -1)
     for area in areas:

@@ -1,4 +1,4 @@
-"""The part of a map in which something happens, which pictures show."""
+"""The part of a map in which something happens: the part that pictures show."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class MapFrame(NamedTuple):
 
     @classmethod
     def around(cls, height_map: HeightMap, places: Iterable[tuple[float, float]]) -> Self:
-        """Returns the part of a map around places (m), with some room; all of it without any."""
+        """Returns the part of a map around places (m), with a margin; all of it without places."""
         origin = np.array(height_map.origin)
         end = origin + np.array(height_map.shape) * height_map.resolution
         found = list(places) or [tuple(origin), tuple(end)]

@@ -1,4 +1,4 @@
-"""Motion of a robot: its states, and the steps that it can take."""
+"""Motion of a robot: its states, and the moves between them."""
 
 import math
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ class Cell(NamedTuple):
 
 
 class Stride(Data, frozen=True):
-    """The farthest that a robot moves in one step; what is None has no bound.
+    """The farthest that a robot moves in one step; None means no bound.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Stride(Data, frozen=True):
         return ", ".join(f"{most:.3g} m {told}" for most, told in bounds if most is not None)
 
     def within(self, other: "Stride | None") -> "Stride":
-        """Returns the stride that keeps the bounds of both."""
+        """Returns the stride with the bounds of both."""
         if other is None:
             return self
         bounds = {}
@@ -86,7 +86,7 @@ class Stride(Data, frozen=True):
         return Stride(**bounds)
 
     def allows(self, aside: float, rise: FloatArray) -> BoolArray:
-        """Returns True [..] for moves that are so long, seen from above, and rise so far (m)."""
+        """Returns an array [..], true for moves of allowed length, as seen from above, and rise."""
         space = np.hypot(aside, rise)
         bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, space)
         allowed = np.ones(rise.shape, dtype=np.bool_)
@@ -111,7 +111,7 @@ class Motion(Data, frozen=True):
     pitch_turn : gimbal pitch indices per step, either way
     clearance : m, to solid matter above and below; touching it is too near
     corner_cutting : True: only the ends of a move must be free, as in the papers
-    spacing : cells; moves lead by multiples of it along each axis
+    spacing : cells; moves along each axis are multiples of it
     stride : the farthest that one step may lead; None: all of the moves above are allowed
     """
 
@@ -144,14 +144,14 @@ class Motion(Data, frozen=True):
 
     @property
     def moves(self) -> list[Move]:
-        """All cell moves of one step; the first is to stay."""
+        """All cell moves of one step; the first one stays in the cell."""
         climb = min(self.climb, len(self.layers) - 1)
         most = self.radius - self.radius % self.spacing
         reach, climbs = range(-most, most + 1, self.spacing), range(-climb, climb + 1)
         return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
 
     def moves_on(self, height_map: HeightMap) -> list[Move]:
-        """Returns the moves of one step that are within the stride somewhere on a map."""
+        """Returns the moves of one step that are within the stride at some place of a map."""
         if self.stride is None:
             return self.moves
         layers, uneven = np.array(self.layers), height_map.is_uneven
@@ -178,17 +178,17 @@ class Motion(Data, frozen=True):
 
     @property
     def largest_climb(self) -> float:
-        """The largest difference in height (m) of one step's layers."""
+        """The largest difference in height (m) between layers that one step can connect."""
         layers, reach = self.layers, self.climb
         return max(b - a for k, a in enumerate(layers) for b in layers[k : k + reach + 1])
 
     def largest_tilt(self, tilts: Sequence[float]) -> float:
-        """Returns the largest tilt (rad) of one step among those of a camera."""
+        """Returns the largest change of a camera's tilt (rad) in one step."""
         reach = self.pitch_turn
         return max(abs(a - b) for k, a in enumerate(tilts) for b in tilts[k : k + reach + 1])
 
     def shortest_move(self, resolution: float) -> float:
-        """Returns the length (m) of the shortest move but to stay; inf if there is none."""
+        """Returns the length (m) of the shortest move to another place; inf if there is none."""
         climbs = [b - a for a, b in zip(self.layers, self.layers[1:], strict=False)]
         lengths = [self.spacing * resolution] if self.radius >= self.spacing else []
         return min([*lengths, *(climbs if self.climb else [])], default=math.inf)
@@ -206,7 +206,7 @@ class Motion(Data, frozen=True):
     def free_places(self, workspace: Workspace) -> BoolArray:
         """Returns an array [layer, X, Y], true where no solid matter is within the clearance.
 
-        Nor may a no-fly zone or the ceiling forbid to be there.
+        Places in a no-fly zone or above the ceiling are not free, either.
         """
         altitudes = workspace.height_map.altitudes(self.layers)
         low, high = altitudes - self.clearance, altitudes + self.clearance

@@ -13,7 +13,7 @@ _LEAST_SHARE = 1e-6  # of a solid angle, much more than rounding
 
 
 def require_visible_share(share: float, field: str) -> None:
-    """Requires a share of a person from which on a drone sees them; the message names the field."""
+    """Checks the share of a person that a drone must see; the message names the field."""
     within(share, 0, 1, field)
     require(share >= _LEAST_SHARE, field, "must be > 0, or all drones see everybody")
 
@@ -27,18 +27,18 @@ class Views(Data, frozen=True):
         sum over t, people of weight x importance at t x min(cameras, number of drones that see
         the person at t).
 
-    A drone sees a person if at least the share `at_least` of the solid angle that the person has
-    from there, with nothing in the way, is visible in its image; a `Cone` camera sees all whom it
-    detects. Counts are of each step, also where pixels add up over time.
+    A drone sees a person if at least the share `at_least` of the person's unobstructed solid angle
+    is visible in its image; a `Cone` camera sees everybody whom it detects. Drones are counted at
+    each step, even where pixels add up over time.
 
     Attributes
     ----------
-    cameras : k, from which on more drones add nothing
-    weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
-        one for each
+    cameras : k, the number of drones beyond which more add nothing
+    weight : weight of one drone that sees a person at one step, in px^0.5/m; one number for all
+        people or one for each
     at_least : share of the solid angle, 0 < share <= 1
-    share : of all possible views, k drones on each person at each step, that plans should keep; no
-        part of J. None: no share is requested
+    share : share of all possible views (k drones on each person at each step) that plans should
+        keep; no part of J. None: no share is required
     """
 
     cameras: int = 2
@@ -58,7 +58,7 @@ class Views(Data, frozen=True):
             within(self.share, 0, 1, "share")
 
     def require_for(self, people: int, field: str = "weight") -> None:
-        """Requires one weight, or one for each of so many people; the message names the field."""
+        """Checks that there is one weight, or one per person; the message names the field."""
         given = len(self.weights(people))
         require(
             given == people,
@@ -85,10 +85,10 @@ class Objective(Data, frozen=True):
     (Suresh et al. 2024) has `balanced` (100): it is meant for staying, but dx + dy is 0 for the
     two diagonal moves (+1, -1) and (-1, +1) as well.
 
-    With `over_time` the pixels of a face add up over all steps before the root is taken, the
+    With `over_time`, the pixels of a face add up over all steps before the root is taken, the
     other reading of CoCap's eq. 1: J = sum over actors, faces of w sqrt(pixels of all robots
     at all t) + the rewards for moves as before. Planning one robot is then no longer a dynamic
-    program; bounds and exact methods hold.
+    program, but bounds and exact methods remain valid.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Objective(Data, frozen=True):
     count_start : True: the views at t = 0 count too; a constant where starts are fixed
     over_time : True: pixels add up over time as well as over robots
     pixels : weight of all pixels, 0 where only `views` are to count
-    views : what drones that see a person add; None: nothing
+    views : the part of J for drones that see a person; None: there is none
     """
 
     stationarity: float = 0.0

@@ -6,13 +6,14 @@ from cocap_opt.data import BoolArray
 
 
 def largest_area(free: BoolArray, corner_cutting: bool) -> BoolArray:
-    """Returns the cells [X, Y] of the largest free area; of several that are as large, of all.
+    """Returns the cells [X, Y] of the largest free area, or of all areas of that size.
 
-    Free cells side by side are in one area, and with corner cutting those that share a corner, too.
+    Free cells side by side belong to one area; with corner cutting, those that share a corner do,
+    too.
 
     Parameters
     ----------
-    free : [X, Y] cells without solid matter and closed airspace, at one flight height
+    free : [X, Y] cells without solid matter or closed airspace, at one flight height
     corner_cutting : as `Motion` has it
     """
     from scipy.ndimage import generate_binary_structure, label  # slow to import

@@ -1,4 +1,4 @@
-"""Top views of scenes and flights by matplotlib, which is imported when something is drawn."""
+"""Top views of scenes and flights by matplotlib, which is imported only for drawing."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     _Marks = tuple[Line2D | Patch, ...]
 
     class WholeAxes(Axes):
-        """Axes that stand in a whole figure, which can be saved, and in no part of one.
+        """Axes in a whole figure, which can be saved, rather than in a subfigure.
 
-        For type checkers alone: matplotlib says of no axes which of the two they stand in.
+        For type checkers only: matplotlib's types do not distinguish the two.
         """
 
         @property
@@ -76,7 +76,7 @@ def people_by_take(takes: Sequence[str]) -> dict[str, str]:
 
     Parameters
     ----------
-    takes : their names; none where people walk as they do
+    takes : names of the takes; empty if the scene has none
     """
     words = "people, last step (cross: step 0)"
     named = [f"{words}, {name}" for name in takes[:_MOST_TAKES]] or [words]
@@ -95,7 +95,7 @@ def drone_colour(number: int) -> str:
 
 
 def distinct_colours(drones: Iterable[int]) -> list[str]:
-    """Returns the different colours of drones, as many as a legend has room for."""
+    """Returns the distinct colours of drones, as many as a legend has room for."""
     return list(dict.fromkeys(map(drone_colour, drones)))[:_MOST_MARKS]
 
 
@@ -129,7 +129,7 @@ class TopView(NamedTuple):
     def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
         """Returns the scene from above, with the flights of a plan or the drones' starts.
 
-        Drones that may start in several states have no start yet, but an area.
+        Drones that may start in several states are shown by their area instead of a start.
         """
         lowest = scene.layers[0]
         clearance = max(
@@ -188,9 +188,9 @@ class TopView(NamedTuple):
     def draw(self, ax: Axes | None = None) -> Axes:
         """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
 
-        A ring marks where each drone starts; the line at each of its places shows its heading. In
-        a figure of its own the legend is below the map. Axes that stand beside others share one
-        below all of them, and the names of their axes; a single one has it on the map.
+        A ring marks the start of each drone; the line at each of its places shows its heading. In a
+        separate figure the legend is below the map. Axes beside others share one legend below all
+        of them, and the axis labels; a single one of the caller's has its legend on the map.
         """
         handles, figure = self._handles(), None
         if ax is None:
@@ -235,7 +235,7 @@ class TopView(NamedTuple):
             yield from map(tuple, (self.corner + self.cell * np.array(corners)).tolist())
 
     def draw_area(self, ax: Axes, area: StartGround, is_filled: bool = False) -> None:
-        """Draw the outline of an area, with a dash in the colour of each drone, and its ground."""
+        """Draw the ground of an area, and its outline with a dash in the colour of each drone."""
         from matplotlib.colors import ListedColormap
 
         (x, y), (width, depth) = self.corner, self.kinds.shape
@@ -300,7 +300,7 @@ class TopView(NamedTuple):
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
     def _draw_land(self, ax: Axes, strength: float) -> None:
-        """Draw the areas of the land, the first below all others, and names that fit whole."""
+        """Draw the areas of the land, the first at the bottom, and names that fit completely."""
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
         from matplotlib.patheffects import withStroke
@@ -324,7 +324,7 @@ class TopView(NamedTuple):
                 ax.add_artist(name)
 
     def _handles(self) -> dict[str, _Marks]:
-        """Returns the lines of the legend: what they say, and the marks before it."""
+        """Returns the lines of the legend: their words, and the marks before them."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
@@ -371,7 +371,7 @@ class TopView(NamedTuple):
         return f"Map from above with {drones if flown else 'starts of drones'} and {walks}"
 
     def image(self) -> str:
-        """Draw an HTML image that needs no file."""
+        """Draw the picture as an HTML image that needs no file."""
         content = io.BytesIO()
         figure = self.draw().get_figure(root=True)
         assert figure is not None
@@ -392,12 +392,12 @@ def _flight(scene: SceneData, number: int, path: Sequence[State]) -> FloatArray:
 
 
 def _columns(labels: Iterable[str]) -> int:
-    """Returns the number of columns of a legend: two, if no line of it is long."""
+    """Returns the number of columns of a legend: two if all its lines are short."""
     return 2 if max(map(len, labels), default=0) <= _LONG else 1
 
 
 def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) -> None:
-    """Draw a legend below a figure of its own; below all axes, once; else on the axes."""
+    """Draw a legend below a separate figure, once below several axes, or on a single one's axes."""
     from matplotlib.legend_handler import HandlerTuple
 
     how: dict[str, Any] = {

@@ -1,7 +1,7 @@
-"""Places for all drones at once, one of several for each, which keep the collision rules.
+"""Places for all drones at once, chosen from several for each, that keep the collision rules.
 
-It is the search for an independent set with one place for each drone. Few scenes need more than a
-first try; what is proved impossible mostly is so by counting.
+This is the search for an independent set with one place for each drone. Few scenes need more than
+the first try; where there is no choice, counting usually proves it.
 """
 
 from collections.abc import Sequence
@@ -15,24 +15,24 @@ _MOST_TRIES = 2_000
 
 
 class UndecidedError(Exception):
-    """Too many tries have found neither places nor a proof that there are none."""
+    """The search has found neither places nor a proof that there are none, after too many tries."""
 
 
 def places_apart(rules: CollisionRules, places: Sequence[FloatArray]) -> list[int] | None:
-    """Returns the number of a place of each robot, so that no two break a rule.
+    """Returns the number of a place for each robot, so that no two robots break a rule.
 
     Parameters
     ----------
-    places : of each robot [n, 3] m, those that it may have
+    places : for each robot the places [n, 3] (m) that it may take
 
     Returns
     -------
-    The first such choice that is found; None where there is none.
+    The first such choice that is found; None if there is none.
 
     Raises
     ------
     UndecidedError
-        If it gives up.
+        If the search gives up.
     """
     if rules.none:
         return [0] * len(places)
@@ -53,7 +53,7 @@ class _Search:
         self._tries = 0
 
     def found(self, left: list[BoolArray]) -> list[int] | None:
-        """Returns a choice among the places that are left to each robot; None if there is none."""
+        """Returns a choice among the places left for each robot; None if there is none."""
         waiting = [robot for robot, place in enumerate(self._chosen) if place is None]
         if not waiting:
             return [place for place in self._chosen if place is not None]
@@ -74,7 +74,7 @@ class _Search:
         return None
 
     def _beside(self, robot: int, place: int, left: list[BoolArray]) -> list[BoolArray]:
-        """Returns the places that are left to each robot beside one that is placed."""
+        """Returns the places left for each robot once one of them is placed."""
         at, result = self._places[robot][place], list(left)
         for other, chosen in enumerate(self._chosen):
             if chosen is not None:

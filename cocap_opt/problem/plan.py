@@ -32,13 +32,13 @@ class VertexConflict(NamedTuple):
 
 
 class PassConflict(NamedTuple):
-    """Two robots pass nearer than the separation between t and t+1, and keep it at both.
+    """Two robots pass nearer than the separation between t and t+1, but keep it at both steps.
 
     Attributes
     ----------
     t : step before
     robots : their numbers, the lower first
-    moves : the cells that each leaves and enters, in the order of `robots`
+    moves : the cells that each robot leaves and enters, in the order of `robots`
     """
 
     t: int
@@ -53,7 +53,7 @@ class SwapConflict(NamedTuple):
     ----------
     t : step before
     robots : their numbers, the lower first
-    cells : the ones that they leave, in the order of `robots`
+    cells : the cells that they leave, in the order of `robots`
     """
 
     t: int
@@ -70,14 +70,14 @@ Conflict = VertexConflict | SwapConflict | PassConflict
 
 
 class Ending(NamedTuple):
-    """The end of the search for a plan, as its result or its file tells it.
+    """The end of the search for a plan, as its result or its file records it.
 
     Attributes
     ----------
     reason : why it ended
     limit : the limit that stopped it; None if none did
-    in_coverage : the limit was reached before the coverage of all steps was there
-    told : what the limit has left of the plan, in a file's words; empty where no file tells it
+    in_coverage : the limit was reached before the coverage of all steps was complete
+    told : how far the plan got before the limit, in the words of its file; empty without a file
     """
 
     reason: Reason
@@ -86,9 +86,9 @@ class Ending(NamedTuple):
     told: str = ""
 
     def left_of(self, plan: "Plan") -> str:
-        """Says in words how much of the plan the limit has left; empty without a limit.
+        """Says in words how far the plan got before the limit; empty without a limit.
 
-        A plan in which all drones stay at their starts, for want of time, is none.
+        If all drones stay at their starts for want of time, it says that there is no plan.
         """
         if self.told or self.limit is None:
             return self.told
@@ -106,7 +106,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     Attributes
     ----------
-    paths : [R] of each robot [T+1] its states: `paths[i][t]` is robot i's at step t = 0..T
+    paths : [R] paths of states [T+1]: `paths[i][t]` is the state of robot i at step t = 0..T
     """
 
     paths: tuple[tuple[State, ...], ...]
@@ -123,22 +123,22 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @property
     def ending(self) -> Ending | None:
-        """The end of the search for it, as the plan's file says; None if unspecified."""
+        """The end of the search for the plan, as its file records it; None if unspecified."""
         ending: Ending | None = vars(self).get("_ending")
         return ending
 
     @property
     def cut_short(self) -> str:
-        """Words of the plan's file for what a limit has left of it; empty if it has none."""
+        """The words of its file for how far the plan got before a limit; empty if it has none."""
         return "" if self.ending is None else self.ending.left_of(self)
 
     def of_problem(self, digest: str, scene: str, ending: Ending | None = None) -> "Plan":
-        """Returns the same plan, which says what its file does; it stays equal.
+        """Returns an equal plan that knows what its file says.
 
         Parameters
         ----------
-        digest, scene : of the problem that it was made for
-        ending : of the search for it
+        digest, scene : of the problem that the plan was made for
+        ending : the end of the search for the plan
         """
         plan = Plan(paths=self.paths)
         # No fields, for they are no part of what is flown.
@@ -161,9 +161,9 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @classmethod
     def hovering(cls, problem: Problem) -> "Plan | None":
-        """Returns the plan in which nobody moves, which obeys all rules, as starts do.
+        """Returns the plan in which no robot moves, which obeys all rules because starts do.
 
-        None where a robot may not stay: its goal is elsewhere, or people come too near.
+        None if a robot may not stay because its goal is elsewhere or people come too near.
         """
         starts = problem.first_starts
         if not all(problem.may_hover(i, StartSet.of([state]))[0] for i, state in enumerate(starts)):
@@ -171,7 +171,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         return cls(paths=tuple((state,) * (problem.horizon + 1) for state in starts))
 
     def conflicts(self, problem: Problem) -> Iterator[Conflict]:
-        """Yields all conflicts under the problem's rules, earliest step first, then by robots."""
+        """Yields all conflicts under the problem's rules, ordered by step, then by robots."""
         if problem.rules.none or len(self.paths) < 2:
             return
         cells = [[problem.cell(i, state) for state in path] for i, path in enumerate(self.paths)]
@@ -195,7 +195,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 def _alternated(at: BoolArray, between: BoolArray) -> BoolArray:
-    """Returns columns [n, 2 T + 1]: those of steps [n, T+1], and in between those of [n, T]."""
+    """Returns columns [n, 2 T + 1]: those at steps [n, T+1], alternating with those between."""
     result = np.zeros((len(at), 2 * at.shape[1] - 1), dtype=np.bool_)
     result[:, ::2], result[:, 1::2] = at, between
     return result

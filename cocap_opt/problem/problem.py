@@ -1,6 +1,6 @@
 """The whole planning problem: workspace, robots, actors, objective and collision rules.
 
-Everything here is immutable data, checked once where it is made and then trusted.
+Everything here is immutable data, checked once when it is created and then trusted.
 The same classes are the scene file: `cocap_opt.files.documents` reads and writes them as JSON.
 
 Axis letters used throughout the project: R robots, T steps, S motion states, A actors,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Problem(SceneData, frozen=True, eq=False, dict=True):
-    """One view-planning problem: all that a planner, a bound or the referee needs to know.
+    """A view-planning problem: all that a planner, a bound or the referee needs to know.
 
     Attributes
     ----------
@@ -44,14 +44,14 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     horizon : T, number of moves
     rules : the conflicts between drones that are forbidden
     objective : the weights of J besides those of the faces
-    face_samples : each triangle of a face that a mesh may hide gets this number squared of sight
-        rays; convex meshes, columns and actors need none
+    face_samples : each triangle of a face that a mesh may hide is tested with this number squared
+        of sight rays; convex meshes, columns and actors need none
     meshes : solid matter besides the height map
     airspace : no-fly zones, a ceiling, and the distance that drones keep from people
     step : seconds from a step to the next; None if unspecified
     earth : where the scene is on the Earth; None if unknown
-    takes : ways in which people may walk, whose probabilities sum to 1; a person who is in none of
-        them becomes a copy in each. None: people walk as they do
+    takes : ways in which people may walk, whose probabilities sum to 1; a person who belongs to no
+        take gets a copy in each. None: people walk in one way only
     land_cover : areas of the ground that pictures show: water, streets and the like
 
     Raises
@@ -81,7 +81,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @property
     def told_people(self) -> str:
-        """The number of people in words, of all takes where there are several."""
+        """The number of people in words; with takes, the number in all of them."""
         people = f"{len(self.actors)} people"
         return f"{people} of {len(self.takes)} takes" if self.takes else people
 
@@ -108,14 +108,14 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         Parameters
         ----------
         plan : a plan, or any object with `paths`
-        ax : matplotlib axes; a figure of its own if not given
+        ax : matplotlib axes; if not given, those of a new figure
         """
         from cocap_opt.problem.pictures import TopView  # as above
 
         return TopView.of(self, plan).draw(ax)
 
     def until(self, step: int) -> "Problem":
-        """Returns the problem that ends at a step: people, weights and all else are as before.
+        """Returns the problem cut off after a step: people, weights and all else stay the same.
 
         Raises
         ------
@@ -138,7 +138,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         )
 
     def without_rules(self) -> "Problem":
-        """Returns the problem without inter-robot collisions; the same one if it has no rules.
+        """Returns the problem without inter-robot collision rules; itself if it has none.
 
         It is the same object each time, so that anything computed for it is reused.
         """
@@ -149,9 +149,9 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return self.replace(rules=NO_RULES)
 
     def of_take(self, k: int) -> "Problem":
-        """Returns the problem of one take alone, in which nobody else is there.
+        """Returns the problem of one take alone, with only its people.
 
-        J of a plan is the mean over all takes of its J there, each as probable as it is. It is the
+        J of a plan is the mean of its J in all takes, weighted by their probabilities. It is the
         same object each time; without takes, take 0 is the problem itself.
 
         Raises
@@ -186,7 +186,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @cached_property
     def count_weights(self) -> FloatArray:
-        """Weights of a drone that sees a person [T+1, A]; [T+1, 0] if nobody counts them."""
+        """Weights of a drone that sees a person [T+1, A]; [T+1, 0] if these are not counted."""
         if self.objective.views is None:
             return np.zeros((self.horizon + 1, 0))
         weights = self.importance * np.array(self.objective.views.weights(len(self.actors)))
@@ -220,9 +220,9 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def view_sum_steps(self) -> int:
         """Number of steps whose pixels are kept apart: T+1, or 1 if they add up over time.
 
-        A view sum is a face at such a step, number step * F + face; J sums the view sums' roots.
-        Where drones that see people are counted, a person at a step is a view sum, too, after all
-        of these: number n_roots + step * A + person.
+        A view sum is a face at such a step, with number step * F + face; J sums the roots of view
+        sums. Where drones that see people are counted, a person at a step is a view sum, too, after
+        all of these, with number n_roots + step * A + person.
         """
         return 1 if self.objective.over_time else self.horizon + 1
 
@@ -241,7 +241,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @cached_property
     def step_view_sums(self) -> IntArray:
-        """The view sums to which states add [T+1, W]: of all faces, then of people who count."""
+        """The view sums to which states add [T+1, W]: of all faces, then of the counted people."""
         steps, faces = np.arange(self.horizon + 1)[:, None], len(self.face_weights)
         people = self.count_weights.shape[1]
         first = 0 * steps if self.objective.over_time else steps * faces
@@ -251,7 +251,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return found
 
     def view_sums_at(self, t: int) -> slice | IntArray:
-        """Returns the view sums [W] to which states at step t add: faces, then people who count."""
+        """Returns the view sums [W] to which states at step t add: faces, then counted people."""
         if self.objective.views is not None:
             return np.asarray(self.step_view_sums[t])
         faces = len(self.face_weights)
@@ -259,7 +259,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return slice(first, first + faces)
 
     def by_step(self, values: FloatArray) -> FloatArray:
-        """Returns the sums [T+1] over each step's view sums of values [Z]; not if over time."""
+        """Returns the sums [T+1] of values [Z] over each step's view sums; not for `over_time`."""
         steps, n = self.horizon + 1, self.returns.n_roots
         sums: FloatArray = values[:n].reshape(steps, len(self.face_weights)).sum(axis=1)
         if len(values) > n:
@@ -267,7 +267,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return sums
 
     def no_pixels(self) -> FloatArray:
-        """Make view sums [Z] to which no robot has added anything yet."""
+        """Makes view sums [Z] to which no robot has added anything yet."""
         return np.zeros(self.returns.n_roots + len(self.returns.caps))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Starts in which a drone may not be, all of a scene at once, and the nearest free places."""
+"""Forbidden starts of drones, all those of a scene at once, and the nearest free places."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,19 +17,19 @@ _MOST_TOLD = 12
 
 
 class Refusal(NamedTuple):
-    """A start that is refused, and what would do in its place.
+    """A start that is refused, and what could replace it.
 
     Attributes
     ----------
-    robot : its number
-    field : path of the start, as messages have it
+    robot : number of the robot
+    field : path of the start, as in messages
     state : the start
-    why : words
-    nearest : the nearest start at this height that is free, and apart from all that are kept and
-        all that are proposed before, in the largest free area (`largest_area`) if any is there;
-        None if there is none
+    why : the reason, in words
+    nearest : the nearest start at this height that is free and does not conflict with starts that
+        are kept or that were proposed before, in the largest free area (`largest_area`) if one is
+        there; None if there is none
     has_nearer : True if a nearer place is free, but in a smaller area, such as a closed yard
-    height : m, the lowest other flight height at which this cell is free; None: none is
+    height : m, the lowest other flight height at which this cell is free; None if there is none
     """
 
     robot: int
@@ -54,17 +54,17 @@ class Refusal(NamedTuple):
 
 
 def told(scene: SceneData, refusals: Sequence[Refusal]) -> str:
-    """Returns one line that names all refused starts, and the nearest free place of each."""
+    """Returns one line that names all refused starts, and the nearest free place for each."""
     parts = [f"{each.field}: {each.why}; {each.way_out(scene)}" for each in refusals[:_MOST_TOLD]]
     more = len(refusals) - len(parts)
     return "; ".join([*parts, *([f"{more} more are refused"] if more else [])])
 
 
 def refused_starts(scene: SceneData) -> list[Refusal]:
-    """Returns the stated starts in which robots may not be, or not beside each other.
+    """Returns the stated starts in which robots may not be, or not together with the others.
 
-    Of two that are too near to each other, the second is refused. Whoever takes all the places
-    that are proposed has starts that are free and apart.
+    Of two that are too near to each other, the second is refused. The proposed places, taken
+    together with the starts that are kept, are free and do not conflict.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def refused_starts(scene: SceneData) -> list[Refusal]:
 
 
 def _stated(scene: SceneData, i: int, robot: Robot) -> Iterator[tuple[str, State]]:
-    """Yields the starts of a robot that may be refused, with their fields; of several, one."""
+    """Yields the starts of a robot that may be refused, with their fields; one if it may choose."""
     field = f"robots[{i}].start"
     if isinstance(robot.start, State):
         yield field, robot.start
@@ -105,7 +105,7 @@ def _stated(scene: SceneData, i: int, robot: Robot) -> Iterator[tuple[str, State
 def _require_all_in_range(
     scene: SceneData, field: str, robot: Robot, states: Sequence[State]
 ) -> None:
-    """Checks the indices of states, of which there may be very many, at once."""
+    """Checks the indices of all states at once, since there may be very many."""
     rows = np.array(states)
     sizes = np.array((*scene.height_map.shape, *robot.orientation_sizes))
     if rows.dtype.kind != "i" or (rows < 0).any() or (rows >= sizes).any():
@@ -121,7 +121,7 @@ def _require_in_range(scene: SceneData, field: str, robot: Robot, start: State) 
 
 
 def _closed(scene: SceneData, robot: Robot, start: State) -> str:
-    """Says why a robot may not be at a start, whoever else is there; nothing if it may."""
+    """Says why a robot may not be at a start, even alone; empty if it may."""
     motion = robot.motion
     cell, height = f"cell ({start.x}, {start.y})", f"flight height {motion.layers[start.layer]:g} m"
     if scene.blocked(start.x, start.y, motion, start.layer):
@@ -138,7 +138,7 @@ def _closed(scene: SceneData, robot: Robot, start: State) -> str:
 
 
 def _solid_at(scene: SceneData, start: State) -> str:
-    """Says which solid matter is in a robot's start cell."""
+    """Names the solid matter in a robot's start cell."""
     (_, height), *solids = scene.workspace.columns.at(start.x, start.y)
     if not solids:
         return f"height {height:g} m"
@@ -147,7 +147,7 @@ def _solid_at(scene: SceneData, start: State) -> str:
 
 
 def _crowded(scene: SceneData, kept: tuple[int, State], placed: tuple[int, State]) -> str:
-    """Says that a start is too near to one that is kept; nothing if it is not."""
+    """Says that a start is too near to one that is kept; empty if it is not."""
     a, b = scene.cell(*kept), scene.cell(*placed)
     if not scene.too_close(a, b):
         return ""
@@ -158,9 +158,9 @@ def _crowded(scene: SceneData, kept: tuple[int, State], placed: tuple[int, State
 def _with_places(
     scene: SceneData, found: dict[tuple[int, str], tuple[State, str]], kept: list[tuple[int, State]]
 ) -> Iterator[Refusal]:
-    """Yields refusals with the nearest free places, apart from each other and from those kept.
+    """Yields refusals with the nearest free places, in no conflict with each other or those kept.
 
-    Places in the largest free area of the flight height go before all others.
+    Places in the largest free area of the flight height come before all others.
     """
     taken, areas = list(kept), dict[tuple[Motion, int], BoolArray]()
     for (i, field), (state, why) in sorted(found.items(), key=lambda row: row[0][0]):
@@ -191,7 +191,7 @@ def _nearest(free: BoolArray, state: State) -> State | None:
 def _free(
     scene: SceneData, robot: Robot, layer: int, taken: Sequence[tuple[int, State]]
 ) -> BoolArray:
-    """Returns the cells [X, Y] in which a robot may start beside starts that are taken."""
+    """Returns the cells [X, Y] in which a robot may start, given the starts that are taken."""
     free = startable(scene, robot.motion, layer)
     places = np.argwhere(free)
     rows = np.column_stack([places, np.full(len(places), layer)])
@@ -212,7 +212,7 @@ def startable(scene: SceneData, motion: Motion, layer: int) -> BoolArray:
 def _other_height(
     scene: SceneData, i: int, state: State, taken: Sequence[tuple[int, State]]
 ) -> float | None:
-    """Returns the lowest flight height (m) but that of a start at which its cell is free."""
+    """Returns the lowest flight height (m), other than a start's own, at which its cell is free."""
     robot = scene.robots[i]
     for layer, height in enumerate(robot.motion.layers):
         other = state._replace(layer=layer)

@@ -1,4 +1,4 @@
-"""One robot of a problem, and the limits of its motion, which airframe and autopilot set."""
+"""A robot of a problem, and the limits of its motion, set by its airframe and autopilot."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from cocap_opt.problem.starts import AnyStart, StartStates
 class Limits(Data, frozen=True):
     """The speeds at which a drone may move and turn, and how long it may fly.
 
-    What is None is not known, and not checked.
+    A limit that is None is unknown and not checked.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Limits(Data, frozen=True):
                 require(value > 0, field, "must be more than 0")
 
     def outlasted_by(self, seconds: float) -> str:
-        """Says that a flight of so many seconds is longer than the battery lasts, if it is."""
+        """Says that the battery does not last for a flight of so many seconds; empty if it does."""
         if self.endurance is None or seconds <= self.endurance * (1 + ROUNDING):
             return ""
         return f"the flight takes {seconds:.4g} s, but the battery lasts {self.endurance:.4g} s"
@@ -53,7 +53,7 @@ class Limits(Data, frozen=True):
     def broken_by(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
     ) -> str:
-        """Says which of the moves of a motion takes longer than a step, and what would do.
+        """Names a move of a motion that takes longer than a step, and a remedy.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class Limits(Data, frozen=True):
     def _demands(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
     ) -> Iterator[tuple[str, str, float, float | None, str, str]]:
-        """Yields of each kind of move its field, words, its size, its limit, a way out, a unit.
+        """Yields for each kind of move its field, words, size, limit, remedy and unit.
 
         Angles are in degrees.
         """
@@ -107,7 +107,7 @@ def rounded_up(value: float) -> float:
 
 
 def _are_states(start: Any) -> bool:
-    """Returns True for a sequence of states, each of which could be a start by itself."""
+    """Returns True for a sequence of states, each of which could be a start."""
     is_sequence = isinstance(start, (list, tuple)) and not isinstance(start, State)
     return is_sequence and bool(start) and all(isinstance(state, State) for state in start)
 
@@ -117,15 +117,15 @@ class Robot(Data, frozen=True):
 
     Attributes
     ----------
-    start : cell, layer, heading and pitch at step 0; or several of them, or an area, of which
-        planners choose the best. Given as a sequence of states it becomes `StartStates`
+    start : cell, layer, heading and pitch at step 0; or several such states, or an area, from which
+        planners choose the best. A sequence of states becomes `StartStates`
     motion : the moves that it can make in one step
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
     goal : cell (x, y), any layer and orientation
     limits : speed and turn limits; None if unknown
     home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
-    number : its number in the mission of which the scene is the rest, in which case it is in the
-        air before step 0; None: it takes off
+    number : if the scene is the rest of a mission, the robot's number in that mission; it is then
+        in the air before step 0. None: it takes off
     """
 
     start: AnyStart

@@ -1,7 +1,7 @@
 """Rules against collisions between robots.
 
-Robots fly straight from cell to cell within a step, so that the way (m) that leads from one to the
-other is a straight line too: before + tau (after - before), tau in [0, 1].
+Robots fly straight from cell to cell within a step, so that the vector (m) from one to the other
+moves along a straight line, too: before + tau (after - before), tau in [0, 1].
 """
 
 import math
@@ -17,7 +17,7 @@ TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep i
 
 
 class Meeting(NamedTuple):
-    """The point in the middle between two robots, at the moment of a step when they are nearest."""
+    """The point midway between two robots at the moment of a step when they are nearest."""
 
     point: FloatArray  # [3] m
     share: float  # of the step, 0..1
@@ -31,16 +31,16 @@ class CollisionRules(Data, frozen=True):
     """The conflicts between robots that are forbidden.
 
     Planners, formulations and the referee take the rules only from here. The vertex rule forbids
-    two robots in one cell at one step (layers count, headings do not), the swap rule that two
-    robots exchange cells in one step. The separation holds at every moment, between steps as well
-    as at them: robots fly straight from cell to cell, and two that are exactly so far apart keep it
-    (to 1e-6 m). It contains the other two rules.
+    two robots to be in one cell at one step (layers count, headings do not), the swap rule forbids
+    them to exchange cells in one step. The separation holds at every moment, between steps as well
+    as at them: robots fly straight from cell to cell, and two robots exactly that far apart keep it
+    (to 1e-6 m). It implies the other two rules.
 
     Attributes
     ----------
     vertex : True: no two robots in one cell at one step
     swap : True: no two robots exchange cells in one step
-    separation : m, least distance of robots at every moment; 0: no such rule
+    separation : m, least distance between robots at every moment; 0: no such rule
     vertical : m; 0: the separation is a distance in space; otherwise robots must be this far apart
         in height, or keep the separation as seen from above, since drones blow air down on each
         other
@@ -85,7 +85,7 @@ class CollisionRules(Data, frozen=True):
         return "+".join(name for name in ("vertex", "swap") if getattr(self, name)) or "none"
 
     def too_near(self, ways: FloatArray) -> BoolArray:
-        """Returns an array [..], true if robots break a rule when ways [.., 3] (m) part them."""
+        """Returns an array [..], true if robots with ways [.., 3] (m) between them break a rule."""
         if not self.vertex:
             return np.zeros(ways.shape[:-1], dtype=np.bool_)
         if self.vertical:
@@ -100,8 +100,9 @@ class CollisionRules(Data, frozen=True):
     def near_point(self, ways: FloatArray) -> BoolArray:
         """Returns an array [..], true if robots are nearer to a point than half the separation.
 
-        Any two of them are too near. On a grid ties are the rule, and robots that are exactly the
-        separation apart keep it: the half is made a little smaller, by more than rounding.
+        Any two such robots are too near to each other. On a grid ties are common, and robots
+        exactly the separation apart keep it: half of it is therefore reduced by a little more than
+        rounding errors.
 
         Parameters
         ----------
@@ -116,7 +117,8 @@ class CollisionRules(Data, frozen=True):
 
         Parameters
         ----------
-        before, after : [.., 3] m, the ways from one robot to the other when it begins and ends
+        before, after : [.., 3] m, the ways from one robot to the other when the step begins and
+            ends
         """
         found = np.zeros(np.broadcast_shapes(before.shape, after.shape)[:-1], dtype=np.bool_)
         if not self.separation:
@@ -148,14 +150,14 @@ class CollisionRules(Data, frozen=True):
 
         Parameters
         ----------
-        first, second : of each robot the places [.., 3] (m) where its moves begin and end
+        first, second : for each robot the places [.., 3] (m) where its moves begin and end
         """
         return self._at_ends(first, second) | self._between(first, second)
 
     def conflict_between(
         self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
-        """Returns an array [..], true if moves break a rule between two steps, and at neither.
+        """Returns an array [..], true if moves break a rule between two steps, but at neither step.
 
         Parameters
         ----------
@@ -181,7 +183,7 @@ class CollisionRules(Data, frozen=True):
     def may_conflict(
         self, first: tuple[FloatArray, FloatArray], second: FloatArray, reach: float
     ) -> BoolArray:
-        """Returns an array [..], true if a move may break a rule between steps with some move.
+        """Returns an array [..], true if some move of the other robot may conflict between steps.
 
         Parameters
         ----------
@@ -196,7 +198,7 @@ class CollisionRules(Data, frozen=True):
         return found
 
     def closest(self, before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns when robots are nearest in a step: while they break a rule, if they do.
+        """Returns the moments of a step when robots are nearest; in a conflict, one during it.
 
         Parameters
         ----------
@@ -215,7 +217,7 @@ class CollisionRules(Data, frozen=True):
         return share, np.sqrt((at * at).sum(axis=-1))
 
     def meeting(self, tails: FloatArray, heads: FloatArray) -> Meeting:
-        """Returns where and when two robots are nearest in a step.
+        """Returns the place and the moment at which two robots are nearest in a step.
 
         Parameters
         ----------
@@ -227,20 +229,20 @@ class CollisionRules(Data, frozen=True):
 
     @property
     def _aside(self) -> float:
-        """The distance (m) from which on robots are far enough apart."""
+        """The distance (m) at which robots are far enough apart."""
         return self.separation - TOLERANCE
 
     @property
     def _above(self) -> float:
-        """The difference in height (m) from which on they are."""
+        """The difference in height (m) at which robots are far enough apart."""
         return self.vertical - TOLERANCE
 
     def _near_aside_and_above(
         self, before: FloatArray, after: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns when robots begin and end to be too near, aside and in height at once.
+        """Returns the moments between which robots are too near, sideways and in height at once.
 
-        They are never if they end before they begin.
+        If the first moment is after the second, they never are.
         """
         change = after - before
         dx, dy, dz = np.moveaxis(change, -1, 0)
@@ -264,7 +266,7 @@ class CollisionRules(Data, frozen=True):
 
 
 def _closest(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns when straight lines from `before` to `after` are nearest to 0, and how near (m)."""
+    """Returns the moments when lines from `before` to `after` are nearest to 0, and distances."""
     change = after - before
     square = (change * change).sum(axis=-1)
     along = -(before * change).sum(axis=-1) / np.where(square > 0, square, 1.0)

@@ -1,4 +1,4 @@
-"""The data of a scene: where it is on the Earth, and where robots and matter are in it."""
+"""The data of a scene: its place on the Earth, and the geometry of its robots and solid matter."""
 
 import math
 from collections.abc import Sequence
@@ -37,9 +37,9 @@ _MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
 
 
 class Earth(Data, frozen=True):
-    """The place of a scene on the Earth: what its coordinates x, y and z mean.
+    """The place of a scene on the Earth: the meaning of its coordinates x, y and z.
 
-    Nothing is converted between heights above the sea and above the ellipsoid.
+    Heights above the sea and above the ellipsoid are never converted into each other.
 
     Attributes
     ----------
@@ -47,8 +47,8 @@ class Earth(Data, frozen=True):
         WKT
     origin : latitude and longitude (WGS 84, degrees) of the point x = 0, y = 0, from which the
         axes go along those of the system; None: x and y are the system's own
-    heights : what altitudes are above, "sea" or "ellipsoid"; None if unknown
-    base : m, altitude above that of z = 0
+    heights : reference of altitudes, "sea" or "ellipsoid"; None if unknown
+    base : m, altitude of z = 0 above that reference
     """
 
     crs: str
@@ -73,7 +73,7 @@ class Earth(Data, frozen=True):
 
 
 class SceneData(Data, frozen=True, eq=False, dict=True):
-    """The fields of a problem, which says what each of them is, and the geometry that they make."""
+    """The fields of a problem, documented there, and the geometry that follows from them."""
 
     name: str
     height_map: HeightMap
@@ -92,13 +92,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @property
     def workspace(self) -> Workspace:
-        """The map and the meshes: all solid matter, and what else is closed to drones."""
+        """The map and the meshes: all solid matter, and the airspace that is closed to drones."""
         airspace = self.airspace
         return Workspace(self.height_map, self.meshes, airspace.no_fly, airspace.ceiling)
 
     @cached_property
     def starts(self) -> tuple[StartSet, ...]:
-        """The states in one of which each robot starts, in order [R]; one if its start is fixed."""
+        """The possible start states of each robot [R]; a single one if its start is fixed."""
         known: dict[object, StartSet] = {}
         found = []
         for robot in self.robots:
@@ -119,7 +119,10 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return robot.start.states_in(places[able], headings, pitches)
 
     def may_start(self, motion: Motion, places: IntArray) -> BoolArray:
-        """Returns in which places x, y, layer [n, 3] a robot may be at step 0, alone: [n]."""
+        """Returns an array [n], true for places x, y, layer [n, 3] where a robot may be at step 0.
+
+        Other robots are ignored.
+        """
         x, y, layer = places.T
         able: BoolArray = motion.free_places(self.workspace)[layer, x, y]
         if self.airspace.people_aside:
@@ -143,9 +146,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def first_starts(self) -> tuple[State, ...]:
-        """A start of each robot that keeps the rules beside all others, fixed ones as they are.
+        """A start for each robot such that all keep the rules; fixed starts stay as they are.
 
-        Robots may stay at all of them, if such starts are found; else any starts are taken.
+        Starts at which robots may stay are preferred, if such a choice is found.
 
         Raises
         ------
@@ -174,31 +177,31 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return chosen
 
     def _above_ceiling(self, robot: Robot) -> str:
-        """Returns words for flight heights all of which are above the ceiling; empty otherwise."""
+        """Returns words if all flight heights of a robot are above the ceiling; empty otherwise."""
         ceiling, lowest = self.airspace.ceiling, min(robot.motion.layers)
         if ceiling is None or lowest <= ceiling:
             return ""
         return f": all its heights, {lowest:g} m and more, are above the ceiling of {ceiling:g} m"
 
     def _with_hovering(self, i: int) -> StartSet:
-        """Returns the starts at which a robot may stay; all where it may at none."""
+        """Returns the starts at which a robot may stay, or all starts if there are none."""
         states = self.starts[i]
         able = self.may_hover(i, states)
         return StartSet(states.array[able]) if able.any() and not able.all() else states
 
     def starts_apart(self, starts: Sequence[StartSet]) -> tuple[State, ...] | None:
-        """Returns a state of each robot, the first that are found to keep the rules.
+        """Returns a state for each robot, the first choice that is found to keep the rules.
 
-        None where there is no such choice.
+        None if there is no such choice.
 
         Parameters
         ----------
-        starts : the states of each robot, those first that are tried first
+        starts : the states of each robot, in the order in which they are tried
 
         Raises
         ------
         UndecidedError
-            If it gives up.
+            If the search gives up.
         """
         states_of, places = [], []
         for robot, states in zip(self.robots, starts, strict=True):
@@ -212,13 +215,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return tuple(states[k] for states, k in zip(states_of, numbers, strict=True))
 
     def may_hover(self, i: int, states: StartSet) -> BoolArray:
-        """Returns in which of some states a robot may stay, alone.
+        """Returns an array, true for states in which a robot may stay; other robots are ignored.
 
-        It may not where its goal is elsewhere, or a person sends it away.
+        It may not stay if its goal is elsewhere or a person comes too near.
 
         Returns
         -------
-        [n] of the states
+        [n], one per state
         """
         robot, steps, cells = self.robots[i], self.horizon + 1, states.array[:, :3]
         able = np.ones(len(cells), dtype=np.bool_)
@@ -251,14 +254,14 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return near
 
     def person(self, j: int) -> str:
-        """Returns the words for a person: the number, and name and take if there are any."""
+        """Returns the words for a person: number, and name and take if there are any."""
         name, take = self.actors[j].name, self.actors[j].take
         words = [*([] if name is None else [name]), *([] if take is None else [told_take(take)])]
         return f"person {j} ({', '.join(words)})" if words else f"person {j}"
 
     @cached_property
     def distinct_people(self) -> tuple[Actor, ...]:
-        """The people, but only one of those who walk alike in several takes: who is where."""
+        """The people, with only one of those who walk alike in several takes."""
         if not self.takes:
             return self.actors
         alike = {(actor.poses.tobytes(), actor.shape): actor for actor in reversed(self.actors)}
@@ -266,7 +269,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def take_of(self) -> IntArray:
-        """Number of the take that each person is in [A]; 0 of all where there are no takes."""
+        """Number of the take that each person is in [A]; 0 for all if there are no takes."""
         numbers = {take.name: k for k, take in enumerate(self.takes)}
         of_each = [0 if actor.take is None else numbers[actor.take] for actor in self.actors]
         found = np.array(of_each, dtype=np.int64)
@@ -284,17 +287,17 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def chances(self) -> FloatArray:
-        """Probability that each person is there [A]: that of the take; 1 without takes."""
+        """Probability that each person is present [A]: that of the take; 1 without takes."""
         if not self.takes:
             return read_only(np.ones(len(self.actors)))
         return read_only(np.array([take.probability for take in self.takes])[self.take_of])
 
     def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
-        """Returns where a robot is in states [n], as [n, 3] (m)."""
+        """Returns the positions [n, 3] (m) of a robot in states [n]."""
         return self.above(robot.motion, np.array([state[:3] for state in states]).reshape(-1, 3))
 
     def above(self, motion: Motion, places: IntArray) -> FloatArray:
-        """Returns where a robot of this motion is in places x, y, layer [n, 3], as [n, 3] (m)."""
+        """Returns the positions [n, 3] (m) of such a robot in places x, y, layer [n, 3]."""
         (x, y, layer), height_map = places.T, self.height_map
         heights = np.array(motion.layers)[layer]
         if height_map.flight_datum is not None:
@@ -309,7 +312,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return self.workspace.columns.solid_at(x, y, low, high)
 
     def closed(self, x: int, y: int, motion: Motion, layer: int) -> bool:
-        """Returns True if a no-fly zone or the ceiling forbids a robot to be there."""
+        """Returns True if a no-fly zone or the ceiling closes the place to a robot."""
         altitude = self.height_map.altitude(x, y, motion.layers[layer])
         return self.workspace.forbidden.solid_at(x, y, altitude, altitude)
 
@@ -324,14 +327,14 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return Cell(state.x, state.y, self.layers.index(height))
 
     def positions(self, cells: Sequence[Cell]) -> FloatArray:
-        """Returns where robots in cells [n] are [n, 3], in m from the corner of the map."""
+        """Returns the positions [n, 3] of robots in cells [n], in m from the corner of the map."""
         size, altitude = self.height_map.resolution, self.height_map.altitude
         rows = [(c.x * size, c.y * size, altitude(c.x, c.y, self.layers[c.layer])) for c in cells]
         return np.array(rows).reshape(-1, 3)
 
     @property
     def cells_apart(self) -> int:
-        """Number of cells along an axis from which on no two robots are too near."""
+        """Number of cells along an axis at which no two robots are too near."""
         return math.ceil(self.rules.separation / self.height_map.resolution)
 
     def too_close(self, a: Cell, b: Cell) -> bool:

@@ -1,4 +1,4 @@
-"""The ground above which drones may start, of those that choose where."""
+"""The ground above which drones that choose their start may start."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class StartGround(NamedTuple):
 
     Attributes
     ----------
-    drones : the numbers of those to whom it is open, increasing
+    drones : numbers of the drones that it is open to, increasing
     cells : [X, Y] of the map, True where they may start at one of their heights
     """
 
@@ -38,7 +38,7 @@ class StartGround(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The words for what may be done there, and by whom."""
+        """Words that name the drones that may start there."""
         *most, last = map(str, self.drones)
         if not most:
             return f"drone {last} may start here"

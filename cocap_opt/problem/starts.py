@@ -16,11 +16,11 @@ _SHOWN = 12  # states of a set, when it is printed
 
 
 class StartSet(Sequence[State]):
-    """The free states in one of which a robot starts, as rows of an array; there may be very many.
+    """The free states in which a robot may start, as rows of an array; there may be very many.
 
     Parameters
     ----------
-    states : [n, 5], each as `State` has it
+    states : [n, 5], in the order of the fields of `State`
     """
 
     def __init__(self, states: IntArray) -> None:
@@ -29,7 +29,7 @@ class StartSet(Sequence[State]):
 
     @classmethod
     def of(cls, states: Iterable[State]) -> Self:
-        """Returns the set of some states, in their order."""
+        """Returns the set of given states, in their order."""
         return cls(np.array([*states], dtype=np.int64))
 
     @cached_property
@@ -175,11 +175,11 @@ class StartArea(Data, frozen=True, tag="area"):
         return np.argwhere(free.transpose(1, 2, 0))
 
     def states_in(self, places: IntArray, headings: int, pitches: int) -> StartSet:
-        """Returns all states of the area in some places x, y, layer [n, 3], in this order.
+        """Returns all states of the area in given places x, y, layer [n, 3], in this order.
 
         Parameters
         ----------
-        headings, pitches : how many the drone has
+        headings, pitches : numbers of headings and pitches that the drone has
         """
         turned = sorted(range(headings) if self.headings is None else self.headings)
         tilted = sorted(range(pitches) if self.pitches is None else self.pitches)

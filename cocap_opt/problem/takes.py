@@ -1,8 +1,9 @@
-"""Takes: people who may walk otherwise, each way with its probability.
+"""Takes: different ways in which people may walk, each with its probability.
 
-People of one take are there together: they hide each other, and nobody of another take. A person
-of no take is in all of them, as a copy in each, for in each somebody else may hide them. So people
-of take k are people like all others, who count p_k times as much; J is its mean over the takes.
+The people of one take are present together: they hide each other, but nobody of another take. A
+person who belongs to no take has a copy in each of them, since different people may hide the
+person in each. People of take k are thus people like all others, but count p_k times as much; J is
+its mean over the takes.
 """
 
 import math
@@ -26,14 +27,14 @@ class Take(Data, frozen=True):
 
     Attributes
     ----------
-    name : by which people name the take that they are in
-    probability : that people walk in this way, 0 to 1; those of all takes sum to 1. People of a
-        take with probability 0 add nothing to J, but drones keep away from them, too
+    name : name of the take, to which the `take` of its people refers
+    probability : probability that people walk in this way, 0 to 1; those of all takes sum to 1.
+        People of a take with probability 0 add nothing to J, but drones keep away from them, too
 
     Raises
     ------
     ProblemError
-        If the name is empty or the probability out of range; it names the field.
+        If the name is empty or the probability out of range; the message names the field.
     """
 
     name: str
@@ -47,7 +48,7 @@ class Take(Data, frozen=True):
 
 
 def told_take(name: str) -> str:
-    """Returns the words for a take: its name, after the word take where it does not fit alone."""
+    """Returns the words for a take: its name, preceded by the word take if it needs it."""
     return name if name.casefold().startswith(("take", "as ")) else f"take {name}"
 
 
@@ -57,13 +58,13 @@ def equal_chances(names: Sequence[str]) -> tuple[Take, ...]:
 
 
 class PeopleInTakes(NamedTuple):
-    """The people of all takes, made of people who walk in one way.
+    """The people of all takes, derived from people who walk in one way.
 
     Attributes
     ----------
-    takes : none where people walk as they do
+    takes : empty if there is only one way to walk
     actors : each is in one take or in all
-    numbers : of each, the number of the person of whom it is made
+    numbers : for each actor, the number of the person from whom it is derived
     """
 
     takes: tuple[Take, ...]
@@ -71,22 +72,23 @@ class PeopleInTakes(NamedTuple):
     numbers: tuple[int, ...]
 
     def objective(self, given: Objective) -> Objective:
-        """Returns the objective for them, made of one for the people of whom they are made."""
+        """Returns the objective for these actors, given that for the people they derive from."""
         return of_people(given, max(self.numbers, default=-1) + 1, self.numbers)
 
 
 def least_chance(takes: Sequence[Take]) -> float:
-    """Returns the least probability of a take that may happen; 1 without takes."""
+    """Returns the least probability above 0 of any take; 1 without takes."""
     return min((take.probability for take in takes if take.probability), default=1.0)
 
 
 def require_takes(takes: Sequence[Take], actors: Sequence[Actor], field: str = "takes") -> None:
-    """Checks takes, and that people name them; the message names the field.
+    """Checks takes, and the takes that people name; the message names the field.
 
     Raises
     ------
     ProblemError
-        If two takes have one name, probabilities do not sum to 1, or a person names no take.
+        If two takes have the same name, probabilities do not sum to 1, or a person names a take
+        that does not exist.
     """
     names = [take.name for take in takes]
     require(len(takes) <= _MOST_TAKES, field, f"must be at most {_MOST_TAKES}, not {len(takes)}")
@@ -107,8 +109,8 @@ def in_all_takes(
 ) -> tuple[tuple[Actor, ...], Objective]:
     """Returns the people of each take, one take after the other, and an objective for them.
 
-    A person of no take is in all of them, as a copy in each. Where each person's views have a
-    weight, each copy has the same. All stays as it is where everybody is in a take already.
+    A person who belongs to no take gets a copy in each. Where each person's views have a weight of
+    their own, copies have the same weight. Nothing changes if everybody is in a take already.
     """
     if not takes or all(actor.take is not None for actor in actors):
         return tuple(actors), objective
@@ -123,12 +125,12 @@ def in_all_takes(
 
 
 def of_people(objective: Objective, people: int, chosen: Sequence[int]) -> Objective:
-    """Returns the objective for some people, in their order, of those whom it is for.
+    """Returns an objective for a choice of people, made of that for all people.
 
     Parameters
     ----------
-    people : number of those whom it is for
-    chosen : numbers of the people who are left; one may come several times
+    people : number of people that the given objective is for
+    chosen : numbers of the chosen people, in order; a number may occur several times
     """
     views = objective.views
     if views is None or not isinstance(views.weight, tuple) or len(views.weight) != people:

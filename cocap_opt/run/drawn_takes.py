@@ -33,7 +33,7 @@ def with_drawn_takes(
         If the problem has takes, or a number is out of range; it names the field.
     """
     require(not problem.takes, "problem", "must have no takes yet")
-    require(len(problem.actors) > 0, "problem", "must have people, who walk otherwise")
+    require(len(problem.actors) > 0, "problem", "must have people, who can walk differently")
     drawn = drawn_takes(
         problem.actors, problem.workspace, problem.horizon, problem.step, spread, count,
         np.random.default_rng(seed), people, lambda actor: _at_a_start(problem, actor),

@@ -71,7 +71,9 @@ def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = N
         file = decode_document(read_bytes(path), str(path), CertificateFile, ProofFile)
         assert isinstance(file, CertificateFile | ProofFile)
         if (folder / path.name.replace(".bound.", ".scene.")).exists():
-            raise FileError(f"{path}: is of an older version, with a scene beside it; remove both")
+            raise FileError(
+                f"{path}: is from an older version, with a scene beside it; remove both"
+            )
         try:
             direction = _direction(front, file.problem_of(front.problem), path)
             bound = verify(front.problem, file, stop=stop).bound

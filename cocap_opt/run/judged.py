@@ -83,7 +83,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         if verdict.violations:
             raise RefereeError(f"{name}: {verdict.violations[0]}")
         if not math.isclose(verdict.reward, result.value, rel_tol=1e-9, abs_tol=1e-9):
-            raise RefereeError(f"{name}: claims J = {result.value!r}, it is {verdict.reward!r}")
+            raise RefereeError(f"{name}: claims J = {result.value!r}, but it is {verdict.reward!r}")
         if verdict.valid:
             RefereeError.unless_bound(name, verdict.reward, result.bound)
         return Judged(result, verdict, checking_seconds=clock.seconds)

@@ -215,8 +215,8 @@ def _require_current(module: ModuleType, file: Path) -> None:
         is_from_it = Path(function.__code__.co_filename).resolve() == file.resolve()
         if is_from_it and function.__code__ not in known:
             raise OwnPlannerError(
-                f"{file} has changed since it was imported ({function.__name__} is another); begin "
-                "Python anew, or reload it"
+                f"{file} has changed since it was imported ({function.__name__} differs); restart "
+                "Python, or reload it"
             )
 
 

@@ -88,7 +88,7 @@ class OwnPlanner:
         if not _is_at(call, module, path):
             if kept:
                 raise OwnPlannerError(
-                    f"{name} cannot be kept in `out`, as nobody would know it again; "
+                    f"{name} cannot be kept in `out`, as it could not be recognised later; "
                     "define it by `def` at the top level of a module or script"
                 )
             return cls(name, call=call)
@@ -176,7 +176,7 @@ def guarded(call: _Call, name: str) -> Callable[..., Any]:
             raise
         except LimitReached as error:
             raise OwnPlannerError(
-                f"{name} hands on LimitReached; it must catch it and return a Result with "
+                f"{name} does not catch LimitReached; it must, and return a Result with "
                 "the best plan that it has, or with None"
             ) from error
         except Exception as error:
@@ -334,7 +334,7 @@ def _received(reference: str, code: OwnCode) -> _Call:
             if OwnCode.of(module).digest == code.digest:
                 _imported.update(dict.fromkeys(code.names, code.digest))
                 return call
-    raise OwnPlannerError(f"{platform.node()} has another {module} than this process")
+    raise OwnPlannerError(f"{platform.node()} has another version of {module} than this process")
 
 
 def _roots(code: OwnCode) -> Iterator[list[str]]:

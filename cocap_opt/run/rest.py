@@ -111,7 +111,7 @@ def _require(mission: Problem, plan: Plan, step: int, lost: Sequence[int]) -> No
     if mission.objective.over_time:
         raise ProblemError(
             "objective.over_time: must be false for a rest to be planned: where pixels add up over "
-            f"time, those from before step {step} stand under the root of those after it"
+            f"time, those from before step {step} are under the same root as later ones"
         )
     if len(plan.paths) != robots:
         raise ProblemError(f"paths: {len(plan.paths)} paths for {robots} drones")

@@ -2,10 +2,10 @@
 
 A certificate is a set of non-negative numbers. Whoever has them and the scene can recompute a
 bound that no plan's J exceeds; it does not matter which solver found them, nor how badly it
-converged. The room has two storeys, and neither imports a solver.
+converged. This package has two storeys, and neither imports a solver.
 
 The lower storey, about 1,000 lines of code, checks plain certificates and proofs. It searches
-nothing and has no compiled code. A sceptic reads, in this order:
+nothing and has no compiled code. A sceptic should read, in this order:
 
 1. `pricing`: three inequalities in its docstring bound J by a constant and one best path
    per robot, for any non-negative numbers. `Pricing.of` adds these up, and a bound on its own
@@ -13,17 +13,17 @@ nothing and has no compiled code. A sceptic reads, in this order:
    their bounds holds for all: `Pricing.of_proof`.
 2. `sweep`: the best path, by value iteration that shares no code with planners. Too
    small a value here would be a false bound, so it is written to be read.
-3. `resources`: which rows every plan obeys. `why_shared` refuses all others, as two
-   robots may break them.
+3. `resources`: the rows that every plan obeys. `why_shared` refuses all others, which two
+   robots may break.
 4. `envelope`: a cut's constant is the largest excess at finitely many
    corners, and convexity proves that it is no larger between and beyond them. The functions
    themselves may be any.
-5. `format`: which nodes are a tree, and which cuts of a file have a constant.
+5. `format`: the conditions for nodes to be a tree, and for cuts of a file to have a constant.
 6. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
 
 The upper storey, the folder `staged`, checks staged certificates by searches, in about 1,200 lines
-and 660 more that are compiled. It is loaded only where one of these is checked or made. `checking`
-opens it, in one place.
+and 660 more that are compiled. It is loaded only when one of these is checked or made. `checking`
+loads it, in one place.
 
 Below both, the trusted core, about 6,700 lines:
 

@@ -1,4 +1,4 @@
-"""Certificates checked: the claim of a file against the numbers in it."""
+"""Checks of certificates: the claim of a file is compared with the numbers in it."""
 
 from collections.abc import Callable
 
@@ -34,20 +34,20 @@ def verify(
 
     Parameters
     ----------
-    progress : told how many leaves of a proof are done, or searches of a staged certificate, and
-        of how many
-    model : of the problem that the bound is on, made without the cache, so that several files share
-        its coverage; one of another problem is not used
-    plain : use no code that is compiled by numba, which only staged certificates would; their
-        searches take about twenty times as long then
+    progress : called with the number of leaves of a proof that are done, or of searches of a staged
+        certificate, and the total
+    model : of the problem that the bound is for, made without the cache, so that several files
+        share its coverage; a model of another problem is not used
+    plain : use no code that is compiled by numba; only staged certificates use any, and their
+        searches then take about twenty times as long
 
     Raises
     ------
     CertificateError
-        If it belongs to another scene, is no tree, is not valid, or claims a lower bound than its
-        numbers prove.
+        If the file belongs to another scene, is no tree, is not valid, or claims a lower bound than
+        its numbers prove.
     UnfinishedError
-        If the searches of a staged certificate take too long, or a limit is reached: the claim may
+        If the searches of a staged certificate take too long or a limit is reached; the claim may
         hold all the same.
     """
     problem = file.problem_of(problem)

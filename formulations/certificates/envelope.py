@@ -1,15 +1,15 @@
-"""Envelope cuts: concave bounds on the root of a view sum over which robots see how much.
+"""Envelope cuts: concave bounds on the root of a view sum, given the pixels that each robot sees.
 
 For one view sum with pixels c_i of robot i and roots s_i = sqrt(c_i), the root of the sum is the
-norm |s|, convex in s. Functions phi_k of one root, one for each class k of robots, that are
-linear between breakpoints 0 = s_0 < s_1 < .. < s_K and have slope 1 from the last one on make
+norm |s|, convex in s. Take a function phi_k of one root for each class k of robots, linear between
+breakpoints 0 = s_0 < s_1 < .. < s_K and of slope 1 beyond the last one. Then
 
     |s| <= constant + sum_i phi_k(i)(s_i)
 
-valid once it holds where every s_i is a breakpoint: on each box between breakpoints the left
+is valid if it holds wherever every s_i is a breakpoint: on each box between breakpoints the left
 side is convex and the right side linear, so that their difference is largest at a corner; and
-beyond the last ones the norm grows by no more than phi does. `Cut.valid` goes through these
-corners; any phi have their constant. A class without breakpoints has phi(s) = s, and adds no
+beyond the last breakpoints the norm grows by no more than phi does. `Cut.valid` goes through these
+corners and finds a constant for any phi. A class without breakpoints has phi(s) = s, and adds no
 corners: a norm is subadditive.
 """
 
@@ -45,7 +45,7 @@ class Curve:
 
     @cached_property
     def _with_zero(self) -> tuple[FloatArray, FloatArray]:
-        """The breakpoints [K+1] and phi at them, the breakpoint 0 in front."""
+        """The breakpoints [K+1] and phi at them, preceded by the breakpoint 0."""
         return np.append(0.0, self.roots), np.append(0.0, self.values)
 
     def __call__(self, roots: FloatArray) -> FloatArray:
@@ -65,7 +65,7 @@ class Cut:
 
     Attributes
     ----------
-    curves : phi of robot classes by their numbers; that of the others is the identity
+    curves : phi of robot classes by their numbers; for all others it is the identity
     """
 
     view_sum: int
@@ -74,9 +74,9 @@ class Cut:
 
     @classmethod
     def valid(cls, view_sum: int, curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> "Cut":
-        """Returns the cut with the least constant that makes it valid, or little more.
+        """Returns the cut with the least constant that makes it valid, or slightly more.
 
-        The constant is >= 0, since no robot may see the view sum.
+        The constant is >= 0, since it may be that no robot sees the view sum.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Cut:
 
 
 class Partial(NamedTuple):
-    """Partial corners: where the robots of some stages are, all others at 0."""
+    """Partial corners: the breakpoints of the robots of some stages, with all others at 0."""
 
     pixels: FloatArray  # [n]
     values: FloatArray  # [n] -sum of phi
@@ -98,7 +98,7 @@ class Partial(NamedTuple):
     most: FloatArray  # [n] |s| - sum phi that completions can reach
 
     def take(self, which: IntArray) -> "Partial":
-        """Returns those at some positions."""
+        """Returns the partial corners at given positions."""
         return Partial(self.pixels[which], self.values[which], self.placed[which], self.most[which])
 
 
@@ -109,7 +109,7 @@ _Steps = list[tuple[IntArray, IntArray]]  # parents and choices, stage by stage
 
 
 class _Stage(NamedTuple):
-    """The choices of robots of one class: how many of them are at each of some breakpoints."""
+    """The choices for the robots of one class: the numbers of them at some breakpoints."""
 
     number: int  # of the class
     robots: int  # of the class; its stages place no more of them in all
@@ -123,9 +123,9 @@ class _Stage(NamedTuple):
 
 
 def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> Iterator[_Stage]:
-    """Yields the stages of each class: one while choices are few, else one for each breakpoint.
+    """Yields the stages of each class: one if choices are few, otherwise one per breakpoint.
 
-    The largest breakpoint comes first, as most depends on how many robots are there.
+    The largest breakpoint comes first, since the number of robots there matters most.
     """
     first, choices = 0, 1
     for number, curve in curves.items():
@@ -159,7 +159,7 @@ class Corners:
         self._stages = [*_stages(curves, sizes)]
 
     def highest(self) -> float:
-        """Returns the largest |s| - sum phi of all corners, or little more."""
+        """Returns the largest |s| - sum phi of all corners, or slightly more."""
         known = self._ascent()
         least = known - 1e-12 * math.sqrt(self._most_pixels)
         heights, _ = self.above(least, _undominated)
@@ -178,7 +178,7 @@ class Corners:
 
         Returns
         -------
-        |s| - sum phi of each corner [n], or more where `thin` merged some, and the way to them.
+        |s| - sum phi of each corner [n], or more where `thin` merged some, and the way to each.
         """
         thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * _TANGENTS)
         ahead, rest = self._completions(thetas)
@@ -201,7 +201,7 @@ class Corners:
         return np.sqrt(kept.pixels) + kept.values, steps
 
     def counts(self, steps: _Steps, which: IntArray) -> IntArray:
-        """Returns the number of robots at each breakpoint, in some of the corners [n, sum of K].
+        """Returns the number of robots at each breakpoint, in chosen corners [n, sum of K].
 
         Parameters
         ----------
@@ -216,10 +216,11 @@ class Corners:
         return counts
 
     def _completions(self, thetas: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-        """Returns the most that stages add to tangents of slopes theta [thetas].
+        """Returns the most that stages can add to tangents of slopes theta [thetas].
 
-        First, of each stage, what each robot of its class that is not placed yet adds at later
-        ones; then what all classes after so many stages add in all [stages+1, thetas].
+        First, for each stage, the amount that each unplaced robot of its class can add at later
+        stages; then the total that all later classes can add after each stage
+        [stages+1, thetas].
         """
         ahead: list[FloatArray] = []
         nothing = np.zeros(len(thetas))
@@ -233,11 +234,11 @@ class Corners:
 
     @property
     def _most_pixels(self) -> float:
-        """Pixels where every robot is at its last breakpoint."""
+        """Pixels if every robot is at its last breakpoint."""
         return sum(float(stage.pixels.max()) for stage in self._stages if stage.begins)
 
     def _ascent(self) -> float:
-        """Returns |s| - sum phi of a corner that no stage can better alone."""
+        """Returns |s| - sum phi of a corner that no stage can improve alone."""
         chosen = [0] * len(self._stages)
         left = {stage.number: stage.robots for stage in self._stages}
         pixels, value, best = 0.0, 0.0, -math.inf
@@ -275,8 +276,8 @@ def multisets(points: int, size: int) -> IntArray:
 def _undominated(partial: Partial) -> tuple[IntArray, Partial]:
     """Keeps the undominated corners: no other has at least as many pixels and as much value.
 
-    Only those are compared that place as many robots of the class. Of very many, neighbours are
-    merged, their pixels rounded up: heights are never too small.
+    Only corners that place the same number of robots of the class are compared. If there are very
+    many, neighbours are merged and their pixels rounded up, so that heights are never too small.
     """
     # With the most pixels first, those with more value than all before.
     order = np.lexsort((-partial.values, -partial.pixels, partial.placed))

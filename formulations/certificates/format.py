@@ -40,7 +40,7 @@ class CertificateError(ValueError):
 
 
 class UnfinishedError(CertificateError):
-    """Verification reached its limit of work or time: what a file claims may hold all the same."""
+    """Verification reached its limit of work or time; the claim may hold all the same."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -52,8 +52,8 @@ class Row(_Part, frozen=True):
 
     Attributes
     ----------
-    resource : what at most one robot may use, by the scene's collision rules
-    multiplier : mu >= 0: is added to the bound, and charged to each user; in units of J
+    resource : the resource that at most one robot may use, by the scene's collision rules
+    multiplier : mu >= 0, added to the bound and charged to each user; in units of J
     """
 
     resource: Resource
@@ -69,7 +69,7 @@ class Decision(_Part, frozen=True):
 
     @property
     def closes(self) -> bool:
-        """True where nobody may use the resource."""
+        """True if no robot may use the resource."""
         return self.sense == "at most" and self.robots <= 0
 
     @property
@@ -79,7 +79,7 @@ class Decision(_Part, frozen=True):
 
 
 class ClassCurve(_Part, frozen=True):
-    """The function phi of one class: linear between breakpoints, of slope 1 after the last.
+    """The function phi of one class: linear between breakpoints, with slope 1 after the last.
 
     Attributes
     ----------
@@ -159,19 +159,18 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     Attributes
     ----------
     type : `multipliers`
-    alpha : [T+1][F] >= 0, price of the root of a robot's pixels; a row per step from 0 to T, in
-        it a number per face: actors in order, the faces of each in order (of a box front, left,
-        back, right, top). One row [1][F]
-        where pixels add up over time
-    beta : of the same shape, >= 0, price of the pixels, m/px^0.5; > 0 where alpha is less than what
-        cuts leave of the root (1 without cuts), at faces that count and can be seen
+    alpha : [T+1][F] >= 0, price of the root of a robot's pixels; a row per step from 0 to T with
+        one number per face: actors in order, the faces of each in order (for a box front, left,
+        back, right, top). One row [1][F] where pixels add up over time
+    beta : same shape, >= 0, price of the pixels, m/px^0.5; > 0 where alpha is less than the share
+        of the root that cuts leave (1 without cuts), at faces that count and can be seen
     rows : rules of the scene that have a price
     cuts : envelope cuts; none where pixels add up over time
     decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
-        most n" adds nu n to the bound and charges each user nu, "at least n" takes nu n off and
-        pays each user nu; of "at most 0" it is not used
+        most n" adds nu n to the bound and charges each user nu, "at least n" subtracts nu n from
+        the bound and pays each user nu; for "at most 0" it is not used
     views : [T+1][A] >= 0, price of a drone that sees a person, before its weight; only in scenes
-        that count them
+        that count such drones
     """
 
     alpha: Table
@@ -207,8 +206,8 @@ class ReferencePixels(_Part, frozen=True, tag="reference", omit_defaults=True):
     Attributes
     ----------
     type : `reference`
-    pixels : [T+1][F] px/m2, steps and faces as those of alpha
-    views : [T+1][A] >= 0, drones that see each person; only in scenes that count them
+    pixels : [T+1][F] px/m2, steps and faces as in alpha
+    views : [T+1][A] >= 0, number of drones that see each person; only in scenes that count them
     """
 
     pixels: Table
@@ -216,7 +215,7 @@ class ReferencePixels(_Part, frozen=True, tag="reference", omit_defaults=True):
 
 
 def tables_of(problem: Problem, values: FloatArray) -> tuple[Table, Table]:
-    """Returns numbers of view sums [Z] as files have them: of faces, and of people who count."""
+    """Returns values of view sums [Z] as tables of a file: for faces, and for counted people."""
     n = problem.returns.n_roots
     faces = _table(values[:n].reshape(problem.view_sum_steps, -1))
     if len(values) == n:
@@ -229,15 +228,15 @@ def _table(values: FloatArray) -> Table:
 
 
 class StepPrices(_Part, frozen=True, omit_defaults=True):
-    """Prices of some states at a step: what robots of a class get for being there, come what may.
+    """Prices of some states at a step: the unconditional pay of a class's robots for being there.
 
     Attributes
     ----------
     t : step
     robot_class : number of the class, from 0
-    states : states that have a new price
+    states : states with a new price
     payments : the new price of each, in units of J; may be < 0
-    others : by how much the prices of all other states of the class are higher than before
+    others : amount by which the prices of all other states of the class rise
     """
 
     t: int
@@ -248,9 +247,9 @@ class StepPrices(_Part, frozen=True, omit_defaults=True):
 
 
 class StepConstant(_Part, frozen=True):
-    """A claim: no joint state that is left at a step has more reduced profit than this.
+    """A claim that no joint state that is left at a step has more reduced profit than this.
 
-    It takes the place of the sum of the constants of the step's faces, and is checked by search.
+    It replaces the sum of the constants of the step's faces, and is checked by search.
 
     Attributes
     ----------
@@ -263,11 +262,11 @@ class StepConstant(_Part, frozen=True):
 
 
 class Stage(_Part, frozen=True, omit_defaults=True):
-    """A stage of a staged certificate; at its end states are closed once more.
+    """A stage of a staged certificate; at its end further states are closed.
 
     Attributes
     ----------
-    payments : prices of states, instead of earlier ones, from now on
+    payments : prices of states that replace earlier ones from this stage on
     constants : constants of steps; a step with new prices needs one
     """
 
@@ -276,17 +275,17 @@ class Stage(_Part, frozen=True, omit_defaults=True):
 
 
 class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
-    """Multipliers, and the stages in which the states of better plans are narrowed down.
+    """Multipliers, and the stages that narrow down the states of better plans.
 
-    It proves that no plan's J is above the target, or the bound of the plans that are left.
+    It proves that no plan's J is above the target or, if higher, the bound of the remaining plans.
 
     Attributes
     ----------
     type : `staged`
-    multipliers : with which the narrowing begins
+    multipliers : multipliers with which the narrowing begins
     target : J; plans that are not above it need not be bounded
-    stages : in the order in which they are gone through
-    paths_above : J >= target: at the end the paths of all robots together in plans above it are
+    stages : in their order
+    paths_above : J >= target: at the end the joint paths of all robots in plans above it are
         explored, and the bound is this number or the largest J among them; none: no paths are
         explored
     """
@@ -313,12 +312,12 @@ class _Claim(Document, frozen=True, kw_only=True):
     bound: float | None  # None: -infinity, there is no plan
 
     def problem_of(self, scene: Problem) -> Problem:
-        """Returns the problem that the bound is on: a scene, or it with another objective.
+        """Returns the problem that the bound is for: the scene, possibly with another objective.
 
         Raises
         ------
         CertificateError
-            If the scene has not the people whom the objective weighs.
+            If the scene does not have the people whom the objective weighs.
         """
         if isinstance(self.objective, UnsetType) or self.objective == scene.objective:
             return scene  # the same object, by which its digest is known
@@ -328,11 +327,11 @@ class _Claim(Document, frozen=True, kw_only=True):
             raise CertificateError(f"objective: does not fit the scene; {error}") from error
 
     def of_instance(self, digest: str) -> Self:
-        """Returns the file with the digest of the instance that it was made of."""
+        """Returns the file with the digest of the instance that it was made from."""
         return msgspec.structs.replace(self, instance=digest)
 
     def with_objective(self, objective: Objective) -> Self:
-        """Returns the file with the objective that its bound is on written in."""
+        """Returns the file with the objective of its bound written into it."""
         return msgspec.structs.replace(self, objective=objective)
 
     @property
@@ -342,7 +341,7 @@ class _Claim(Document, frozen=True, kw_only=True):
 
 
 class CertificateFile(_Claim, frozen=True, kw_only=True):
-    """A certificate with the bound it claims and the digest of its scene.
+    """A certificate with the bound that it claims and the digest of its scene.
 
     Attributes
     ----------
@@ -350,16 +349,16 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     scene : name of the scene
     digest : of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
-    classes : what numbers of classes count. `alike`: classes of robots that differ only in their
-        start, numbered by their first robot; `single`: robots
+    classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
+        in the order of their first robots; `single`: robots
     coverage_version : of the formula by which pixels were computed; null: not recorded
-    instance : SHA-256 of the instance that `export` writes of the problem, whose coverage was used;
-        left out: not recorded, or coverage was not complete
-    objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
+    instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
+        used; left out: not recorded, or coverage was not complete
+    objective : the complete objective that the bound is for; left out: the scene's. `digest` is
         that of the scene with this objective
-    bound : J that no plan exceeds, as claimed; null: there is no plan
-    coverage : `optimistic` where the bound was computed with coverage that a limit had cut short:
-        at the steps left open nothing hid anybody. The claim is checked on the true coverage
+    bound : the claimed J that no plan exceeds; null: there is no plan
+    coverage : `optimistic` if a limit had cut short the coverage with which the bound was computed:
+        at the missing steps nothing hid anybody. The claim is checked on the true coverage
     certificate : the numbers that prove the bound
     """
 
@@ -390,7 +389,7 @@ class Branch(_Part, frozen=True, tag="branch"):
     Attributes
     ----------
     type : `branch`
-    resource : what is used
+    resource : the resource that is used
     robots : n, 0..R
     at_most : number of the node in which at most n robots use the resource
     at_least : number of the node in which at least n + 1 do
@@ -408,14 +407,14 @@ class Leaf(_Part, frozen=True, tag="leaf"):
     Attributes
     ----------
     type : `leaf`
-    certificate : with one of `decisions` for each branch on the way from the root
+    certificate : its `decisions` has one number for each branch on the way from the root
     """
 
     certificate: Multipliers
 
 
 class ProofFile(_Claim, frozen=True, kw_only=True):
-    """A proof with the bound it claims and the digest of its scene.
+    """A proof with the bound that it claims and the digest of its scene.
 
     Attributes
     ----------
@@ -423,14 +422,14 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     scene : name of the scene
     digest : of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
-    classes : what numbers of classes count. `alike`: classes of robots that differ only in their
-        start, numbered by their first robot; `single`: robots
+    classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
+        in the order of their first robots; `single`: robots
     coverage_version : of the formula by which pixels were computed; null: not recorded
-    instance : SHA-256 of the instance that `export` writes of the problem, whose coverage was used;
-        left out: not recorded, or coverage was not complete
-    objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
+    instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
+        used; left out: not recorded, or coverage was not complete
+    objective : the complete objective that the bound is for; left out: the scene's. `digest` is
         that of the scene with this objective
-    bound : J that no plan exceeds, as claimed; null: there is no plan
+    bound : the claimed J that no plan exceeds; null: there is no plan
     nodes : the first is the root; children come after their parent, and each has one
     """
 
@@ -450,7 +449,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
         return f"multipliers{of_tree}, no search"
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:
-        """Yields number and content of each leaf, and the decisions on the way to it.
+        """Yields the number and the content of each leaf, and the decisions on the way to it.
 
         Raises
         ------

@@ -15,24 +15,24 @@ A share theta of a view sum's root may be bounded by an envelope cut instead (`e
 r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then only
 rho = 1 - sum theta is left for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
 
-Where the drones that see a person are counted, min(sum c_i, k) takes the root's place, c_i is 0 or
-1, and one number gamma that of (alpha, beta): the part of w that each drone is paid. Then kappa is
-k max(0, 1 - gamma) (`returns`), and there are no cuts: these are of roots alone.
+Where the drones that see a person are counted, min(sum c_i, k) replaces the root, c_i is 0 or 1,
+and one number gamma replaces (alpha, beta): the part of w that each drone is paid. Then kappa is
+k max(0, 1 - gamma) (`returns`), and there are no cuts, which exist only for roots.
 
-Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows as
-well; multipliers nu >= 0 make them +nu k or -nu k, and a charge or a reward on the use.
+Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows, too;
+with a multiplier nu >= 0 they add +nu k or -nu k, and a charge or a reward for each use.
 "At most none" closes the resource.
 
 Reference pixels z. By concavity of the root,
 
     sqrt(sum c_i) <= sqrt(z) + sum_i (sqrt(z + c_i) - sqrt(z)).
 
-A proof is a tree. A branch says of some resource: at most k robots use it, or at least k + 1 do.
-Any plan goes one of the two ways, so that the leaves below cover all plans. A leaf's multipliers
-bound the plans that obey the decisions on the way to it, and the largest bound of all leaves
-holds for all plans.
+A proof is a tree. A branch distinguishes two cases: at most k robots use a resource, or at least
+k + 1 do. Every plan is in one of them, so that the leaves together cover all plans. A leaf's
+multipliers bound the plans that obey the decisions on the way to it, and the largest bound of all
+leaves holds for all plans.
 
-Any non-negative numbers give a valid bound, whatever solver they came from. Pricing needs
+Any non-negative numbers give a valid bound, whichever solver they came from. Pricing needs
 one plain sweep over the time-expanded graph and no solver.
 """
 
@@ -87,13 +87,13 @@ class Pricing(NamedTuple):
 
         Parameters
         ----------
-        decisions : the bound is for plans that obey these as well
+        decisions : the bound holds for plans that obey these, too
 
         Raises
         ------
         CertificateError
-            If a number is negative or not finite, an array has the wrong shape, or a row is not
-            one that every plan obeys.
+            If a number is negative or not finite, an array has the wrong shape, or there is a row
+            that some plan does not obey.
         LimitReached
             At a limit.
         """
@@ -132,7 +132,7 @@ class Pricing(NamedTuple):
 
         Parameters
         ----------
-        progress : told how many leaves are done, and of how many
+        progress : called with the number of leaves that are done, and the total
 
         Raises
         ------
@@ -158,7 +158,7 @@ class Pricing(NamedTuple):
 
 
 class CertificatePrices(NamedTuple):
-    """The prices that a certificate puts on pixels and resources: all that its bound is made of."""
+    """The prices that a certificate puts on pixels and resources, which make its bound."""
 
     model: Model
     pixels: "_PixelPrices"
@@ -190,14 +190,14 @@ class CertificatePrices(NamedTuple):
 
     @property
     def rounding_factor(self) -> float:
-        """The relative error of a bound, of the sum of absolute values that it is made of.
+        """The error of a bound, relative to the sum of its terms' absolute values.
 
         Every number is a sum of at most `terms` terms, each the result of a few operations: the
         error is below gamma_n times the sum of absolute values (Higham, Accuracy and Stability of
         Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
         pixels z are differences of roots up to sqrt(z + c); the constant holds w sqrt(z), so that
-        what cancels is counted too. A step adds a term for each face and each person who counts,
-        and up to four rewards for its move.
+        the terms that cancel are counted, too. A step adds a term for each face and each counted
+        person, and up to four rewards for its move.
         """
         problem = self.model.problem
         terms = (problem.horizon + 1) * (problem.step_width + 5) + len(self.costs)
@@ -275,7 +275,7 @@ def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
 
 
 def _visible_view_sums(model: Model) -> FloatArray:
-    """Returns 1.0 for view sums that some robot can see and that count; others add nothing [Z]."""
+    """Returns 1.0 for view sums that count and that some robot can see, 0.0 for others [Z]."""
     visible = np.zeros(len(model.problem.view_sum_weights))
     for robot_class in model.classes:
         visible[model.coverage(robot_class).view_sums] = 1.0
@@ -320,8 +320,8 @@ def _array(model: Model, faces: Table, people: Table, field: str) -> FloatArray:
 
     Parameters
     ----------
-    people : of those who count, in the field `views`
-    field : name of that of the faces
+    people : numbers of counted people, from the field `views`
+    field : name of the field with the numbers of faces
     """
     counted = model.problem.count_weights.shape
     return np.concatenate([
@@ -353,7 +353,7 @@ def _resource_prices(
 ) -> tuple[float, float, list[tuple[Resource, float]]]:
     """Returns the costs: conflict rows at their multipliers, closed decisions at infinity.
 
-    Before them stand the constant that goes with them, and what its absolute values add up to.
+    They are preceded by their constant and by the sum of its absolute values.
     """
     _check_rows(model, certificate.rows)
     if len(certificate.decisions) != len(decisions):
@@ -389,7 +389,7 @@ def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
 
 
 def _check_branches(model: Model, proof: ProofFile) -> None:
-    """Refuses branches on what does not exist."""
+    """Refuses branches on resources that do not exist."""
     for n, node in enumerate(proof.nodes):
         if isinstance(node, Branch):
             if wrong := node.resource.why_absent(model):

@@ -1,12 +1,12 @@
-"""Resources: cells, swaps, moves and states that robots use at a step, and what their use costs.
+"""Resources: cells, swaps, moves and states that robots use at a step, and the prices of their use.
 
 Every rule between robots is a row "at most one robot uses this resource"; every decision of a
 branch-and-price tree is a row "at most k" or "at least k + 1 robots use this resource". The
 multipliers of such rows charge places, moves and states of one robot's graph, so that pricing
 stays value iteration.
 
-A new kind of resource is one more class here with its own tag, the same four methods, and a place
-in `Resource`.
+A new kind of resource needs one more class here with its own tag and the same four methods, and a
+place in `Resource`.
 """
 
 from collections import defaultdict
@@ -41,7 +41,7 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         raise NotImplementedError
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the part of the graph of class `number` that the resource is, maybe nothing."""
+        """Returns the part of the graph of class `number` that is the resource; maybe nothing."""
         raise NotImplementedError
 
     def why_absent(self, model: Model) -> str:
@@ -79,7 +79,7 @@ class Cells(_Resource, frozen=True, tag="cells"):
         return is_about and path.cells[self.t] in self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the places of the cells; none for classes that it is not about."""
+        """Returns the places of the cells; none for classes that the resource is not about."""
         if self.class_number not in (None, number):
             return _Footprint()
         return _Footprint(places=_places(model, number, self.cells))
@@ -112,7 +112,7 @@ class Swap(_Resource, frozen=True, tag="swap"):
         return tail != head and {tail, head} == set(self.cells)
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the moves between the cells, both ways; none where one cell is out of reach."""
+        """Returns the moves between the cells, both ways; none if one cell is out of reach."""
         if len(places := _places(model, number, self.cells)) < 2:
             return _Footprint()
         here, there = places
@@ -126,13 +126,13 @@ class Swap(_Resource, frozen=True, tag="swap"):
 class Moves(_Resource, frozen=True, tag="moves"):
     """The resource that a robot uses by one of these moves, from step t to t + 1.
 
-    A move goes from the first to the second of two cells; where they are one, it stays there.
+    A move goes from the first to the second of two cells; if they are the same, it stays there.
 
     Attributes
     ----------
     type : `moves`
     t : step at which the moves begin
-    moves : from the first to the second of two cells each
+    moves : pairs of cells, each move from the first to the second
     """
 
     lasts: ClassVar[int] = 1
@@ -143,7 +143,7 @@ class Moves(_Resource, frozen=True, tag="moves"):
         return path.cells[self.t : self.t + 2] in self.moves
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the moves; those that are out of reach are left out."""
+        """Returns the moves without those that are out of reach."""
         robot_class = model.classes[number]
         ends = [[model.places.place_of(robot_class, cell) for cell in move] for move in self.moves]
         kept = [(tail, head) for tail, head in ends if tail is not None and head is not None]
@@ -230,7 +230,7 @@ class Move(_Resource, frozen=True, tag="move"):
         return is_about and path.cells[self.t : self.t + 2] == self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the move; none for other classes and where one cell is out of reach."""
+        """Returns the move; none for other classes or if one cell is out of reach."""
         if self.class_number != number:
             return _Footprint()
         if len(places := _places(model, number, self.cells)) < 2:
@@ -259,7 +259,7 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
 
 
 def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]:
-    """Returns the places of cells in the graph of class `number`, without those outside of it."""
+    """Returns the places of cells in the graph of class `number`; cells outside it are left out."""
     found = [model.places.place_of(model.classes[number], cell) for cell in cells]
     return tuple(place for place in found if place is not None)
 

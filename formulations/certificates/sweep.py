@@ -24,8 +24,8 @@ def plain_sweep(
 
     Parameters
     ----------
-    reward : [T+1, S] for being in a state; the objective's rewards for moves are added here
-    charges : costs of places, states and moves, by which the value is less
+    reward : [T+1, S] for being in a state; the objective's rewards for moves are added to it
+    charges : costs of places, states and moves, which are subtracted
     """
     (first,) = deque(values_to_go(problem, robot_class, reward, charges), maxlen=1)
     return first
@@ -34,9 +34,9 @@ def plain_sweep(
 def values_to_go(
     problem: Problem, robot_class: RobotClass, reward: FloatArray, charges: Charges
 ) -> Iterator[FloatArray]:
-    """Yields the value of the best path from every state [S], at step T first, at step 0 last.
+    """Yields the value of the best path from every state [S], from step T back to step 0.
 
-    Parameters are those of `plain_sweep`.
+    The parameters are those of `plain_sweep`.
     """
     graph, objective = robot_class.graph, problem.objective
     shape = graph.n_orientations, graph.n_places
@@ -60,14 +60,14 @@ def values_so_far(
     charges: Charges,
     first: FloatArray,
 ) -> Iterator[FloatArray]:
-    """Yields the value of the best way into every state [S], at step 0 first, at step T last.
+    """Yields the value of the best way into every state [S], from step 0 to step T.
 
-    What a state itself is worth is not in it: with `values_to_go` it adds up to the value of the
+    The worth of the state itself is not included: the sum with `values_to_go` is the value of the
     best path through the state.
 
     Parameters
     ----------
-    first : [S] the value with which paths begin in a state at step 0; -inf where none does
+    first : [S] the value with which paths begin in a state at step 0; -inf where none begins
     problem, robot_class, reward, charges : as in `plain_sweep`
     """
     graph, objective = robot_class.graph, problem.objective
@@ -100,7 +100,8 @@ def _best_moves(
     value : [O, P] of being in a state at t + 1; at t, if `forwards`
     turns : orientations to, or from, which a step can turn
     rewards, moves : as `_terms` returns them
-    forwards : look at the states at t + 1 and the moves into them, not at t and out of them
+    forwards : True: for states at t + 1, the moves into them; False: for states at t, those out of
+        them
     """
     turned = _plain_turns(turns, value, objective.keep_heading, graph.shape[1])
     best, room = np.full(value.shape, -np.inf), np.empty(value.shape)
@@ -126,7 +127,7 @@ def _terms(
     list[FloatArray], dict[int, FloatArray], dict[int, FloatArray],
     dict[tuple[int, int], FloatArray],
 ]:  # fmt: skip
-    """Returns rewards for moves and charges as arrays; what people close is charged, too.
+    """Returns rewards for moves and charges as arrays; closures near people are charges, too.
 
     Returns
     -------

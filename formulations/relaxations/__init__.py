@@ -1,8 +1,8 @@
 """Relaxations over the aggregated flow, and the parts that all formulations share.
 
-A flow (`flow`) holds robots in fractions; rows for conflicts (`collision_rows`), cones for roots
-(`cone_program`) and cuts (`separation`) bound J; `duals` makes a certificate of
-a solver's multipliers.
+A flow (`flow`) may split robots into fractions; rows for conflicts (`collision_rows`), cones for
+roots (`cone_program`) and cuts (`separation`) bound J; `duals` makes a certificate from a solver's
+multipliers.
 """
 
 __all__ = [

@@ -1,6 +1,6 @@
-"""Collision rules as rows of a flow: cliques of cells or moves, of which one robot uses one.
+"""Collision rules as rows of a flow: cliques of cells or moves, each for at most one robot.
 
-All moves that are at one moment of a step nearer to one point than half the separation are a
+All moves that are nearer to a point than half the separation at the same moment of a step form a
 clique (`CollisionRules.near_point`).
 """
 
@@ -32,20 +32,20 @@ class CliquesOfMoves:
         self._model, self._rules = model, model.problem.rules
 
     def conflicts(self, moves: Sequence[_Move]) -> tuple[BoolArray, BoolArray]:
-        """Returns which of several moves of one step [n, n] conflict.
+        """Returns two arrays [n, n], true for pairs of moves of a step that conflict.
 
         Returns
         -------
-        at all, and between the steps only
+        Conflicts of any kind, and conflicts between the steps only.
         """
         tails, heads = (self._model.problem.positions([m[k] for m in moves]) for k in (0, 1))
         pairs = (tails[:, None], heads[:, None]), (tails[None], heads[None])
         return self._rules.moves_conflict(*pairs), self._rules.conflict_between(*pairs)
 
     def around(self, first: _Move, second: _Move) -> tuple[_Move, ...]:
-        """Returns a clique with two moves in conflict: what passes where these are nearest.
+        """Returns a clique with two moves in conflict: all moves that pass where these are nearest.
 
-        It has the moves of all classes, those nearest to that point where they are too many.
+        It has moves of all classes; if they are too many, those nearest to that point.
         """
         meeting, found = self._meeting(first, second), dict[_Move, float]()
         for number, robot_class in enumerate(self._model.classes):
@@ -57,7 +57,7 @@ class CliquesOfMoves:
         return tuple(sorted(nearest)) if {first, second} <= set(nearest) else (first, second)
 
     def among(self, first: _Move, second: _Move, tails: FloatArray, heads: FloatArray) -> IntArray:
-        """Returns which of some moves [n] are a clique with two of them, by number.
+        """Returns the positions of those moves [n] that form a clique with two given ones.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ _MoveRows = tuple[tuple[Swap | Moves, ...], sparse.csr_array]
 
 @dataclass(frozen=True, eq=False)
 class ConflictRows:
-    """Rows "at most one robot"; those that only one robot can reach are left out."""
+    """Rows "at most one robot"; rows that only one robot can reach are left out."""
 
     flow: Flow
     slots: "_Slots"
@@ -140,7 +140,7 @@ class ConflictRows:
         return Cells(int(self.slots.t[members[0]]), tuple(cells))
 
     def multipliers(self, values: FloatArray, least: float) -> tuple[tuple[Resource, float], ...]:
-        """Returns the rows with multipliers that are large enough to matter."""
+        """Returns the rows whose multipliers are large enough to matter."""
         large = np.flatnonzero(values > least).tolist()
         return tuple((self.resource(row), float(values[row])) for row in large)
 
@@ -157,7 +157,7 @@ class _Slots:
 
     @classmethod
     def of(cls, flow: Flow, nodes: IntArray) -> "_Slots":
-        """Returns the slots of some nodes."""
+        """Returns the slots of given nodes."""
         problem = flow.model.problem
         sizes = (len(problem.layers), *problem.height_map.shape)
         return cls(np.unique(flow.steps[nodes] * math.prod(sizes) + flow.places[nodes]), sizes)
@@ -186,12 +186,12 @@ class _Slots:
         return Cell(x, y, layer)
 
     def number_of(self, flow: Flow, nodes: IntArray) -> IntArray:
-        """Returns the numbers that the slots of some nodes have [n]."""
+        """Returns the numbers [n] of the slots of given nodes."""
         numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
         return numbers
 
     def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns which of these cells [n] at steps t are slots, by position, and their slots."""
+        """Returns the positions of those cells [n] at steps t that are slots, and their slots."""
         _, width, depth = self.sizes
         inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
         level = np.full(len(inside), layer)
@@ -218,7 +218,7 @@ class _Slots:
 
 
 def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
-    """Returns a matrix with ones at these rows [n] and columns [n]."""
+    """Returns a matrix with ones at given rows [n] and columns [n]."""
     return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
 
 
@@ -226,7 +226,7 @@ def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> spa
 
 
 def _cliques_of_cells(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns sets of slots that hold all pairs that are too close, and only such pairs."""
+    """Returns sets of slots that contain all pairs that are too close, and only such pairs."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
     if problem.height_map.is_uneven:
@@ -242,7 +242,7 @@ def _cliques_of_cells(problem: Problem, slots: _Slots) -> sparse.csr_array:
 
 
 def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
-    """Returns a shape laid wherever one of its cells falls into a slot [rows, K]."""
+    """Returns a shape in all positions in which one of its cells is a slot [rows, K]."""
     layer, x, y = slots.at
     laid = [np.column_stack([slots.t, x - i, y - j])[layer == k] for k, i, j in shape]
     origins = np.unique(np.concatenate(laid), axis=0)
@@ -253,7 +253,7 @@ def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
 
 
 def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns the slots, and all pairs of one step that are too close: this fits any terrain."""
+    """Returns the slots, and all pairs of a step that are too close; this works on any terrain."""
     layer, x, y = slots.at
     altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
     # Steps are put so far apart that no two of different steps are near.
@@ -278,10 +278,10 @@ _Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)
 
 
 def _shapes(problem: Problem) -> list[_Shape]:
-    """Returns cliques of cells that, laid anywhere, hold every two cells that are too close.
+    """Returns cliques of cells that, moved over the map, contain all pairs that are too close.
 
     The pairs that are farthest apart come first: a cell between them is too close to both and
-    to most of the rest.
+    to most other cells.
     """
     layers, (width, depth) = range(len(problem.layers)), problem.height_map.shape
     size, up = problem.height_map.resolution, np.array(problem.layers)
@@ -323,7 +323,7 @@ def _clique(
 
     Parameters
     ----------
-    near : [layers, layers, width, depth] True where two cells so far apart are too close
+    near : [layers, layers, width, depth] True where two cells at this offset are too close
     box : [m, 3] candidates: layer, cells along x and along y
     heights : of the layers, in cells
     """
@@ -351,7 +351,7 @@ def _clique(
 
 
 def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
-    """Returns rows of 0 and 1 without repetitions; a sum of random numbers tells sets apart."""
+    """Returns rows of 0 and 1 without duplicates, which sums of random numbers identify."""
     marks = np.random.default_rng(0).random((rows.shape[1], 2))
     _, first = np.unique(np.round(rows @ marks, 9), axis=0, return_index=True)
     return sparse.csr_array(rows[np.sort(first)])
@@ -361,7 +361,7 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
 
 
 def _passing_moves(flow: Flow) -> _MoveRows:
-    """Returns cliques of moves that hold all pairs that are too near between two steps only."""
+    """Returns cliques of moves that contain all pairs that are too near only between steps."""
     moving = np.flatnonzero(~flow.is_source[flow.tails])
     places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])[moving]
     distinct, which = np.unique(places, axis=0, return_inverse=True)
@@ -373,7 +373,7 @@ def _passing_moves(flow: Flow) -> _MoveRows:
 
 
 def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntArray]:
-    """Returns cliques of moves, by their numbers, which hold all pairs that conflict on the way."""
+    """Returns cliques of moves, by number, that contain all pairs in conflict between steps."""
     cliques, problem = CliquesOfMoves(model), model.problem
     ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
     left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()
@@ -391,7 +391,7 @@ def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntAr
 def _passing_at_steps(
     flow: Flow, moves: list[tuple[Cell, Cell]], used: sparse.csr_array, cliques: list[IntArray]
 ) -> _MoveRows:
-    """Returns the rows of cliques, which serve all steps, where two of their moves are possible.
+    """Returns the rows of cliques, the same for all steps, where two of their moves are possible.
 
     Parameters
     ----------
@@ -422,7 +422,7 @@ def _passing_at_steps(
 
 
 def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _MoveRows:
-    """Returns the swaps, either way, that the edges of a flow allow."""
+    """Returns the swaps, in either direction, that the edges of a flow allow."""
     first, second = flow.places[flow.tails], flow.places[flow.heads]
     moving = np.flatnonzero((first != second) & ~flow.is_source[flow.tails])
     first, second = first[moving], second[moving]

@@ -7,11 +7,11 @@ A relaxation maximises sum w u + rewards for moves over flows, where the root u 
     envelope       and u <= constant + sum phi(root)    (`certificates.envelope`; in rounds)
 
 The number u of drones that see a person, as far as it counts, obeys u <= sum of counts and u <= k
-in all of them: no smaller concave function is above it.
+in all relaxations: no smaller concave function is above it.
 
-Modelled in cvxpy, solved by Clarabel on one thread; the multipliers become a certificate, and
-the bound is what that proves. For small scenes: column generation solves the same relaxations
-on paths and takes any size.
+The relaxations are modelled in cvxpy and solved by Clarabel on one thread; the multipliers become a
+certificate, and the bound is the one that it proves. This is for small scenes: column generation
+solves the same relaxations over paths, for scenes of any size.
 """
 
 import warnings
@@ -56,12 +56,12 @@ _Separation = Callable[[Flow, Roots, FloatArray, FloatArray], list[Cut]]
 
 
 def _no_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
-    """Separates nothing."""
+    """Finds no cuts."""
     return []
 
 
 def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
-    """Returns envelope cuts that a solution violates, the tightest one of each view sum."""
+    """Returns envelope cuts that a solution violates, the tightest one for each view sum."""
     if flow.model.problem.objective.over_time:
         return []  # a robot sees a view sum more than once, and no cut for single views holds
     found, sizes = [], flow.model.class_sizes
@@ -89,21 +89,21 @@ def _disaggregated(problem: Problem) -> Model:
 
 @dataclass(frozen=True)
 class ConeRelaxation:
-    """Computes the bound of a concave relaxation, in rounds where there are cuts to be found.
+    """Computes the bound of a concave relaxation, in rounds if there are cuts to be found.
 
     Scenes that are too large for a flow raise UnsupportedError (see
     `cocap_opt.formulations.relaxations.flow`).
 
     Attributes
     ----------
-    method : its name in certificates
-    single_view : True: with single-view cuts, which make it exact for one drone. Without them it is
-        weak where a drone can split itself between views: half a drone here and half there
-        collects sqrt(c/2) + sqrt(c/2) > sqrt(c)
+    method : name of the method in certificates
+    single_view : True: with single-view cuts, which make the bound exact for one drone. Without
+        them it is weak where a drone can split itself between views: half a drone here and half
+        there collects sqrt(c/2) + sqrt(c/2) > sqrt(c)
     separate : finds cuts that are violated
     compile_ : makes the model: one flow per class, or one per robot in a larger program. Without
-        envelope cuts both have the same value; the envelope of drones that start elsewhere is lower
-        than that of drones that may exchange their views
+        envelope cuts both have the same value; the envelope for drones with different starts is
+        lower than that for drones that may exchange their views
     """
 
     method: str
@@ -118,7 +118,7 @@ class ConeRelaxation:
         start: Plan | None = None,
         report: Report = silent,
     ) -> CertifiedResult:
-        """Bounds a problem; the class says how."""
+        """Bounds a problem by this relaxation."""
 
         @timed
         def bound(problem: Problem) -> CertifiedResult:
@@ -133,7 +133,7 @@ envelope = ConeRelaxation("envelope", separate=_violated_cuts, compile_=_disaggr
 
 
 class _CutRounds:
-    """A relaxation of one problem, solved again and again while there are cuts that it violates.
+    """A relaxation of one problem, solved repeatedly as long as it violates cuts.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class _CutRounds:
         return self._result()
 
     def _solve(self, flow: Flow, stop: Stop, report: Report) -> None:
-        """Solves in rounds; raises LimitReached, also where the solver's accuracy is the limit."""
+        """Solves in rounds; raises LimitReached, also if the limit is the solver's accuracy."""
         program = _ConeProgram(
             flow, Roots.of(flow), ConflictRows.of(flow), self.relaxation.single_view
         )
@@ -207,8 +207,8 @@ class _CutRounds:
 class _ConeProgram:
     """The program max sum w u + rewards for moves, over flows, bounded roots and conflict rows.
 
-    Counts of people come after the roots in u. Roots and pixels are in units of each view sum's
-    best single view, and the objective in units of its largest weight, for the solver's sake.
+    In u, counts of people come after the roots. Roots and pixels are in units of each view sum's
+    best single view, and the objective is in units of its largest weight, to help the solver.
     """
 
     def __init__(
@@ -238,7 +238,7 @@ class _ConeProgram:
     def _profit(self) -> Any:
         """Returns J, less a penalty for broken rows.
 
-        A broken row costs more than all there is to gain, so that a solution exists.
+        A broken row costs more than anything that can be gained, so that a solution always exists.
         """
         import cvxpy as cp
 
@@ -250,7 +250,7 @@ class _ConeProgram:
     def _root_bounds(self) -> list[Any]:
         """Returns the rows that bound the roots: u^2 <= z as the cone (1 + z, 2 u, z - 1).
 
-        After them come those of counts.
+        They are followed by the rows that bound counts.
         """
         import cvxpy as cp
 
@@ -265,7 +265,7 @@ class _ConeProgram:
         return rows
 
     def _conservation(self) -> list[Any]:
-        """Returns the rows: robots that start in a node or enter it are in it, and leave it."""
+        """Returns the rows of conservation: robots that start in or enter a node leave it again."""
         flow = self.flow
         first, last = ~flow.is_entered, flow.steps == flow.model.problem.horizon
         return [
@@ -279,7 +279,7 @@ class _ConeProgram:
 
         Returns
         -------
-        The multipliers, the value by the solver's word, and True where it says that it is solved.
+        The multipliers, the solver's value, and True if it reports that it has solved the program.
 
         Raises
         ------
@@ -305,7 +305,7 @@ class _ConeProgram:
         return np.maximum(np.nan_to_num(self.x.value), 0.0), u
 
     def _duals(self, cuts: Sequence[Cut], at: IntArray, multipliers: FloatArray) -> Duals:
-        """Returns the multipliers in px and metres, repaired where they are out of range."""
+        """Returns the multipliers in px and m, repaired where they are out of range."""
         problem, roots = self.flow.model.problem, self.roots
         single_view = np.zeros(len(roots.used))
         if self._single.size:
@@ -332,7 +332,7 @@ class _ConeProgram:
         )
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
-        """Makes the tangents exact at step 0, where it counts, if all that is seen is given."""
+        """Makes the tangents at step 0 exact, if it counts and all views there are fixed."""
         roots = self.roots
         if self.flow.is_source.any():
             return
@@ -348,10 +348,10 @@ class _ConeProgram:
 
 
 def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
-    """Solves by Clarabel itself, which asks `stop` at each iteration, and unpacks the result.
+    """Solves by Clarabel itself, which checks `stop` at each iteration, and unpacks the result.
 
-    Returns True where the solver says that it has solved the program. Whatever it says of its
-    accuracy, its multipliers are good for a certificate.
+    Returns True if the solver reports that it has solved the program. Whatever accuracy it reports,
+    its multipliers can be used for a certificate.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Multipliers as solvers give them, and the certificate that they make."""
+"""Multipliers as solvers return them, and the certificate made from them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -29,14 +29,14 @@ class Duals:
 
     @classmethod
     def alone(cls, problem: Problem) -> "Duals":
-        """Returns the multipliers that count every view as if nobody else saw the face."""
+        """Returns the multipliers that count every view as if no other drone saw the face."""
         zeros = problem.no_pixels()
         return cls(zeros + 1.0, zeros)
 
     def blended(self, other: "Duals", weight: float) -> "Duals":
         """Returns weight * self + (1 - weight) * other.
 
-        Rows and cuts that one of them lacks count as 0 there.
+        Rows and cuts that are missing in one of them count as 0 there.
         """
 
         def mix(a: Iterable[tuple[_K, float]], b: Iterable[tuple[_K, float]]) -> dict[_K, float]:
@@ -58,7 +58,7 @@ class Duals:
         )
 
     def certificate(self, model: Model) -> Multipliers:
-        """Returns the multipliers as they stand in a certificate."""
+        """Returns the multipliers in the form of a certificate."""
         alpha, _ = tables_of(model.problem, self.alpha)
         beta, _ = tables_of(model.problem, self.beta)
         # Of people who count, alpha and beta do the same.
@@ -74,7 +74,7 @@ class Duals:
 
 
 def _written(model: Model, cut: Cut, share: float) -> EnvelopeCut:
-    """Returns a cut as it stands in a certificate."""
+    """Returns a cut in the form of a certificate."""
     curves = tuple(
         ClassCurve(number, tuple(curve.roots.tolist()), tuple(curve.values.tolist()))
         for number, curve in sorted(cut.curves.items())
@@ -94,17 +94,18 @@ def repaired_roots(
     cut_at: IntArray,
     cuts: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns multipliers of view sums in the range in which they prove a small bound.
+    """Returns multipliers of view sums, moved into the range in which they prove a small bound.
 
-    A solver's may be negative, too large or no numbers. Its program maximises sum weights u with
-    u^2 <= z, where u is a root in units of `scale` and z the pixels in units of scale^2. Cuts share
-    at most the whole root; for a root r that they leave `rest` of, the best beta is
-    (rest - alpha) / (2 r), and no root is larger than if all robots had the best view at all steps.
-    Of people who count, u <= k takes the place of u^2 <= z, and alpha is all that there is.
+    A solver's multipliers may be negative, too large or not numbers. Its program maximises sum
+    weights u with u^2 <= z, where u is a root in units of `scale` and z the pixels in units of
+    scale^2. The shares of cuts sum to at most the whole root; if they leave the share `rest` of a
+    root r, the best beta is (rest - alpha) / (2 r), and no root is larger than if all robots had
+    the best view at all steps. For counted people, u <= k replaces u^2 <= z, and there is only
+    alpha.
 
     Parameters
     ----------
-    view_sums : [z] numbers of the view sums that the program has, r of them with roots
+    view_sums : [z] numbers of the view sums in the program, r of them with roots
     scale : [z] px^0.5/m
     weights : [z]
     single_view : [z] multipliers of u <= sum of roots of pixels, or <= sum of counts

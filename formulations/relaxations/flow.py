@@ -7,8 +7,8 @@ robot: the model's size does not grow with the number of robots.
 
 Numbers of a flow: x[n] robots in node n (a state at a step), y[e] robots along edge e. Pixels,
 roots and collision rules between places are rows over nodes, which are far fewer than edges.
-Robots that choose their start among several states come from a source: a node at step -1, one for
-each set of states that robots of a class have in common, with edges to these states.
+Robots that choose their start among several states come from a source: a node at step -1 with edges
+to these states. Robots of a class with the same set of states share a source.
 
 Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset and Sato 2010
 (search models whose size does not grow with the number of searchers).
@@ -98,19 +98,19 @@ class Flow:
 
     @cached_property
     def is_source(self) -> BoolArray:
-        """True for nodes in which no robot is, but chooses its start [N]."""
+        """True for sources, in which robots only choose their start [N]."""
         return self.steps < 0
 
     @cached_property
     def is_entered(self) -> BoolArray:
-        """True for nodes that edges may enter [N]; of the others the supply is all there is."""
+        """True for nodes that edges may enter [N]; the others have only their supply."""
         entered = self.steps > 0
         entered[self.heads] = True
         return entered
 
     @cached_property
     def serves_all(self) -> bool:
-        """True where every robot has a path."""
+        """True if every robot has a path."""
         return round(float(self.supply.sum())) == len(self.model.problem.robots)
 
     @cached_property
@@ -124,7 +124,7 @@ class Flow:
         return self._ends(self.tails)
 
     def _ends(self, nodes: IntArray) -> sparse.csr_array:
-        """Returns 1 where an edge has its end in a node [N, E], given that node of each [E]."""
+        """Returns 1 where an edge has its end in a node [N, E], given each edge's end [E]."""
         at = (nodes, np.arange(self.n_edges))
         return sparse.csr_array((np.ones(self.n_edges), at), shape=(self.n_nodes, self.n_edges))
 
@@ -148,7 +148,7 @@ class Flow:
 
     @cached_property
     def capacity(self) -> FloatArray:
-        """Robots that can be in a node by the vertex rule and the size of its class [N]."""
+        """Number of robots that can be in a node [N], by the vertex rule and its class's size."""
         if not self.model.problem.rules.none:
             return np.where(self.is_source, self.supply, 1.0)
         return np.array(self.model.class_sizes, dtype=np.float64)[self.owner]
@@ -178,7 +178,7 @@ class Flow:
         return Cell(x, y, layer)
 
     def coverage(self) -> sparse.csr_array:
-        """Returns the pixels [Z, N] that a robot in a node has of each view sum."""
+        """Returns the pixels [Z, N] that a robot in a node adds to each view sum."""
         n_view_sums = len(self.model.problem.view_sum_weights)
         rows, columns, pixels = [], [], []
         for k, robot_class in enumerate(self.model.classes):
@@ -228,9 +228,9 @@ class Flow:
 
         Parameters
         ----------
-        y : [E] robots along each edge; it may be fractional where x is integral and given: from
-            step to step a mixture of assignments of robots to nodes holds an integral one
-        x : [N] robots in each node; None: as y says
+        y : [E] robots along each edge; may be fractional if an integral x is given: from step to
+            step a mixture of assignments of robots to nodes contains an integral one
+        x : [N] robots in each node; None: derived from y
 
         Raises
         ------
@@ -266,7 +266,7 @@ class Flow:
         ]
 
     def _step(self, at: list[int], counts: IntArray, y: FloatArray) -> list[int]:
-        """Returns the nodes to which robots go along used edges, as many to each as are there."""
+        """Returns the nodes that robots go to along used edges, as many to each as are there."""
         ahead: list[dict[int, float]] = []
         for node in at:
             low, high = np.searchsorted(self.tails, [node, node + 1])
@@ -285,7 +285,7 @@ class Flow:
     def assigned_heads(
         gains: Sequence[Mapping[int, float]], heads: Sequence[int], forbidden: float
     ) -> list[int] | None:
-        """Returns the head that each robot goes to, so that their gains together are largest.
+        """Returns the head that each robot goes to, such that the sum of gains is largest.
 
         Parameters
         ----------
@@ -295,8 +295,8 @@ class Flow:
 
         Returns
         -------
-        One head per robot; None where there are not as many heads as robots, or a robot would have
-        to go where it cannot.
+        One head per robot; None if there are not as many heads as robots, or if a robot would have
+        to go to a forbidden head.
         """
         from scipy.optimize import linear_sum_assignment  # half of the time that imports take
 
@@ -318,7 +318,7 @@ def _class_part(
     Parameters
     ----------
     useful : [T+1, S] the nodes
-    most_edges : that a flow can still have
+    most_edges : number of edges that the flow can still take
     """
     t, state = np.nonzero(useful)
     starting = np.flatnonzero(useful[0])
@@ -358,7 +358,7 @@ def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
 
 
 def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """Yields tails and heads of the edges of each step, as numbers of useful nodes, in order."""
+    """Yields the tails and heads of each step's edges, as numbers of useful nodes, in order."""
     turns = _padded(graph.turns)
     first = 0
     for t, (here, there) in enumerate(pairwise(useful)):
@@ -378,7 +378,7 @@ def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntA
 
 
 def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
-    """Returns the orientations that each orientation can turn to [O, M]; -1 fills up."""
+    """Returns the orientations that each orientation can turn to [O, M], padded with -1."""
     table = np.full((len(turns), max(map(len, turns))), -1, dtype=np.int64)
     for row, following in zip(table, turns, strict=True):
         row[: len(following)] = following
@@ -386,7 +386,7 @@ def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
 
 
 def _joined(parts: Sequence[IntArray]) -> IntArray:
-    """Concatenates numbers, of which there may be none."""
+    """Concatenates lists of numbers, possibly none."""
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
@@ -395,10 +395,10 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Roots:
-    """The view sums that count and that somebody can see, in units of each one's best view.
+    """The view sums that count and that some drone can see, in units of the best view of each.
 
-    Those with roots come first, then people who count, of whom the best view is one: there a root
-    is a count, as is a number of pixels.
+    Those with roots come first, then counted people, whose best view is 1: for them both the root
+    and the number of pixels are counts.
     """
 
     owner: IntArray  # [N] class of each node
@@ -412,7 +412,7 @@ class Roots:
 
     @classmethod
     def of(cls, flow: Flow) -> "Roots":
-        """Returns the roots that a flow can have."""
+        """Returns the roots of a flow."""
         coverage = flow.coverage()
         weights = flow.model.problem.view_sum_weights
         best = np.asarray(coverage.max(axis=1).todense()).ravel()
@@ -437,8 +437,8 @@ class Roots:
 
         Returns
         -------
-        phi [k, N] of a robot in each node, constants [k], and the position of each cut's view sum
-        among `used` [k].
+        phi [k, N] of a robot in each node, constants [k], and the position [k] of each cut's view
+        sum among `used`.
         """
         at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)
         entries = [self.entries(z) for z in at.tolist()]

@@ -1,10 +1,10 @@
 """Separation of envelope cuts: the cut that a fractional solution violates most.
 
-The best cut at a fractional solution is the dual of a transport problem: which corners, mixed
-with which weights, have the solution's amounts as their marginals and the largest mean root?
-For two robots this is the antitone coupling of the amounts (the envelope is exact there). It
-is exact for any number where every robot is a class of its own, and for robots that may
-exchange their amounts.
+The best cut at a fractional solution is the dual of a transport problem: find the mixture of
+corners that has the solution's amounts as its marginals and the largest mean root. For two robots
+this is the antitone coupling of the amounts (the envelope is exact there). The cut is exact for any
+number of robots if every robot is a class of its own, and for robots that may exchange their
+amounts.
 """
 
 import math
@@ -37,7 +37,7 @@ LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
 
 
 def phi_of(cut: Cut, classes: IntArray, roots: FloatArray) -> FloatArray:
-    """Returns a cut's phi of robots of these classes [n] at their roots [n]."""
+    """Returns a cut's phi for robots of given classes [n] at given roots [n]."""
     values = np.empty(len(roots))
     for number in np.unique(classes).tolist():
         of_class = classes == number
@@ -50,9 +50,9 @@ class Seen:
 
     Attributes
     ----------
-    classes : [n] number of the class, of each entry
-    roots : [n] root > 0 that a robot of it has, px^0.5/m
-    amounts : [n] how much of a robot has it
+    classes : [n] number of the class of each entry
+    roots : [n] root > 0 of a robot of that class, px^0.5/m
+    amounts : [n] the fraction of a robot that has this root
     """
 
     def __init__(self, classes: IntArray, roots: FloatArray, amounts: FloatArray) -> None:
@@ -63,7 +63,7 @@ class Seen:
         return cut.constant + float(self.amounts @ phi_of(cut, self.classes, self.roots))
 
     def is_exact(self, sizes: tuple[int, ...]) -> bool:
-        """Returns True where nothing can be cut off: one robot's views, or integral and equal ones.
+        """Returns True if nothing can be cut off: one robot's views, or integral and equal ones.
 
         Parameters
         ----------
@@ -80,8 +80,8 @@ class Seen:
         """Returns the mean root of one coupling of the amounts: no cut is lower at the mixture.
 
         The amounts of each class are laid out in SCENARIOS equal scenarios per robot, and the
-        robots' scenarios are rearranged. What falls into one scenario counts with its mean
-        root, which makes the norm no larger, since it is convex.
+        robots' scenarios are rearranged. Amounts in one scenario count with their mean root, which
+        makes the norm no larger, since it is convex.
         """
         rows = []
         for number in np.unique(self.classes).tolist():
@@ -111,9 +111,9 @@ class Seen:
         view_sum : number of the view sum
         largest : [C] largest root that a robot of each class can have
         sizes : number of robots of each class
-        known : height at the mixture of the cuts that are known; the cut is within NEARLY of
-            the way from there to the tightest one
-        least : by how much the cut must be below that; None is returned where none is
+        known : height of the known cuts at the mixture; the returned cut leaves at most the share
+            NEARLY of the way from there to the tightest one
+        least : amount by which the cut must be below that; without such a cut, None is returned
         """
         marginals = _marginals(self, largest, sizes)
         if not marginals:  # the classes are too large for any breakpoints
@@ -131,7 +131,7 @@ class Seen:
 
 
 class _Loose(NamedTuple):
-    """A view sum of which a cut can cut something off a mixture."""
+    """A view sum for which a cut can cut off a mixture."""
 
     most: float  # that it can cut off, px^0.5/m
     least: float  # that it must cut off
@@ -148,15 +148,15 @@ def loose_view_sums(
     least: float,
     stop: Stop,
 ) -> list[_Loose]:
-    """Returns the view sums where enough can be cut off, most first; raises LimitReached.
+    """Returns the view sums where enough can be cut off, largest first; raises LimitReached.
 
     Parameters
     ----------
-    seen : view sums with what a mixture sees of them
-    cuts : that are known
+    seen : view sums, each with the roots that a mixture has of it
+    cuts : the known cuts
     weights : [Z] of the view sums in J
     sizes : number of robots of each class
-    least : what a cut must cut off, in units of J
+    least : least amount that a cut must cut off, in units of J
     """
     known: dict[int, list[Cut]] = {}
     for cut in cuts:
@@ -184,8 +184,8 @@ _Marginal = tuple[FloatArray, FloatArray]
 def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[int, _Marginal]:
     """Returns the breakpoints of the classes that see the view sum, with their masses.
 
-    They are the largest root and the most used ones. Where these are too many, the closest are
-    merged; at last the classes that see least get none.
+    They are the largest root and the most used ones. If these are too many, the closest are merged;
+    in the end the classes that see least get none.
     """
     found: dict[int, _Marginal] = {}
     weight: dict[int, float] = {}
@@ -206,7 +206,7 @@ def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[
 
 
 def _are_too_many(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> bool:
-    """Returns True where breakpoints have to be merged."""
+    """Returns True if breakpoints have to be merged."""
     points = {number: len(at) for number, (at, _) in marginals.items()}
     choices = math.prod(math.comb(sizes[k] + n, n) for k, n in points.items() if sizes[k] > 1)
     work = sum(sizes[k] * n for k, n in points.items())
@@ -214,7 +214,7 @@ def _are_too_many(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) ->
 
 
 def _distinct(roots: FloatArray, amounts: FloatArray, largest: float) -> _Marginal:
-    """Returns the distinct roots and the largest possible one, with the amount of each."""
+    """Returns the distinct roots, with the largest possible one, and the amount of each."""
     # Roots that differ by less than a millionth of the largest are one breakpoint.
     rounded = np.minimum(np.round(roots / largest, 6), 1.0)
     points, which = np.unique(rounded * largest, return_inverse=True)
@@ -228,7 +228,7 @@ def _distinct(roots: FloatArray, amounts: FloatArray, largest: float) -> _Margin
 def _cheapest_merge(marginal: _Marginal) -> tuple[float, int]:
     """Returns the least loss by merging a breakpoint with the next, and its position.
 
-    The last one is left alone.
+    The last breakpoint is never merged.
     """
     points, mass = marginal
     if len(points) < 3:
@@ -239,7 +239,7 @@ def _cheapest_merge(marginal: _Marginal) -> tuple[float, int]:
 
 
 def _merged(marginal: _Marginal, at: int) -> _Marginal:
-    """Returns a marginal with two breakpoints as one, at their mean."""
+    """Returns a marginal with two breakpoints merged into one at their mean."""
     points, mass = (part.copy() for part in marginal)
     both = mass[at] + mass[at + 1]
     points[at] = (points[at] * mass[at] + points[at + 1] * mass[at + 1]) / both
@@ -266,10 +266,10 @@ def _spread(points: FloatArray, seen: Seen, number: int) -> FloatArray:
 def _potentials(
     marginals: Mapping[int, _Marginal], sizes: tuple[int, ...], known: float, least: float
 ) -> FloatArray | None:
-    """Solves the dual of the transport problem, whose corners are generated as they are needed.
+    """Solves the dual of the transport problem, generating corners as they are needed.
 
-    Returns phi at the breakpoints of all classes; None if the cut gets too high. Wherever this is
-    stopped, `Cut.valid` makes a valid cut of what it returns.
+    Returns phi at the breakpoints of all classes; None if the cut gets too high. Wherever the
+    search stops, `Cut.valid` makes a valid cut from its result.
     """
     points, mass = (np.concatenate(part) for part in zip(*marginals.values(), strict=True))
     mass = np.maximum(mass, LEAST_MASS)
@@ -304,7 +304,7 @@ def _curves(marginals: Mapping[int, _Marginal], values: FloatArray) -> dict[int,
 
 
 def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> IntArray:
-    """Returns corners [n, K] that a good mixture is likely to be made of, and the empty one."""
+    """Returns corners [n, K] that a good mixture is likely to contain, and the empty one."""
     rows, first = [], 0
     for number, (at, mass) in marginals.items():
         ends = np.rint(np.cumsum(mass[::-1]) * SCENARIOS).astype(np.int64)
@@ -324,12 +324,12 @@ def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -
 def _rearranged(pixels: FloatArray) -> IntArray:
     """Returns an order of each robot's scenarios [R, SCENARIOS] for which the mean root is large.
 
-    Each robot in turn has its largest pixels where the others have least: the rearrangement
+    Each robot in turn gets its largest pixels where the others have least: the rearrangement
     algorithm (Puccetti and Rueschendorf 2012).
 
     Parameters
     ----------
-    pixels : [R, SCENARIOS] in falling order
+    pixels : [R, SCENARIOS] in descending order
     """
     orders = np.tile(np.arange(pixels.shape[1]), (len(pixels), 1))
     total = np.zeros(pixels.shape[1])
@@ -345,7 +345,7 @@ def _rearranged(pixels: FloatArray) -> IntArray:
 
 
 def _most_promising(partial: Partial) -> tuple[IntArray, Partial]:
-    """Keeps the partial corners whose completions can be highest."""
+    """Keeps the partial corners that can have the highest completions."""
     kept = _smallest(-partial.most, MOST_CORNERS)
     return kept, partial.take(kept)
 
@@ -359,9 +359,9 @@ def _smallest(values: FloatArray, count: int) -> IntArray:
 
 
 class Transport:
-    """max norms x, counts.T x <= mass, sum x = 1, x >= 0, whose columns come one after the other.
+    """max norms x, counts.T x <= mass, sum x = 1, x >= 0, with columns added one after the other.
 
-    Less than the mass may be used, which is no loss since the norm grows: then phi >= 0.
+    Less than the mass may be used, which loses nothing since the norm grows: then phi >= 0.
     """
 
     def __init__(self, mass: FloatArray) -> None:

@@ -170,7 +170,7 @@ def _walkers(count: int, graph: Graph, steps: int, rng: np.random.Generator) -> 
         if len(people) == count:
             return people
     raise ProblemError(
-        f"actors: must be fewer than {count}, who found no ways apart in {DRAWS} random draws"
+        f"actors: must be fewer than {count}, for whom {DRAWS} random draws found no separate walks"
     )
 
 

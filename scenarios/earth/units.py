@@ -68,7 +68,7 @@ def units_of(text: str) -> Units:
     """
     text = text.strip().strip("\0")
     if not text:
-        raise ProblemError("must tell a reference system, but is empty")
+        raise ProblemError("must name a reference system, but is empty")
     if any(name in text for name in WEB_MERCATOR):
         raise _web_mercator()
     if _ARC_INFO.match(text):

@@ -37,6 +37,6 @@ def _require_own(text: str) -> None:
         return  # whoever reads it says where it is damaged
     if not isinstance(content, dict) or "format" not in content:
         raise ProblemError(
-            "is JSON, but no scene: one of cocap-opt has the field format, as `cocap-opt export` "
-            "writes it, and one of Hughes et al. the field actor_positions"
+            "is JSON, but no scene: a scene of cocap-opt has the field format, as "
+            "`cocap-opt export` writes it, and one of Hughes et al. the field actor_positions"
         )

@@ -212,6 +212,6 @@ def _in_file(met: range, cells: int, increasing: bool) -> range:
 
 def _no_geotransform() -> ProblemError:
     return ProblemError(
-        "geotransform: must be there, to say where the raster lies and how large its cells are; "
+        "geotransform: must be given, to say where the raster lies and how large its cells are; "
         "`gdal_translate -a_ullr WEST NORTH EAST SOUTH` writes a copy that has one"
     )

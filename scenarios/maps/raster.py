@@ -303,7 +303,7 @@ def refuse_too_many(field: str, name: str, width: float, height: float, resoluti
         edge = math.isqrt(MOST_CELLS) * resolution
         raise ProblemError(
             f"{field}: must have at most {MOST_CELLS} cells, not {x} x {y} of {resolution:.6g} m; "
-            f"a smaller {name}, such as {edge:.6g} x {edge:.6g} m, makes it so, or a resolution of "
+            f"use a smaller {name}, such as {edge:.6g} x {edge:.6g} m, or a resolution of "
             f"{enough:.3g} m"
         )
 

@@ -312,7 +312,7 @@ def _beside(path: Path) -> _Said | None:
     units = [heights for _, heights in found if heights is not None]
     if len({unit.metres for unit in units}) > 1:
         raise ProblemError(
-            "heights: files beside it must say one unit, not "
+            "heights: files beside it must state one unit, not "
             f"{' and '.join(dict.fromkeys(unit.name for unit in units))}"
         )
     systems = [crs for crs, _ in found if crs is not None]

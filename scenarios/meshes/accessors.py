@@ -174,7 +174,7 @@ class Accessors:
             _TYPES[sparse.indices.component_type], f"{place}.indices",
         )[:, 0].astype(np.int64)  # fmt: skip
         if len(at) and (at.max() >= len(values) or (np.diff(at) <= 0).any()):
-            raise ProblemError(f"{place}.indices: must rise, and be below {len(values)}")
+            raise ProblemError(f"{place}.indices: must increase, and be below {len(values)}")
         new = self._view(
             sparse.values.buffer_view, sparse.values.byte_offset, sparse.count, values.shape[1],
             dtype, f"{place}.values",

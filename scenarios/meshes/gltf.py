@@ -324,7 +324,9 @@ class _Reader:
         }
         counts = {len(values) for values in found.values()}
         if len(counts) != 1:
-            raise ProblemError(f"{place}: must have as many translations, rotations and scales")
+            raise ProblemError(
+                f"{place}: must have equally many translations, rotations and scales"
+            )
         (count,) = counts
         if count > MOST_TRIANGLES:
             raise ProblemError(f"{place}: must be at most {MOST_TRIANGLES} instances, not {count}")

@@ -76,7 +76,7 @@ def _statements(path: Path) -> Iterator[tuple[int, str]]:
             yield first, begun
         begun = ""
     if begun.strip():
-        raise ProblemError(f"line {first}: must go on after its backslash, but the file ends")
+        raise ProblemError(f"line {first}: must continue after its backslash, but the file ends")
 
 
 def _vertex(values: list[str], line: int) -> list[float]:

@@ -24,7 +24,7 @@ def read_off(path: Path) -> MeshFaces:
         If it is binary or of other than three dimensions, or has not the rows that it declares.
     """
     if _BINARY.match(path.read_bytes()):
-        raise ProblemError("must be OFF as text, not binary; MeshLab writes it so")
+        raise ProblemError("must be OFF as text, not binary; MeshLab writes text")
     rows = [
         (number, row) for number, line in lines(path) if (row := line.partition("#")[0].split())
     ]

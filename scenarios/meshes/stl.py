@@ -45,7 +45,7 @@ def read_stl(path: Path) -> MeshFaces:
         raise ProblemError("must be STL, which begins with `solid`, or with 84 bytes of a header")
     raise ProblemError(
         f"must have {length} bytes, for it declares {declared} triangles, but has {len(content)}: "
-        "it is cut off, or no STL"
+        "it is cut off, or is not STL"
     )
 
 
@@ -57,7 +57,7 @@ def _read_text(path: Path) -> MeshFaces:
         for name, values in _statements(line, number):
             if name not in _NEXT[last]:
                 wanted = " or ".join(_NEXT[last])
-                raise ProblemError(f"line {number}: must go on with {wanted}, not {name}")
+                raise ProblemError(f"line {number}: must continue with {wanted}, not {name}")
             if name == "vertex":
                 places.append(numbers(values, number))
             elif name == "endloop":

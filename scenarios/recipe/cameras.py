@@ -48,24 +48,24 @@ class CameraTable(Table):
         Raises
         ------
         ProblemError
-            If nothing, or more than one thing, says the lens, or numbers contradict each other.
+            If nothing, or more than one thing, gives the lens, or numbers contradict each other.
         """
         given = [name for name in _LENSES if getattr(self, name) is not None]
         if not given:
             raise ProblemError(
-                "must say the lens by focal (px), fov, fov_vertical or fov_diagonal (degrees), "
+                "must give the lens by focal (px), fov, fov_vertical or fov_diagonal (degrees), "
                 "sensor and lens (mm), or lens_35mm (mm)"
             )
         if len(given) > 1:
-            raise ProblemError(f"must have only one of {' and '.join(given)}: each says the lens")
+            raise ProblemError(f"must have only one of {' and '.join(given)}: each gives the lens")
         if (self.sensor is None) != (self.lens is None):
             missing, there = ("sensor", "lens") if self.sensor is None else ("lens", "sensor")
             raise ProblemError(f"{missing}: must be given beside {there}, both in mm")
         if given[0].startswith("fov") and (angle := getattr(self, given[0])) < _NARROWEST:
             raise ProblemError(
                 f"{given[0]}: must be {_NARROWEST} degrees or more, not {angle:g}; that many "
-                f"radians are {math.degrees(angle):.3g} degrees, and a lens that is narrower is "
-                "told by focal (px)"
+                f"radians are {math.degrees(angle):.3g} degrees, and a narrower lens is "
+                "given by focal (px)"
             )
         if self.photo is not None and given[0] not in _OF_PHOTOS:
             raise ProblemError(

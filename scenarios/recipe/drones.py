@@ -226,7 +226,7 @@ class DronesTable(Table):
                     f"homes[{k}]: must lie on the map, {ends}, not at ({x:.9g}, {y:.9g}) m"
                 )
             if cell in cells[:k]:
-                raise ProblemError(f"homes[{k}]: must be in a cell of its own, {cell} is taken")
+                raise ProblemError(f"homes[{k}]: must be in a cell of its own; {cell} is taken")
         return [*cells]
 
     @property

@@ -106,7 +106,7 @@ class TracksTable(Table):
     def _tracks(self, folder: Path, projection: MapProjection) -> list[Track]:
         """Returns the tracks of all files."""
         if len(set(self._files)) < len(self._files):
-            raise ProblemError("file: must be files that differ")
+            raise ProblemError("file: must be different files")
         files = {
             name: Track.read_all(
                 folder / name, columns=self.columns, unit=self.unit, fps=self.fps,

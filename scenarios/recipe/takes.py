@@ -85,5 +85,5 @@ def in_takes(
             allowed = f"must be one of {', '.join(map(repr, known))}" if known else "needs [[take]]"
             raise ProblemError(f"take: {allowed}, not {name!r}")
     if len(set(names)) < len(names):
-        raise ProblemError("take: must be names that differ")
+        raise ProblemError("take: must be different names")
     return [actor.replace(take=name) for name in names]

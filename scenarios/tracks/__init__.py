@@ -386,5 +386,5 @@ def _require_names(files: dict[str, list[Track]]) -> None:
             if not alone or Path(name).stem == Path(other).stem:
                 raise ProblemError(
                     f"file: {track.id!r} must not be in two files, {other} and {name}; give people "
-                    "ids that differ"
+                    "different ids"
                 )

@@ -95,7 +95,7 @@ def test_wrong_input_is_refused_in_one_line(
         (("--plan", flown), "--plan: must be left out without --from-step"),
         (("--without", 1), "--without: must be left out without --from-step"),
         (("--rest-scene", out), "--rest-scene: must be left out without --from-step"),
-        (("--from-step", K), "--plan: must name the plan of which the steps before are flown"),
+        (("--from-step", K), "--plan: must name the plan that was flown up to that step"),
         (("--from-step", 0, "--plan", flown), "--from-step: must be a step from 1 to"),
         (("--from-step", 999, "--plan", flown), "--from-step: must be a step from 1 to"),
         (("--from-step", 1.5, "--plan", flown), "--from-step: must be"),

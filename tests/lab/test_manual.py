@@ -78,7 +78,7 @@ def test_the_reference_is_that_of_the_code() -> None:
     text = PYTHON["python_plans"](co)
     assert '    planner: str | Planner = "cocap-prices",\n    *,\n' in text
     assert "- `without`: numbers of the drones that are lost at that step\n" in text
-    assert "- `UnsupportedError`: If the planner takes no such problems.\n" in text
+    assert "- `UnsupportedError`: If the planner does not support such problems.\n" in text
     assert "```pycon\n>>> result = co.plan(problem, time_limit=10)\n" in text
     assert "cocap_opt." not in "".join(make(co) for make in PYTHON.values())
     assert "- `Limit.MEMORY`" in PYTHON["python_stopping"](co)

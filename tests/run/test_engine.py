@@ -144,7 +144,7 @@ def test_values_are_the_referees() -> None:
         return replace(honest, value=honest.value + 1)
 
     assert co.plan(problem, near).value == co.check(problem, honest).reward
-    with pytest.raises(co.RefereeError, match=r"boasting: claims J = .*, it is "):
+    with pytest.raises(co.RefereeError, match=r"boasting: claims J = .*, but it is "):
         co.plan(problem, boasting)
 
     def low(

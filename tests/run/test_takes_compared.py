@@ -190,7 +190,7 @@ def test_scenes_without_people_and_zeros_are_refused_by_name(
     scene = str(tmp_path / "scene.json")
     co.save(Path(scene), co.load("corridor").replace(actors=()))
     assert run(["takes", scene, "--aside", "1"]) == 2
-    assert "SCENE: must have people, who walk otherwise" in capsys.readouterr().err
+    assert "SCENE: must have people, who can walk differently" in capsys.readouterr().err
     co.save(Path(scene), two_takes())
     for option in ("--count", "--draw-seed"):
         assert run(["takes", scene, option, "0"]) == 2

@@ -135,7 +135,7 @@ def test_lines_and_points_are_left_out_and_said(
         (OBJ + "call other.obj\n", r"line 15: must be a statement of OBJ, not 'call'"),
         (OBJ + "v 1,5 2 3\n", r"line 15: must be numbers with a decimal point"),
         (OBJ + "v 1 2 3 0.5\n", r"line 15: the weight of a vertex must be 1, not 0\.5"),
-        (OBJ + "f 1 2 \\", r"line 15: must go on after its backslash"),
+        (OBJ + "f 1 2 \\", r"line 15: must continue after its backslash"),
         (OBJ + "v 0 0 9\nf 5 6 8 7\n", r"faces\[6\]: must not cross itself"),
     ],
 )
@@ -547,7 +547,7 @@ def test_an_stl_is_the_same_box_however_it_is_written(tmp_path: Path, content: b
         (stl(CORNERS) + b"x", r"must have 684 bytes"),
         (stl_text(CORNERS)[:-17].encode(), r"ends before its `endsolid`"),
         (stl_text(CORNERS).replace("vertex", "point", 1).encode(), r"line 4: must be a statement"),
-        (stl_text(CORNERS).replace(" endloop\n", "", 1).encode(), r"must go on with vertex or end"),
+        (stl_text(CORNERS).replace(" endloop\n", "", 1).encode(), r"must continue with vertex or "),
         (stl_text(CORNERS).replace("5 5 0", "5 5 z", 1).replace("5.0 5.0 0.0", "5 5 z", 1).encode(),
          r"line \d+: must be numbers"),
         (b"solid", r"ends before its `endsolid`"),

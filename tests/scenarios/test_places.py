@@ -96,7 +96,7 @@ def test_a_copy_that_was_changed_is_kept(
     recipe.write_text(f"{recipe.read_text()}# mine\n")
     run = Run(capsys, *words)
     assert run.code == 2
-    assert f"{recipe}: is there and has been changed" in run.err
+    assert f"{recipe}: exists and has been changed" in run.err
     assert recipe.read_text().endswith("# mine\n")
 
 

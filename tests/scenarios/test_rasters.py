@@ -361,10 +361,10 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"transform": None}, "geotransform: must be there"),
+        ({"transform": None}, "geotransform: must be given"),
         (
             {"transform": None, "crs": "EPSG:25830"},
-            "geotransform: must be there.*`gdal_translate -a",
+            "geotransform: must be given.*`gdal_translate -a",
         ),
         (
             {"crs": "EPSG:3857"},
@@ -404,7 +404,7 @@ def test_control_points_are_no_geotransform(tiff: Write) -> None:
     from rasterio.control import GroundControlPoint
 
     points = [GroundControlPoint(r, c, 5 * c, -5 * r) for r, c in ((0, 0), (0, 2), (2, 0))]
-    refused(tiff(transform=None, gcps=points, crs="EPSG:25830"), "geotransform: must be there")
+    refused(tiff(transform=None, gcps=points, crs="EPSG:25830"), "geotransform: must be given")
 
 
 @pytest.mark.parametrize("crs", ["EPSG:25830", "EPSG:25830+5703", 'LOCAL_CS["x",UNIT["metre",1]]'])

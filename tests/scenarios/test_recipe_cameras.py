@@ -120,8 +120,8 @@ def test_photos_are_pointed_out(tmp_path: Path, caplog: pytest.LogCaptureFixture
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ("", "must say the lens by focal .px., fov, fov_vertical or fov_diagonal .degrees., sensor"),
-    ("fov = 60, focal = 900", "must have only one of focal and fov: each says the lens"),
+    ("", "must give the lens by focal .px., fov, fov_vertical or fov_diagonal .degrees., sensor"),
+    ("fov = 60, focal = 900", "must have only one of focal and fov: each gives the lens"),
     ("fov = 60, lens = 4, sensor = 6", "must have only one of fov and lens"),
     ("lens = 4.3", "sensor: must be given beside lens, both in mm"),
     ("sensor = 6.17, fov = 60", "lens: must be given beside sensor, both in mm"),

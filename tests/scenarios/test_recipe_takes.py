@@ -86,7 +86,7 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
     [
         ('take = "late"', "", r"walk\[0\]: take: needs \[\[take\]\], not 'late'$"),
         ('take = "no"', TWO, r"walk\[0\]: take: must be one of 'usual', 'late', not 'no'$"),
-        ('take = ["late", "late"]', TWO, r"walk\[0\]: take: must be names that differ$"),
+        ('take = ["late", "late"]', TWO, r"walk\[0\]: take: must be different names$"),
         ("", TWO.replace("0.25", "0.3"), r"take: probabilities must sum to 1, not 1\.05$"),
         ("", TWO.replace("0.25", "-1"), r"take\[1\]: probability: must be 0\.\.1, not -1\.0$"),
         ("", TWO.replace("late", "usual"), r"take: must have names of their own; two are 'usual'$"),

@@ -148,5 +148,7 @@ def test_delays_need_seconds() -> None:
     assert len(co.takes(problem, aside=1.0).takes) == 3
     with pytest.raises(co.ProblemError, match=r"^problem: must have no takes yet$"):
         co.takes(co.takes(problem, aside=1.0), aside=1.0)
-    with pytest.raises(co.ProblemError, match=r"^problem: must have people, who walk otherwise$"):
+    with pytest.raises(
+        co.ProblemError, match=r"^problem: must have people, who can walk differently$"
+    ):
         co.takes(problem.replace(actors=()), aside=1.0)

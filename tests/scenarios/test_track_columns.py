@@ -345,7 +345,7 @@ def test_tables_of_spreadsheets_are_read(
 def test_utf_16_without_its_mark_is_named(tmp_path: Path) -> None:
     """Its bytes are those of UTF-8, too, with a NUL after each."""
     (tmp_path / "some.txt").write_bytes("id,t,x,y\n1,0,1,2\n".encode("utf-16-le"))
-    with pytest.raises(ProblemError, match="must be a text file in UTF-8; it has characters NUL"):
+    with pytest.raises(ProblemError, match="must be a text file in UTF-8; it has NUL characters"):
         Track.read_all(tmp_path / "some.txt", unit="m")
 
 

@@ -265,7 +265,7 @@ def test_all_files_beside_a_grid_count(beside: Beside) -> None:
             read_raster(beside(map_asc_aux_xml=start + text))
     other = xml.format("", "<UnitType>cm</UnitType>")
     both = utm(METRE) + "," + ESRI_LEVEL.format(US_SURVEY)
-    with pytest.raises(ProblemError, match="heights: files beside it must say one unit, not "):
+    with pytest.raises(ProblemError, match="heights: files beside it must state one unit, not "):
         read_raster(beside(map_prj=both, map_asc_aux_xml=other))
 
 

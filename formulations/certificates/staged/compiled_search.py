@@ -1,8 +1,8 @@
-"""Compilation of searches by numba, where it is installed (extra `fast`) and time is left.
+"""Compilation of searches by numba, if it is installed (extra `fast`) and time is left.
 
-The compiled searches of joint states (`search_kernel`) do what the plain one does (`search`), about
-twenty times as fast, and can be interrupted; the tests hold them to it. Without numba the plain one
-runs.
+The compiled searches of joint states (`search_kernel`) do the same as the plain one (`search`),
+about twenty times as fast, and can be interrupted; tests compare their results. Without numba the
+plain search is used.
 """
 
 from cocap_opt.compiling import Kernel, is_there
@@ -16,12 +16,12 @@ KERNEL = Kernel(
 
 
 def is_loaded() -> bool:
-    """Returns True if the compiled search has been used, so that it is loaded."""
+    """Returns True if the compiled search has been used and is therefore loaded."""
     return KERNEL.is_loaded
 
 
 def may_take_over(stop: Stop) -> bool:
-    """Returns True if numba is installed, and a limit of time leaves enough to compile."""
+    """Returns True if numba is installed and the time limit leaves enough time to compile."""
     return is_there() and not KERNEL.has_failed and stop.seconds_left > _COMPILING
 
 

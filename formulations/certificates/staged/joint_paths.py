@@ -1,18 +1,19 @@
 """The best plan among the joint states that are left: value iteration over joint states.
 
-From each joint state that is reached a search finds the joint states s of the next step t that
+From each joint state that is reached, a search finds the joint states s of the next step t that
 plans above the target may visit. A plan is worth at most
 
     value before + F(s) + sum_i future_i(s_i) + rest(t),
 
-where `future` is what robots can get later at the prices; s is explored only where that is above
-the target. The bound less this sum is what all steps up to t have lost together, so that there are
-soon few joint states, where (*) of `narrowing` asks each step alone. Of the ways to one joint state
-only the best goes on; robots of one class are exchangeable there. Where none is left, no plan is
-better.
+where `future` is the most that robots can get later at the prices; s is explored only if this sum
+is above the target. The bound less this sum is the total loss of all steps up to t, so that soon
+only few joint states remain, whereas (*) of `narrowing` considers the loss of each step alone. Of
+the ways to a joint state only the best is continued; robots of one class are exchangeable there. If
+no joint state is left, no plan is better.
 
-Robots are apart in these searches: which of them goes where is part of what is searched. A search
-has the bounds of that for the most profitable joint state (`search`), and takes all that count.
+Robots are distinguished in these searches: they also decide which robot goes where. A search
+uses the bounds of the search for the most profitable joint state (`search`), and collects all joint
+states that count.
 """
 
 import math
@@ -58,9 +59,9 @@ class _Choices(NamedTuple):
 
     Attributes
     ----------
-    robots : [R] in the order in which they are searched, first those with the fewest choices, which
-        takes half of the nodes (field, seed 1). All that follows is in this order
-    states : of each robot, the numbers of all states to which it can move, increasing
+    robots : [R] in the order of the search, those with the fewest choices first, which halves the
+        number of nodes (field, seed 1). All other fields are in this order
+    states : for each robot, the numbers of all states to which it can move, increasing
     first : [K+1] first entry in `positions` of each list of states
     positions : of the states of all lists, among those of all robots
     lists : [L, R] number of each robot's list
@@ -80,9 +81,9 @@ class _Choices(NamedTuple):
 
         Parameters
         ----------
-        graphs : of each robot
+        graphs : for each robot
         placed : [L, R] numbers of the robots' states at step t
-        left : of each robot, the numbers of the states to which it may move, increasing
+        left : for each robot, the numbers of the states to which it may move, increasing
         """
         numbers, heads_of = [], []
         for robot, (graph, allowed) in enumerate(zip(graphs, left, strict=True)):
@@ -109,7 +110,7 @@ class _Choices(NamedTuple):
 
     @classmethod
     def of_lists(cls, states: Sequence[IntArray]) -> Self:
-        """Returns the choices from nowhere: of each robot's states, the same for all."""
+        """Returns choices without a joint state before: each robot may take any of its states."""
         robots = np.argsort([*map(len, states)], kind="stable")
         ordered = [states[robot] for robot in robots.tolist()]
         first = np.cumsum([0, *map(len, ordered)])
@@ -125,14 +126,14 @@ class _Choices(NamedTuple):
 class _Following:
     """Searches for moves of the whole team.
 
-    A search from one joint state is plain; once they have been long, all are compiled where they
-    can be and may be. Both find all moves to joint states that reach their floor, and in doubt by
-    rounding some more (`JointStates.margin`).
+    A search from one joint state is plain; once searches have been long, all are compiled if that
+    is possible and allowed. Both kinds find all moves to joint states that reach their floor, and,
+    where rounding leaves a doubt, some more (`JointStates.margin`).
 
     Attributes
     ----------
-    nodes_left : that the searches may still take; a move that is found counts as some
-    plain : the compiled search is not wanted
+    nodes_left : nodes that the searches may still use; a move that is found counts as several
+    plain : True: do not use the compiled search
     """
 
     nodes_left: int
@@ -143,17 +144,17 @@ class _Following:
     def found(
         self, joint: JointStates, choices: _Choices, floors: FloatArray, stop: Stop
     ) -> Iterator[Moved]:
-        """Yields the moves of all joint states of a step, some at a time.
+        """Yields the moves from all joint states of a step, a part at a time.
 
         Parameters
         ----------
         joint : the states of the next step, robot by robot as in the choices
-        floors : [L] of each joint state before: least worth, less charges, of one that follows
+        floors : [L] for each joint state before: least worth, less charges, of one that follows
 
         Raises
         ------
         NotEndedError
-            If the searches take more nodes than are left, or one finds too much.
+            If the searches use more nodes than are left, or one finds too many moves.
         LimitReached
             At a limit.
         """
@@ -171,7 +172,7 @@ class _Following:
             yield from self._compiled(joint, choices, floors, tail, stop)
 
     def _plain(self, joint: JointStates, stop: Stop) -> list[tuple[int, ...]] | None:
-        """Returns the joint states of a plain search; None if it is to be compiled."""
+        """Returns the joint states of a plain search; None if the search should be compiled."""
         stop.check()
         may_compile = not self.plain and compiled_search.may_take_over(stop)
         most = max(PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
@@ -186,11 +187,11 @@ class _Following:
         return collected
 
     def _spend(self, nodes: int, moves: int) -> None:
-        """Takes down what a search took; raises NotEndedError if that was too much."""
+        """Counts what a search has used; raises NotEndedError if that was too much."""
         self.spend(nodes + NODES_OF_MOVE * self._times * moves)
 
     def spend(self, nodes: int) -> None:
-        """Takes down that nodes were taken; raises NotEndedError if these were too many."""
+        """Counts nodes that were used; raises NotEndedError if these were too many."""
         self.nodes_left -= nodes
         if self.nodes_left < 0:
             raise NotEndedError
@@ -198,7 +199,7 @@ class _Following:
     def _compiled(
         self, joint: JointStates, choices: _Choices, floors: FloatArray, tail: int, stop: Stop
     ) -> Iterator[Moved]:
-        """Yields what compiled searches find, from one of the joint states on."""
+        """Yields the moves that compiled searches find, beginning with a given joint state."""
         from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
         running = CompiledSearch.of(joint, -np.inf, _NODES_AT_ONCE)
@@ -232,7 +233,7 @@ class BestPlan(NamedTuple):
 
     @property
     def pricing(self) -> Pricing:
-        """The bound on all plans, now that those above the target have been explored."""
+        """The bound on all plans, given that those above the target have been explored."""
         return self.narrowing.pricing_of(self.value)
 
 
@@ -245,7 +246,7 @@ class _Reached(NamedTuple):
 
     @classmethod
     def empty(cls, robots: int) -> Self:
-        """Returns no joint state of so many robots."""
+        """Returns an empty set of joint states of so many robots."""
         nothing = np.zeros((0, robots), dtype=np.int64)
         return cls(np.zeros(0), nothing, np.zeros(0, dtype=np.int64))
 
@@ -257,8 +258,8 @@ def best_plan(
 
     Parameters
     ----------
-    most_nodes : of all searches together
-    plain : the compiled search is not wanted
+    most_nodes : for all searches together
+    plain : True: do not use the compiled search
 
     Raises
     ------
@@ -294,7 +295,7 @@ def may_be_used(model: Model) -> bool:
 
 
 class _Team:
-    """The robots, each apart, among the states that are left."""
+    """The robots, distinguished from each other, among the states that are left."""
 
     def __init__(self, narrowing: Narrowing) -> None:
         model = narrowing.model
@@ -305,15 +306,15 @@ class _Team:
         self.matters = narrowing.target - 2 * narrowing.rounding
 
     def begun(self, following: _Following, stop: Stop) -> "list[_Reached]":
-        """Returns the joint states reached at step 0; where starts are chosen, at step 1, too.
+        """Returns the joint states reached at step 0 and, if starts are chosen, at step 1.
 
-        Of starts there are too many joint states, unless views count there. So those of step 1
-        come first, and then for each of them starts that lead to it.
+        Starts have too many joint states, unless views count there. Therefore those of step 1 are
+        found first, and then starts that lead to each of them.
 
         Raises
         ------
         NotEndedError, LimitReached
-            As `after` does.
+            As in `after`.
         """
         problem, numbers = self._model.problem, self._numbers.tolist()
         starts = [
@@ -348,7 +349,7 @@ class _Team:
 
     @property
     def _starts(self) -> list[IntArray]:
-        """The states in one of which each robot starts, whatever is left [R]."""
+        """The possible start states of each robot, closed or not [R]."""
         return [self._model.starts(robot) for robot in range(len(self._numbers))]
 
     def _fixed(self, starts: Sequence[IntArray]) -> "_Reached":
@@ -366,7 +367,7 @@ class _Team:
 
         Parameters
         ----------
-        states : [R] of each robot, those in which it may be
+        states : [R] for each robot, the states in which it may be
         """
         choices = _Choices.of_lists(states)
         if sum(map(len, choices.states)) > MOST_CHOICES:
@@ -389,7 +390,7 @@ class _Team:
         Raises
         ------
         NotEndedError
-            If too many joint states are reached, or the searches take too many nodes.
+            If too many joint states are reached, or the searches use too many nodes.
         LimitReached
             At a limit.
         """
@@ -415,8 +416,8 @@ class _Team:
     def _rest(self, t: int) -> float:
         """Returns the J that later constants and rows add to the worth so far and `_future`.
 
-        A plan above the target whose steps up to t are worth F is worth at most F, this, and the
-        sum of what all robots can get from their states at t on.
+        A plan above the target whose steps up to t are worth F is worth at most the sum of F, this
+        amount, and the most that all robots can get from their states at t on.
         """
         later = float(self._narrowing.constants[t + 1 :].sum())
         # Rows charge at most their multipliers at the step itself, which this sum holds.
@@ -428,22 +429,22 @@ class _Team:
 
         Parameters
         ----------
-        states : [n] where they are at step t
+        states : [n] their states at step t
         """
         to_go, rewards = self._narrowing.to_go[number], self._narrowing.rewards[number]
         future: FloatArray = to_go[t, states] - rewards[t, states]
         return future
 
     def _apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states of robots apart; what they are charged is `_future`, negated.
+        """Returns the joint states of distinguished robots; their charges are `_future`, negated.
 
-        So worth less charges is what the step and the later prices can bring, and the present
-        prices are one limit of it.
+        The worth less the charges is thus the most that the step and the later prices can bring,
+        and the present prices limit it.
 
         Parameters
         ----------
-        numbers : of each robot, its class
-        states : of each robot, some of the states that are left at the step
+        numbers : for each robot, its class
+        states : for each robot, some of the states that are left at the step
         """
         charge = [-self._future(number, t, at) for number, at in zip(numbers, states, strict=True)]
         raised = [
@@ -467,7 +468,7 @@ class _Team:
         return _Reached(before.values[tails] + _worths(joint, heads), placed, tails)
 
     def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
-        """Returns which moves of the team have a conflict between the steps [M]."""
+        """Returns an array [M], true for moves of the team with a conflict between the steps."""
         rules, model = self._model.problem.rules, self._model
         found = np.zeros(len(tails), dtype=np.bool_)
         if not rules.hold_between_steps:
@@ -485,7 +486,7 @@ class _Team:
         return found
 
     def _best(self, parts: Iterable[_Reached]) -> _Reached:
-        """Returns the best way to each joint state, the best of these first."""
+        """Returns the best way to each joint state, ordered from the best."""
         values, placed, before = (np.concatenate(column) for column in zip(*parts, strict=True))
         same = placed.copy()  # for robots that are exchangeable
         for number in range(len(self._model.classes)):
@@ -501,17 +502,17 @@ class _Team:
 
 
 def _worths(joint: JointStates, chosen: IntArray) -> FloatArray:
-    """Returns the worths of joint states [K, R], some at a time."""
+    """Returns the worths of joint states [K, R], a part at a time."""
     parts = range(0, len(chosen), _AT_ONCE)
     return np.concatenate([*(joint.worths(chosen[k : k + _AT_ONCE]) for k in parts), []])
 
 
 class _StartWays:
-    """The ways of robots that choose their start to where they are at step 1.
+    """The ways, from step 0 to step 1, of robots that choose their start.
 
     Parameters
     ----------
-    starts : [R] of each robot, the states that are left to it at step 0
+    starts : [R] for each robot, the states that are left to it at step 0
     """
 
     def __init__(self, model: Model, numbers: IntArray, starts: Sequence[IntArray]) -> None:
@@ -537,12 +538,12 @@ class _StartWays:
     def with_starts(
         self, reached: _Reached, following: _Following, stop: Stop
     ) -> tuple[IntArray, _Reached]:
-        """Returns the starts of those joint states of step 1 that have any, and these.
+        """Returns starts for the joint states of step 1 that have any, and these joint states.
 
         Raises
         ------
         NotEndedError
-            If the searches for starts take more nodes than are left.
+            If the searches for starts use more nodes than are left.
         LimitReached
             At a limit.
         """
@@ -563,7 +564,7 @@ class _StartWays:
 
         Parameters
         ----------
-        chosen : of the first robots, the numbers of their starts among those that lead there
+        chosen : for the first robots, the numbers of their starts among those that lead there
         """
         following.spend(1)
         robot = len(chosen)

@@ -1,21 +1,22 @@
-"""The joint states of a team at one step, and what they are worth.
+"""The joint states of a team at one step, and their worth.
 
-A joint state is one state for each robot. It is worth the weighted returns of what its robots see
-together; each state has a price. Its reduced profit is the difference of the two,
+A joint state is one state for each robot. Its worth is the sum of the weighted returns of the
+pixels that its robots have together; each state has a price. Its reduced profit is the difference
+of the two,
 
     F(s) - sum_i price(s_i),     F(s) = sum_f w_f phi_f(sum_i c_f(s_i)).
 
 The return phi_f of a face is the root. Where drones that see people are counted, each person is one
-more face here, of c = 0 or 1 and phi = min(., k): prices pay for these as well, so that F would be
+more face here, with c = 0 or 1 and phi = min(., k): prices pay for these, too, so that F would be
 too low without them.
 
-Robots of one class are alike, so that joint states are multisets; two robots whose states conflict
-are no joint state. Only such joint states count as some plan above a target may visit: their worth
-less what they are charged is at least a floor (`narrowing` has the inequality).
+Robots of one class are alike, so that joint states are multisets; states in conflict are not part
+of the same joint state. Only joint states count that some plan above a target may visit: their
+worth less their charges is at least a floor (`narrowing` has the inequality).
 
-The producer of a certificate searches among more states than its checker, and in a search profits
-round in their own way. So the profit of what is found is computed anew, from its own states alone
-and correctly rounded.
+The producer of a certificate searches among more states than its checker, and the rounding of
+profits depends on the search. The profit of a joint state that is found is therefore computed
+again, from its own states alone and correctly rounded.
 """
 
 import math
@@ -56,7 +57,7 @@ class JointStates:
     price : [n] of each state, in units of J
     charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
     floor : in units of J
-    conflict_of : returns `conflict`, for which not everyone asks, and keeps it, also for copies
+    conflict_of : computes `conflict` when it is first needed, and keeps it, for copies, too
     ceilings : of earlier prices; rounding included
     limits : ceilings of the worth less the charges; rounding included
     """
@@ -92,11 +93,11 @@ class JointStates:
 
         Parameters
         ----------
-        left : of each class, the numbers [n] of the states that are left at the step
-        price, charge : of each class, of these states [n]
+        left : for each class, the numbers [n] of the states that are left at the step
+        price, charge : for each class, of these states [n]
         ceilings, limits : over these states
-        apart : the class of each robot, if every robot is a class of its own here; "of each class"
-            is of each robot then
+        apart : the class of each robot, if every robot is a class of its own here; "for each class"
+            then means for each robot
         """
         class_of = np.repeat(np.arange(len(left)), [*map(len, left)])
         numbers = range(len(left)) if apart is None else apart
@@ -137,7 +138,7 @@ class JointStates:
 
     @cached_property
     def bounds(self) -> tuple[Ceiling, ...]:
-        """The ceilings, and after them the limits."""
+        """The ceilings, followed by the limits."""
         return (*self.ceilings, *self.limits)
 
     @cached_property
@@ -147,7 +148,7 @@ class JointStates:
 
     @cached_property
     def cliques(self) -> IntArray:
-        """Numbers [n]: of the states of one number, all of one class, any two are in conflict."""
+        """Numbers [n] such that any two states with the same number, all of a class, conflict."""
         numbers = np.full(len(self.states), -1)
         fits = np.zeros((len(self.states), len(self.states)), dtype=np.bool_)
         found = 0

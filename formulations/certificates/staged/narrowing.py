@@ -1,9 +1,9 @@
-"""Narrowing down where better plans can be: prices of states, and states that are closed.
+"""Narrowing down the states of better plans: prices of states, and states that are closed.
 
 Multipliers bound J by constants K_t for the faces of each step, a constant for rows, and one best
-path per robot (`pricing`). Write B for that bound, sigma_i(t, s) for what robot i's best path
-through state s at step t lacks to its best path, and h_t for the reduced profit of the joint state
-of a plan at t: its worth less the prices of its states (`joint_states`). Then
+path per robot (`pricing`). Write B for that bound, sigma_i(t, s) for the difference between robot
+i's best path and its best path through state s at step t, and h_t for the reduced profit of the
+joint state of a plan at t: its worth less the prices of its states (`joint_states`). Then
 
     J = B - sum of the paths' slacks - sum_t (K_t - h_t) - mu (1 - used),     all terms >= 0,
 
@@ -11,29 +11,29 @@ so that a plan with J > target obeys, at every step,
 
     sum_i sigma_i(t, s_i) + (K_t - h_t) <= B - target.                                         (*)
 
-States whose own slack breaks it are closed: no plan above the target visits them (Lagrangian
-fixing). From then on it is enough to bound plans that visit only states that are left, and
-only joint states that obey (*). For these, a state at a step may have any price, which a robot
-gets for being there, if K_t is a number that none of their reduced profits exceeds then: the
-concave envelope over joint states, of which each set of prices is a supporting plane. Stages of the
-two take turns: new prices and their constants, states closed. At the end
+States whose slack alone violates (*) are closed: no plan above the target visits them (Lagrangian
+fixing). From then on it is enough to bound plans that visit only states that are left, and only
+joint states that obey (*). For these plans, a state at a step may have any price, which a robot
+gets for being there, if K_t is a number that none of their reduced profits then exceeds: each set
+of prices is a supporting plane of the concave envelope over joint states. Each stage does both: it
+sets new prices and their constants, then closes states. At the end
 
     J <= max(target, B)    for all plans.
 
-Prices need not be told state by state. Where no joint state had more profit than K' at price', none
+Prices need not be listed state by state. If no joint state had more profit than K' at price', none
 now has more than
 
     K' - sum_i [price(s_i) - price'(s_i)],                                                    (**)
 
-so that a state whose price is K' - K more than before, all others no less, is in no joint state of
-more profit than K. A stage raises the prices of all states of a step that much, but for those on a
-short list; K_t is then found by search among the states on the list. Higher prices of others cost
-nothing where their paths' slack is as large. Joint states that break (*) of an earlier stage may
-have more profit than (**), but no plan above the target visits these.
+so that a state whose price has risen by K' - K, while no other price has fallen, is in no joint
+state of more profit than K. A stage raises the prices of all states of a step by that much, except
+for those on a short list; K_t is then found by search among the states on the list. Higher prices
+of the others cost nothing where their paths' slack is as large. Joint states that violate (*) of an
+earlier stage may have more profit than (**), but no plan above the target visits these.
 
-A `Narrowing` never changes: what narrows further returns the next one. A stage is one call, which
-prices, asks for the constants of its own joint states and closes; so there is no order of calls
-that would prove too much, and no joint states of another narrowing lower a constant.
+A `Narrowing` is immutable: methods that narrow further return a new one. A stage is one call that
+sets prices, has the constants of its own joint states found, and closes states; no order of calls
+can therefore prove too much, and joint states of another narrowing cannot lower a constant.
 """
 
 import math
@@ -74,7 +74,7 @@ Search = Callable[[int, JointStates], float]
 
 
 class _Closing(NamedTuple):
-    """The values that decide which joint states count, as of when states were closed last."""
+    """The values that decide which joint states count, as of the last closing of states."""
 
     constants: FloatArray  # [T+1]
     floors: FloatArray  # [T+1] least worth less charges of a joint state that counts
@@ -83,7 +83,7 @@ class _Closing(NamedTuple):
 
 
 class _Sweeps(NamedTuple):
-    """The paths over the states that are left, at the present prices, of each class."""
+    """The paths of each class over the states that are left, at the present prices."""
 
     left: list[BoolArray]  # [T+1, S]
     slack: list[FloatArray]  # [T+1, S]
@@ -131,11 +131,11 @@ class Narrowing:
 
     Attributes
     ----------
-    model : whose classes the multipliers count
-    target : J: plans that are not above it need not be bounded
+    model : a model with the classes of the multipliers
+    target : J; plans that are not above it need not be bounded
     constants : [T+1] K_t; infinite where prices are new
-    rewards : of each class, the prices of states [T+1, S], which its robots get for being there
-    charges : of each class, what its robots are charged by rows
+    rewards : for each class, the prices of states [T+1, S], which its robots get for being there
+    charges : for each class, the charges of its robots by rows
     row_multipliers : the step and the multiplier of each row
     """
 
@@ -155,7 +155,7 @@ class Narrowing:
     def of(
         cls, model: Model, multipliers: Multipliers, target: float, stop: Stop = never
     ) -> "Narrowing":
-        """Returns the narrowing by multipliers, before any state is closed.
+        """Returns the narrowing by multipliers alone, before any state is closed.
 
         Raises
         ------
@@ -190,26 +190,26 @@ class Narrowing:
 
     @property
     def slack(self) -> list[FloatArray]:
-        """The loss of the best path through each state [T+1, S] of a class to the best of all."""
+        """The loss of the best path through each state [T+1, S] of a class against the best."""
         return self._sweeps.slack
 
     @property
     def to_go(self) -> list[FloatArray]:
-        """The value of the best path from each state [T+1, S] of a class on."""
+        """The value of the best path from each state [T+1, S] of a class to the end."""
         return self._sweeps.to_go
 
     @property
     def bound(self) -> float:
-        """B, which no plan above the target exceeds, but for rounding."""
+        """B, which no plan above the target exceeds, apart from rounding."""
         return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
 
     @property
     def rounding(self) -> float:
-        """The most that rounding changes of B, in units of J."""
+        """The most by which rounding changes B, in units of J."""
         return self._rounding(float(np.abs(self.constants).sum()))
 
     def _rounding(self, constants: float) -> float:
-        """Returns the most that rounding changes of a sum of constants, multipliers and prices."""
+        """Returns the most by which rounding changes a sum of constants, multipliers and prices."""
         prices, sweeps = self._prices, self._sweeps
         magnitude = prices.pixels.magnitude + prices.row_magnitude + sweeps.magnitude + constants
         return prices.rounding_factor * magnitude
@@ -233,16 +233,16 @@ class Narrowing:
     def pricing_of(self, best: float) -> Pricing:
         """Returns the bound on all plans, once those above the target have been explored.
 
-        `BestPlan.pricing` asks for it, where the plans of this narrowing have been.
+        `BestPlan.pricing` calls it, after exploring the plans of this narrowing.
 
         Parameters
         ----------
-        best : J of the best of them; -infinity if there is none
+        best : J of the best of them; -inf if there is none
 
         Raises
         ------
         CertificateError, ValueError
-            As `pricing` does.
+            As in `pricing`.
         """
         of_stages = self.pricing
         return of_stages._replace(bound=min(of_stages.bound, self._proved_by(best)))
@@ -258,7 +258,7 @@ class Narrowing:
     # -- the next narrowing -------------------------------------------------------------------
 
     def closed(self) -> "Narrowing":
-        """Returns the narrowing in which states are closed that no plan above the target visits.
+        """Returns the narrowing in which states that no plan above the target visits are closed.
 
         Raises
         ------
@@ -276,12 +276,12 @@ class Narrowing:
         )
 
     def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":
-        """Returns the narrowing for a target that is not lower, for which more states are closed.
+        """Returns the narrowing for a target that is not lower, with more states closed.
 
         Parameters
         ----------
-        among : of each class, the only states [T+1, S] that plans may visit; others are not
-            bounded, so that there is no `pricing`
+        among : for each class, the only states [T+1, S] that plans may visit; plans that visit
+            others are not bounded, so that there is no `pricing`
 
         Raises
         ------
@@ -308,15 +308,15 @@ class Narrowing:
         Parameters
         ----------
         search : called with the position of each constant of the stage, and with the joint states
-            that may have more profit than it says; returns a profit that none of them exceeds. A
-            constant is never lowered to less than it says.
+            that may have more profit than the constant; returns a profit that none of them
+            exceeds. A constant is never lowered below its stated value.
         field : name of the stage, for messages
-        most_states : that a step may have left
+        most_states : largest number of states that may be left at a step
 
         Raises
         ------
         CertificateError
-            If a step has new prices and no constant, or more states.
+            If a step has new prices and no constant, or has more states.
         """
         narrowing = self._repriced(stage.prices)
         for k, claim in enumerate(stage.constants):
@@ -335,7 +335,7 @@ class Narrowing:
         return narrowing.closed()
 
     def _repriced(self, prices: Sequence[StepPrices]) -> "Narrowing":
-        """Returns the narrowing at new prices; K_t of their steps is not known there."""
+        """Returns the narrowing at new prices, with K_t of their steps still unknown."""
         if not prices:
             return self
         rewards, constants = [reward.copy() for reward in self.rewards], self.constants.copy()
@@ -355,18 +355,18 @@ class Narrowing:
         )
 
     def _lowered(self, joint: JointStates, profit: float) -> "Narrowing":
-        """Returns the narrowing with K_t lowered to a profit, and room for rounding.
+        """Returns the narrowing with K_t lowered to a profit plus room for rounding.
 
         Parameters
         ----------
-        joint : the joint states that are left at a step, at least all of more profit
+        joint : joint states that are left at a step, including all with more profit
         """
         constants = self.constants.copy()
         constants[joint.t] = min(float(constants[joint.t]), profit + joint.margin)
         return replace(self, constants=constants)
 
     def _closed_now(self, floors: FloatArray) -> _Closing:
-        """Returns the values that decide from now on which joint states count."""
+        """Returns the values that decide, from this point on, which joint states count."""
         charges = [
             reward + np.where(is_left, slack, 0.0)
             for reward, slack, is_left in zip(self.rewards, self.slack, self.left, strict=True)
@@ -374,7 +374,7 @@ class Narrowing:
         return _Closing(self.constants, floors, self.slack, charges)
 
     def _require_finite(self) -> None:
-        """Refuses numbers so large that nothing follows from them: inf - inf bounds nothing."""
+        """Refuses numbers so large that they prove nothing: inf - inf bounds nothing."""
         if not math.isfinite(self.rounding) or math.isnan(self.bound) or self.bound == math.inf:
             raise CertificateError("certificate: too large, the bound is infinite")
 
@@ -385,12 +385,12 @@ class Narrowing:
 
         Parameters
         ----------
-        above : states may be missing that are in no joint state of more profit than this
+        above : states that are in no joint state of more profit than this may be missing
         """
         return self.joint_states_of(t, self._states_of_joint(t, above))
 
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states of some of the states that are left to each class at a step."""
+        """Returns the joint states of some of the states left to each class at a step."""
         ceilings = tuple(
             self.ceiling_of(constant, np.concatenate(self._raised(t, rewards, states)))
             for constant, rewards in self._earlier[t]
@@ -406,7 +406,7 @@ class Narrowing:
         return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
 
     def ceiling(self, t: int) -> float:
-        """Returns the ceiling that the present constant of a step is to later prices."""
+        """Returns the ceiling that the present constant of a step gives for later prices."""
         return float(self.constants[t]) + self._rounding(abs(float(self.constants[t])))
 
     def _states_of_joint(self, t: int, above: float = -math.inf) -> list[IntArray]:
@@ -430,7 +430,7 @@ class Narrowing:
     def _raised(
         self, t: int, earlier: Sequence[FloatArray], states: Sequence[IntArray]
     ) -> list[FloatArray]:
-        """Returns by how much the prices of states of each class are higher than earlier ones."""
+        """Returns the amounts by which prices of each class's states exceed earlier ones."""
         return [
             now[t, at] - was[at] for now, was, at in zip(self.rewards, earlier, states, strict=True)
         ]
@@ -442,7 +442,7 @@ class Narrowing:
         return constant + rounding, raised
 
     def _rounding_of_sums(self, magnitude: FloatArray) -> FloatArray:
-        """Returns the most that rounding changes of sums over all robots."""
+        """Returns the most by which rounding changes sums over all robots."""
         robots = len(self.model.problem.robots)
         rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * magnitude
         return rounding

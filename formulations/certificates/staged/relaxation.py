@@ -1,7 +1,7 @@
-"""A concave relaxation of what a partial joint state can be completed to.
+"""A concave relaxation of the completions of a partial joint state.
 
 At a node of the search some robots have their states, and see z_f of each face f. The robots left
-add c_f(s) for the states s that they take. What a face gains by that is concave and 0 at 0,
+add c_f(s) for the states s that they take. The gain of a face is concave and 0 at 0,
 
     psi_f(y) = phi_f(z_f + y) - phi_f(z_f),
 
@@ -10,22 +10,23 @@ so that for any alpha from 0 to 1 and beta >= 0, as for certificates (`cocap_opt
     psi_f(sum c) <= alpha sum psi_f(c) + beta sum c + kappa,
     kappa = sup over y >= 0 of (1 - alpha) psi_f(y) - beta y.
 
-With alpha = 1 for all faces that is the sum of the largest gains, by which the search prunes
-anyway. It says little where robots see the same: tangents, alpha = 0, say more.
+With alpha = 1 for all faces this is the sum of the largest gains, by which the search prunes
+anyway. It is weak where robots see the same; tangents, alpha = 0, are stronger there.
 
-A joint state matters if several conditions hold at once, and each has the form
+A joint state matters if several conditions hold at once, each of the form
 
     constant - sum of payments of its states (+ what its faces gain) > 0:
 
 its profit is above the least wanted, its worth less charges is not below the floor, and each
-ceiling leaves enough. So a sum of these, each with a share >= 0, is above 0 as well; the right
-sides above turn it into a sum over states. States are best for it one by one, of states in conflict
-two by two at most one. If even the best are not above 0, nothing at this node matters, and a state
-that is not above 0 beside the best others can be dropped.
+ceiling leaves enough. A sum of these, each with a share >= 0, is then above 0, too; the right sides
+above turn it into a sum over states. The largest such sum takes the best states one by one, at most
+one from each set of states that all conflict with one another. If even that is not above 0, nothing
+at this node matters, and a state that does not get above 0 together with the best others can be
+dropped.
 
 Any alpha, beta and shares prove something. Good ones come from conditional gradients: a mixture of
 states is moved a little towards the best ones, round after round, and prices are the slopes at the
-mixture. Where its own value is above 0 for all conditions, no prices can end the node.
+mixture. If the mixture's own value is above 0 for all conditions, no prices can end the node.
 
 Sixty searches of a field's steps, six drones each, took 0.46 million nodes and 5 s in place of 8.6
 million and 12 s; with a views term 0.16 million and 2.5 s in place of 19 million and 14 s.
@@ -49,7 +50,7 @@ ROOM = 4.0  # times the margin of a search, for rounding here
 
 
 class Conditions(NamedTuple):
-    """Conditions that completions of a node obey: constant - payments, perhaps + gains, is > 0.
+    """Conditions on completions of a node: constant - payments, possibly + gains, is > 0.
 
     Attributes
     ----------
@@ -62,7 +63,7 @@ class Conditions(NamedTuple):
 
 
 class _Mixture(NamedTuple):
-    """A convex combination of completions, and what it makes of faces and conditions."""
+    """A convex combination of completions, with its values for faces and conditions."""
 
     shares: FloatArray  # [m] of each state that may be taken
     pixels: FloatArray  # [F] beyond what is seen
@@ -107,7 +108,7 @@ class Relaxation:
         self.shares: FloatArray = np.zeros(len(states))
 
     def run(self, above: FloatArray) -> None:
-        """Drops from `kept` what cannot matter; leaves the mixture in `shares`.
+        """Drops states that cannot matter from `kept`; leaves the mixture in `shares`.
 
         Parameters
         ----------
@@ -141,7 +142,7 @@ class Relaxation:
         self.shares = mixture.shares
 
     def _begun(self, above: FloatArray, picks: IntArray) -> FloatArray:
-        """Returns shares to begin with: those of the node above, if enough of them is left."""
+        """Returns the initial shares: those of the node above, if enough of them is left."""
         shares = np.zeros(len(self.kept))
         for c, count in enumerate(self._counts):
             if not count:
@@ -210,7 +211,7 @@ class Relaxation:
         return np.concatenate(picks)
 
     def _drop(self, prices: _Prices, picks: IntArray) -> bool:
-        """Drops what is not above 0; returns True if nothing is left."""
+        """Drops states that are not above 0; returns True if none is left."""
         room = ROOM * self._joint.margin
         bound = prices.constant + float(prices.worth[picks].sum())
         if bound <= -room:

@@ -1,4 +1,4 @@
-"""The relaxation at a node, compiled into the search; `relaxation` has what it rests on."""
+"""The relaxation at a node, compiled into the search; `relaxation` explains it."""
 
 from functools import partial
 from typing import NamedTuple
@@ -76,7 +76,7 @@ def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
 
 @_inlined
 def _pick(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> float:
-    """Picks the best states for the robots left; returns what they are worth, -inf if too few."""
+    """Picks the best states for the robots left; returns their worth, -inf if there are too few."""
     worth, picks, states = relaxed.worth, relaxed.picks, memory.states
     total, begin = 0.0, 0
     for c in range(data.counts.shape[1]):
@@ -219,7 +219,7 @@ def _find_shares(relaxed: Relaxed, high: float, lowest: float, heat: float) -> N
 
 @_inlined
 def _find_worth(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, kappa: float) -> float:
-    """Finds what each state is worth in the sum of the conditions; returns its constant."""
+    """Finds each state's worth in the sum of the conditions; returns the sum's constant."""
     conditions, slopes = relaxed.conditions, relaxed.slopes
     gaining = conditions[SHARES, PRICED] + conditions[SHARES, CHARGED]
     constant: float = gaining * kappa
@@ -241,7 +241,7 @@ def _find_worth(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, kapp
 
 @_inlined
 def _drop(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, bound: float) -> None:
-    """Drops states which, beside the best others, are not above 0."""
+    """Drops states that, together with the best others, are not above 0."""
     states, values, worth = memory.states, memory.values, relaxed.worth
     kept = 0
     for i in range(memory.numbers[depth, 0]):
@@ -263,7 +263,7 @@ def _drop(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, bound: flo
 def relax(
     data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, least: float, floor: float
 ) -> None:
-    """Drops states that the relaxation rules out, all of them where nothing can matter."""
+    """Drops the states that the relaxation rules out, or all if none can matter."""
     conditions, numbers = relaxed.conditions, memory.numbers
     conditions[CONSTANTS, PRICED] = memory.profits[PRICED, depth] - least
     conditions[CONSTANTS, CHARGED] = memory.profits[CHARGED, depth] - floor

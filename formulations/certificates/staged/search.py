@@ -1,18 +1,19 @@
 """The search for the joint state of most reduced profit, and for all joint states that count.
 
-It goes through the tree of partial joint states in depth. A partial one of pixels z can be
+It searches the tree of partial joint states depth-first. A partial joint state with pixels z can be
 completed to at most F(z) - prices so far + sum over the robots left of the largest gain, since
-gains only shrink as more is seen (returns are concave, so that F is submodular): what cannot exceed
-the least profit wanted is left out, for the whole subtree. A ceiling of earlier prices leaves out
-more: where no joint state had more profit than V' at price',
+gains only shrink as more is seen (returns are concave, so that F is submodular): a subtree that
+cannot exceed the least profit wanted is left out. A ceiling of earlier prices leaves out more: if
+no joint state had more profit than V' at price', then
 
     F(s) - sum_i price(s_i) <= V' - sum_i [price(s_i) - price'(s_i)].
 
-Ceilings bound the worth less charges, too: states of much slack are soon too many, whatever they
-are worth. What passes all of that is relaxed (`relaxation`): most branches end there.
+Ceilings bound the worth less charges, too: a few states with much slack exceed what is left,
+whatever their worth. Nodes that pass all of these tests are relaxed (`relaxation`); most branches
+end there.
 
 Two searches do the same: the plain one, which is here and is written to be read, and the compiled
-one (`search_kernel`), which takes over where searches are long, unless it is not wanted.
+one (`search_kernel`), which takes over when searches are long, unless it is switched off.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -40,7 +41,7 @@ class NotEndedError(Exception):
 
 
 class MostProfitable(NamedTuple):
-    """The joint state of most reduced profit, of those that count."""
+    """The joint state of most reduced profit among those that count."""
 
     profit: float  # or the least one wanted, if none has more
     positions: tuple[int, ...] = ()  # of its states; none if none has more
@@ -52,15 +53,15 @@ def most_profitable(
 ) -> MostProfitable:
     """Returns the joint state of most profit, if that is clearly more than the least wanted.
 
-    More by no more than half the margin is not. Profits err in the search by up to an eighth of
-    it, so that a search among fewer states may end with another joint state, of up to a quarter
-    more. The margin is room for that half and for errors of the search.
+    An excess of up to half the margin does not count. Profits in the search have errors of up to an
+    eighth of the margin, so that a search among fewer states may end with another joint state, with
+    up to a quarter of it more. The margin allows for that half and for errors of the search.
 
     Parameters
     ----------
-    least : profits up to here do not matter
-    most_nodes : of the tree
-    plain : the compiled search is not wanted
+    least : profits up to this do not matter
+    most_nodes : largest number of nodes of the tree
+    plain : True: do not use the compiled search
 
     Raises
     ------
@@ -95,17 +96,17 @@ def all_that_count(
 
 
 def plain_nodes(joint: JointStates) -> int:
-    """Returns the nodes from which on a search is long, so that it is compiled where it can be."""
+    """Returns the number of nodes at which a search counts as long and is compiled if possible."""
     return _FEW_NODES if sum(joint.sizes) >= _LARGE else PLAIN_NODES
 
 
 def _searched(
     joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
 ) -> "_PlainSearch | CompiledSearch":
-    """Returns a search that has ended; a long one is begun again, compiled, where it can be.
+    """Returns a search that has ended; a long one is started again, compiled, if possible.
 
-    Once the compiled search has been loaded, which takes longer than most searches, all are
-    compiled.
+    Once the compiled search has been loaded, which takes longer than most searches, all searches
+    are compiled.
     """
     if not plain and compiled_search.is_loaded():
         return _run_compiled(joint, least, most_nodes, stop)
@@ -129,7 +130,7 @@ def _run_compiled(
 ) -> "CompiledSearch":
     """Returns a compiled search that has ended; raises NotEndedError and LimitReached.
 
-    A call may take some more nodes than it is allowed, those of its last two robots.
+    A call may use a few more nodes than it is allowed, those of its last two robots.
     """
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
@@ -156,7 +157,7 @@ class _Partial(NamedTuple):
 
 
 class _Children(NamedTuple):
-    """The states that may be taken next and reach enough: the next robot's first, best first."""
+    """The states that may be taken next and reach enough, the next robot's first, best first."""
 
     states: IntArray  # [n] their positions
     gains: FloatArray  # [n] of worth less prices
@@ -170,12 +171,12 @@ class _PlainSearch:
 
     Parameters
     ----------
-    collects : look for all joint states that count instead of the most profitable one
+    collects : True: find all joint states that count instead of the most profitable one
 
     Attributes
     ----------
-    best : largest profit found, at first the least one wanted
-    positions : of the states of the joint state that has it; none if none has more
+    best : largest profit found, initially the least one wanted
+    positions : positions of the states of the joint state with that profit; empty if none has more
     found : positions of the joint states that were collected
     nodes : number of nodes of the tree so far
     """
@@ -194,7 +195,7 @@ class _PlainSearch:
         self.nodes = 0
 
     def run(self, stop: Stop = never) -> None:
-        """Goes through the tree; raises NotEndedError and LimitReached."""
+        """Searches the tree; raises NotEndedError and LimitReached."""
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
         below = tuple(profit for profit, _ in joint.bounds)
@@ -226,7 +227,7 @@ class _PlainSearch:
             self._explore(self._child(node, int(found.states[k]), gained, counts, left), stop)
 
     def _end(self, node: _Partial) -> None:
-        """Takes down a joint state that is complete."""
+        """Records a complete joint state."""
         if self._collects:
             self.found.append(node.chosen)
             if len(self.found) > MOST_FOUND:
@@ -235,7 +236,7 @@ class _PlainSearch:
             self.best, self.positions = node.profit, node.chosen
 
     def _children(self, node: _Partial, robot_class: int) -> _Children:
-        """Returns the states that may be taken next, by a robot of this class first."""
+        """Returns the states that may be taken next, those of this class first."""
         joint, states, counts = self._joint, node.states, node.counts
         worth = joint.returns.values(node.pixels) @ joint.weights
         gains = joint.returns.values(node.pixels + joint.pixels[states]) @ joint.weights - worth
@@ -275,7 +276,7 @@ class _PlainSearch:
         self, node: _Partial, state: int, gained: tuple[float, float], counts: tuple[int, ...],
         left: IntArray,
     ) -> _Partial:  # fmt: skip
-        """Returns the node where a state is taken too, which gains this less prices and charges."""
+        """Returns the node with one more state, with its gains net of prices and of charges."""
         joint, bounds = self._joint, zip(node.below, self._joint.bounds, strict=True)
         return _Partial(
             (*node.chosen, state),
@@ -292,7 +293,7 @@ class _PlainSearch:
 def _most(
     so_far: float, gains: FloatArray, classes: IntArray, counts: tuple[int, ...]
 ) -> FloatArray:
-    """Returns the most [n] that completions can reach that take each of the states."""
+    """Returns the most [n] that completions with each of the states can reach."""
     best = np.full(len(counts), -np.inf)
     np.maximum.at(best, classes, gains)
     total = so_far + sum(n * best[c] for c, n in enumerate(counts) if n)

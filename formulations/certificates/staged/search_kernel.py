@@ -1,7 +1,7 @@
 """The compiled searches of joint states, step by step; only imported where numba is installed.
 
-A node of the tree is a partial joint state. The search goes down into a child, up again, and
-keeps of each depth what it needs to go on there, in arrays that are made once. There are no
+A node of the tree is a partial joint state. The search goes down into a child and up again, and
+keeps the data that it needs to continue at each depth in arrays that are made once. There are no
 slices and no sorting by NumPy, with which numba would compile for ten seconds instead of two.
 """
 
@@ -49,7 +49,7 @@ _return_of = _inlined(return_of)
 
 @_inlined
 def _end(memory: Memory, depth: int, best: float) -> float:
-    """Takes down a joint state that is complete; returns the largest profit so far."""
+    """Records a complete joint state; returns the largest profit so far."""
     if len(memory.collected):
         for k in range(depth):
             memory.collected[memory.progress[FOUND], k] = memory.chosen[0, k]
@@ -63,7 +63,7 @@ def _end(memory: Memory, depth: int, best: float) -> float:
 
 @_inlined
 def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: int) -> float:
-    """Returns an upper bound, by which each robot that is left adds its class's largest gain."""
+    """Returns an upper bound, to which each robot that is left adds its class's largest gain."""
     for c in range(data.counts.shape[1]):
         if data.counts[depth, c]:
             so_far += data.counts[depth, c] * largest[row, c]
@@ -74,7 +74,7 @@ def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: 
 def _keep_within_bounds(
     data: Inputs, memory: Memory, depth: int, least: float, floor: float
 ) -> None:
-    """Drops states which no ceiling or limit leaves a profit above the least wanted."""
+    """Drops states to which some ceiling or limit leaves no profit above the least wanted."""
     states, largest = memory.states, memory.largest
     for k in range(len(data.raised)):
         for c in range(largest.shape[1]):
@@ -96,7 +96,7 @@ def _keep_within_bounds(
 
 @_inlined
 def _gain(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> None:
-    """Computes what each state would gain here, and the largest of each class."""
+    """Computes the gain of each state at this node, and the largest gain of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
     for c in range(largest.shape[1]):
         largest[PRICED, c], largest[CHARGED, c] = -np.inf, -np.inf
@@ -143,7 +143,7 @@ def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: fl
 def _begin_with_highest(memory: Memory, depth: int) -> None:
     """Sorts the states of the next robot's class by their gains, and begins with the first.
 
-    They come nearly sorted from the node above; of equals the first stays first.
+    They come nearly sorted from the node above; among equals, the order is kept.
     """
     states, values = memory.states, memory.values
     for i in range(1, memory.numbers[depth, 1]):
@@ -171,7 +171,7 @@ def _is_exhausted(data: Inputs, memory: Memory, depth: int, least: float) -> boo
 
 @_inlined
 def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
-    """Takes the next child's state and goes down: what is seen and priced there."""
+    """Takes the next child's state and goes down, with the pixels and prices there."""
     i, seen, profits = memory.child[depth], memory.seen, memory.profits
     s = memory.states[depth, i]
     memory.child[depth] = i + 1
@@ -271,7 +271,7 @@ def _advance(
     data: Inputs, memory: Memory, relaxed: Relaxed, is_relaxed: bool, best: float,
     floor: float, nodes: int,
 ) -> float:  # fmt: skip
-    """Goes on with a search for so many nodes; returns the largest profit so far."""
+    """Continues a search for so many nodes; returns the largest profit so far."""
     depth, last_two = memory.progress[DEPTH], len(data.classes) - 2
     if last_two < 0 or data.classes[-2] != data.classes[-1] or len(memory.collected):
         last_two = -1
@@ -323,15 +323,15 @@ def _follow(
     data: Inputs, memory: Memory, relaxed: Relaxed, choices: _MoveLists, tail: int,
     end: int, nodes: int, tails: IntArray,
 ) -> int:  # fmt: skip
-    """Collects what follows each of some joint states; returns the number of the first not done.
+    """Collects the followers of given joint states; returns the number of the first not done.
 
-    A search that has been interrupted goes on at the next call.
+    A search that has been interrupted continues at the next call.
 
     Parameters
     ----------
-    tail, end : number of the first joint state before, and after the last
-    nodes : after which it is interrupted; no more than can be collected
-    tails : [most] of each joint state that is collected, the number of the one that it follows
+    tail, end : number of the first joint state before, and one more than that of the last
+    nodes : number of nodes after which it is interrupted; no more than can be collected
+    tails : [most] for each collected joint state, the number of the one that it follows
     """
     memory.progress[FOUND], memory.progress[NODES] = 0, 0
     while tail < end:
@@ -350,7 +350,7 @@ def _follow(
 
 @dataclass(eq=False)
 class CompiledSearch:
-    """A search that has been begun.
+    """A search that has begun.
 
     Attributes
     ----------
@@ -372,8 +372,8 @@ class CompiledSearch:
 
         Parameters
         ----------
-        least : profits up to here do not matter
-        most_found : if not 0, the search is for `follow`, which collects up to so many in a call
+        least : profits up to this do not matter
+        most_found : if not 0, the search is for `follow`, which collects up to so many per call
         """
         bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
         data = Inputs(
@@ -402,12 +402,12 @@ class CompiledSearch:
 
     @property
     def positions(self) -> tuple[int, ...]:
-        """Positions of the states of the joint state that has it; none if none has more."""
+        """Positions of the states of the best joint state; empty if none has more profit."""
         found = self.memory.chosen[1]
         return tuple(found.tolist()) if found[0] >= 0 else ()
 
     def advance(self, nodes: int) -> bool:
-        """Goes on for so many nodes; returns True once all is done."""
+        """Continues for so many nodes; returns True once all is done."""
         arrays = self.data, self.memory, self.relaxed
         self.best = float(_advance(*arrays, True, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
@@ -419,21 +419,22 @@ class CompiledSearch:
         tails: tuple[int, int],
         nodes: int,
     ) -> tuple[int, IntArray, IntArray]:
-        """Collects the joint states that follow each of some; goes on where it was interrupted.
+        """Collects the followers of given joint states; continues where it was interrupted.
 
         Parameters
         ----------
         choices : first entry of each list of states [K+1], positions of the states of all lists,
             and the number of each robot's list [L, R]
-        floors : [L] of each joint state before: least worth, less charges, of one that follows,
+        floors : [L] for each joint state before: least worth, less charges, of one that follows,
             rounding included
-        tails : number of the first joint state before, and after the last
-        nodes : after which it is interrupted, or after as many as may be collected
+        tails : number of the first joint state before, and one more than that of the last
+        nodes : number of nodes after which it is interrupted, unless as many joint states as may be
+            collected come first
 
         Returns
         -------
-        The number of the first joint state that is not done, and of those that were collected the
-        numbers of the ones that they follow [M] and the positions of their states [M, R].
+        The number of the first joint state that is not done, and, for the collected ones, the
+        numbers of the joint states that they follow [M] and the positions of their states [M, R].
         """
         nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
         arrays = _MoveLists(*choices, floors)
@@ -469,7 +470,7 @@ def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
 
 
 def call_once() -> None:
-    """Searches among one state, so that the kernel is loaded, or compiled and kept."""
+    """Searches among one state, so that the kernel is loaded, or compiled and stored."""
     none, single = np.zeros(1, dtype=np.int64), np.ones(1)
     joint = JointStates(
         t=0, sizes=(1,), class_of=none, states=none, pixels=np.ones((1, 1)), weights=single,

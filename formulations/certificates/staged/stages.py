@@ -1,8 +1,8 @@
 """Staged certificates: the bound of multipliers, lowered in stages.
 
 A stage replaces prices and constants, and then closes states (`narrowing` has the inequalities).
-At the end the paths of all robots together that are left may be explored (`joint_paths`), those of
-plans above the target or a higher one.
+At the end the joint paths of all robots that are left may be explored (`joint_paths`): those of
+plans above the target or above a higher one.
 """
 
 from collections.abc import Callable
@@ -40,13 +40,13 @@ def price_staged(
 
     Parameters
     ----------
-    progress : told how many searches of steps are done, and of how many
+    progress : called with the number of searches of steps that are done, and the total
     plain : use no compiled code, which takes about twenty times as long
 
     Raises
     ------
     CertificateError
-        If a number is out of range, or a state is none.
+        If a number is out of range, or a state does not exist.
     UnfinishedError
         If the searches take too long.
     LimitReached
@@ -78,14 +78,14 @@ def price_staged(
 
 @dataclass
 class _Searches:
-    """The searches of a file, which have a number of nodes in all.
+    """The searches of a file, which share a number of nodes.
 
     Attributes
     ----------
-    nodes_left : that they may still have
+    nodes_left : nodes that they may still use
     total : number of searches
-    progress : told how many searches are done, and of how many
-    done : how many are
+    progress : called with the number of searches that are done, and the total
+    done : number of searches that are done
     """
 
     nodes_left: int
@@ -105,7 +105,7 @@ class _Searches:
         return narrowing.after(stage, most_profit, field, MOST_STATES)
 
     def _most_profit(self, joint: JointStates, claim: StepConstant, field: str) -> float:
-        """Returns the most profit of joint states, or the constant that is claimed if it is more.
+        """Returns the largest profit of joint states, or the claimed constant if it is larger.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class _Searches:
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:
-    """Refuses steps, classes and states that do not exist, and numbers that are none."""
+    """Refuses steps, classes and states that do not exist, and values that are not numbers."""
     problem = model.problem
     for k, step in enumerate(stage.prices):
         name = f"{field}.payments[{k}]"
