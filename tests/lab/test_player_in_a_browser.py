@@ -653,9 +653,9 @@ def test_what_a_camera_must_see_to_count_is_told_where_none_does(player: Any) ->
     script = scripts(strip="filmedWords")
     for most, words in (
         (0.0, "no camera sees them"),
-        (0.004, "no camera sees 30 %; drone 2 sees most, less than 1 %"),
-        (0.29, "no camera sees 30 %; drone 2 sees most, 29 %"),
-        (0.2999, "no camera sees 30 %; drone 2 sees most, 29 %"),
+        (0.004, "no camera sees as much as 30 %; drone 2 sees the most, less than 1 %"),
+        (0.29, "no camera sees as much as 30 %; drone 2 sees the most, 29 %"),
+        (0.2999, "no camera sees as much as 30 %; drone 2 sees the most, 29 %"),
     ):
         row = {"name": "Ada", "views": [0], "angles": [None], "errors": [None], "counts": [True],
                "best": [2], "most": [most]}  # fmt: skip
@@ -954,7 +954,7 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
     panels = "[...document.querySelectorAll('.panel')]"
     with Browser.opened(page) as driver:
         badges = value(driver, f"{panels}.map((p) => p.querySelector('.badge').textContent)")
-        assert badges[0] == "no rule is broken; drones come within 0 m"
+        assert badges[0] == "no conflicts; drones come as close as 0 m"
         assert badges[2] == "no conflicts"
         still = value(driver, f"{panels}.map((p) => p.querySelector('.still')?.textContent ?? '')")
         assert still == ["", "no drone moves", "1 drone hovers"]

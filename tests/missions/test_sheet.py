@@ -166,7 +166,7 @@ def test_drones_on_bad_ground_are_told_in_one_sentence() -> None:
     problem = flight.flown.problem.replace(height_map=slope)
     unknown = Flight.of(problem, flight.plan, False)
     assert [*attention(unknown)] == []
-    assert any("does not tell the ground" in words for words in unchecked(unknown, False))
+    assert any("has no ground heights" in words for words in unchecked(unknown, False))
 
 
 @pytest.mark.parametrize("ahead", [0.5, 2.0])
@@ -342,8 +342,8 @@ def test_a_battery_has_to_last_for_the_way_up_and_the_wait(smooth: bool) -> None
     seconds = rise + (0 if smooth else 10) + flight.flown.seconds
     for endurance, words in (
         (seconds - 0.1, "THE BATTERY OF DRONE 1 DOES NOT LAST: it lasts "),
-        (seconds / 0.815, "Drone 1 has 18 % of its battery in reserve"),
-        (seconds / 0.803, "Drone 1 has 19 % of its battery in reserve: less than a fifth"),
+        (seconds / 0.815, "Drone 1 has a battery reserve of only 18 %"),
+        (seconds / 0.803, "Drone 1 has a battery reserve of only 19 %: less than a fifth"),
         (seconds / 0.79, ""),
     ):
         limits = Limits(endurance=endurance)
@@ -360,7 +360,7 @@ def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:
     airspace = problem.airspace.replace(ceiling=50.0)
     flight = Flight.of(problem.replace(earth=earth, airspace=airspace), plan, False)
     sections = text_of(flight)
-    lines = "\n".join(sections["Missions of waypoints"])
+    lines = "\n".join(sections["Waypoint missions"])
     assert "*.px4.*.plan: for PX4" in lines
     assert "*.ardupilot.*.waypoints or *.ardupilot.*.plan: for ArduPilot" in lines
     limits = "\n".join(sections["Distances and limits"])
@@ -370,7 +370,7 @@ def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:
         Flight.of(problem.replace(earth=earth), plan, True),
         Flight.of(problem.replace(earth=None), plan, False),
     ):
-        assert "Missions of waypoints" not in text_of(other)
+        assert "Waypoint missions" not in text_of(other)
 
 
 def test_the_crew_reads_where_in_their_tracks_people_begin() -> None:
@@ -391,7 +391,7 @@ def test_a_margin_is_told_beside_what_the_scene_asks_for() -> None:
     flight = Flight.of(problem, plan, False)
     for asked, count in ((None, 0), (problem.airspace.replace(people_aside=9.0), 1)):
         lines = text_of(flight._replace(asked=asked))["Distances and limits"]
-        assert sum("The scene asks for 9 m from people" in line for line in lines) == count
+        assert sum("The scene requires 9 m from people" in line for line in lines) == count
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -449,7 +449,7 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     assert [row[0] for row in card.table.rows] == ["T+0:00", "T+0:00.5", "T+0:01", "T+0:01.5"]
     assert [row[3] for row in card.table.rows] == ["2.0 m/s"] * 3 + ["end"]  # 1 m in half a second
     rows = running_order(flight, clock).rows
-    assert ("T+0:00", "all people", "SIGNAL: set out (step 0 of the plan)") in rows
+    assert ("T+0:00", "all people", "SIGNAL: start walking (step 0 of the plan)") in rows
     # Both drones are 5 m above their take-offs, and have 10 s left there.
     assert (rows[0][0] == "T-0:15") == (not smooth)
     assert any(

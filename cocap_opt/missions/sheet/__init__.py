@@ -61,7 +61,7 @@ def write(flight: Flight, every: float | None) -> Export:
         warnings.filterwarnings("ignore", "Glyph")  # which is told below
         pages = pages_of(flight, every, families)
         content = _printed(pages)
-    lacking = f"letters that no installed font has are printed as boxes: {missing}"
+    lacking = f"characters missing from all installed fonts are printed as boxes: {missing}"
     return Export(
         {"": content},
         facts={"pages": len(pages.figures)},

@@ -51,7 +51,7 @@ def battery_warnings(flight: Flight, clock: Clock) -> Iterator[str]:
             )
         elif reserve < _LEAST_RESERVE:
             yield (
-                f"Drone {drone} has {_percent(reserve)} of its battery in reserve: less than a "
+                f"Drone {drone} has a battery reserve of only {_percent(reserve)}: less than a "
                 "fifth."
             )
 

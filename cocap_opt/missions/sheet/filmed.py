@@ -102,9 +102,9 @@ def quality_notes(found: Quality) -> list[str]:
     return [
         f"All: {found.summary.line}. Drones that are {had.drone_pixels:g} px wide or more in the "
         f"picture of another: {found.summary.in_pictures}, counted at each step.",
-        f"By two, by three: steps at which so many cameras or more see {100 * had.at_least:g} % of "
-        "the person, or more. Half within: the error of a point in space at half of the steps, "
-        f"with {had.pixel_error:g} px of error in a picture.",
+        "By two, by three: share of steps at which two or three cameras, or more, see at least "
+        f"{100 * had.at_least:g} % of the person. Half within: at half of the steps the error of a "
+        f"point in space is no larger, with {had.pixel_error:g} px of error in a picture.",
     ]
 
 

@@ -39,15 +39,15 @@ def _already_up(problem: Problem) -> Iterator[str]:
     yield "The rest of a mission: all drones hover at their first places until all begin."
     for i, robot in enumerate(problem.robots):
         yield f"Drone {i} of this sheet is drone {robot.number} of the mission."
-    yield "Batteries have what is left of them after the steps that were flown."
+    yield "Battery times are those left after the steps flown so far."
 
 
 def _homeward(parts: Sequence[Part]) -> Iterator[Block]:
     """Yields for how long drones are in the air."""
     yield f"{NOTE[0].upper()}{NOTE[1:]}."
     yield (
-        f"Straight up and down at home, at {RISE:g} m/s or faster; on the level at {CRUISE:g} m/s "
-        "if limits are known and allow it, else as fast as in the take."
+        f"Straight up and down at home, at {RISE:g} m/s or faster; in level flight at "
+        f"{CRUISE:g} m/s if limits are known and allow it, otherwise as fast as in the take."
     )
     rows = []
     for part in parts:

@@ -32,8 +32,8 @@ _UNCHECKED = (
     "wind, and deviations of drones: distances hold for flights flown exactly",
     _LEGS,
     "batteries, radio links and satellite reception",
-    "obstacles that are not on the map, people who are not in the scene, and deviations of people "
-    "from their walks",
+    "obstacles that are not on the map, people who are not in the scene, and people who leave "
+    "their planned walks",
     "airspace and its rules, and permission of the owners of the ground",
 )
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
@@ -98,7 +98,7 @@ def _ground_unknown(flight: Flight) -> Iterator[str]:
     """Yields what the scene does not tell of the ground on which drones take off and land."""
     problem = flight.flown.problem
     if not problem.height_map.knows_ground:
-        yield "roofs and obstacles below take-offs and landings: the map does not tell the ground"
+        yield "roofs and obstacles below take-offs and landings: the map has no ground heights"
     if not problem.land_cover:
         yield "water below take-offs and landings: the scene has no land cover"
 
@@ -124,11 +124,11 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
             yield clock.at(0.0), "all drones", "hover at their first places until all begin"
         elif not flight.is_smooth:
             at = -seconds_to_step_0(flight)
-            yield (clock.at(at), "all drones", "missions of waypoints are started, all at once; "
+            yield (clock.at(at), "all drones", "waypoint missions are started, all at once; "
                    "drones rise to their first places and wait there")  # fmt: skip
         else:
             yield "before", "all drones", "rise to their first places; all wait until all are there"
-        what = "SIGNAL: set out" if number == 0 else "SIGNAL: go on from where you stopped"
+        what = "SIGNAL: start walking" if number == 0 else "SIGNAL: continue from where you stopped"
         step = f"step {first}" + (" of the plan" if first == 0 else "")
         if problem.actors:
             yield clock.at(begin, number), "all people", f"{what} ({step})"
@@ -152,7 +152,7 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
             for words in bad_touchdowns(each for each in found if each.kind == LANDING):
                 yield "after", "all", f"ATTENTION: {words}"
         if not is_last:
-            yield "then", "crew", f"new batteries; T{number + 2} is when the take goes on"
+            yield "then", "crew", f"new batteries; T{number + 2} is when the take resumes"
 
 
 def _places_and_heights(flight: Flight) -> Iterator[Block]:
@@ -236,7 +236,7 @@ def _distances(flight: Flight) -> Iterator[str]:
         for zone in zones(flight, flight.geodesy):
             yield f"N{zone.name[1:]}{_corners(zone)}."
     if flight.asked is not None:
-        yield f"The scene asks for {flight.asked.told_people}; --margin allows less in this flight."
+        yield f"The scene requires {flight.asked.told_people}; --margin allows less in this flight."
 
 
 def _corners(zone: Zone) -> str:
@@ -260,8 +260,8 @@ def _delays(flight: Flight) -> Iterator[str]:
         yield f"{words[0].upper()}{words[1:]}."
     if delay is not None or to_people is not None:
         yield (
-            f"The first page warns of less than {TIGHT:g} s: people and pilots act by a clock that "
-            "shows seconds, so nobody sees such a delay in time."
+            f"The first page warns if less than {TIGHT:g} s is left: clocks show whole seconds, so "
+            "nobody would notice such a delay in time."
         )
 
 
@@ -293,4 +293,4 @@ def _missions(flight: Flight) -> Iterator[Section]:
         names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in endings)
         late = "".join(f" {words}." for words in lateness(autopilot, found))
         blocks.append(f"- {names}: {autopilot.note}.{late}")
-    yield Section("Missions of waypoints", blocks)
+    yield Section("Waypoint missions", blocks)

@@ -173,7 +173,7 @@ export function marksOf(plan) {
   const conflicts = plan.conflicts.map((one) => ({ ...one, kind: "conflict", time: one.step + (one.between ? 0.5 : 0) }));
   const near = plan.near.map((one) => ({ ...one, kind: "near" }));
   const costly = (plan.gap?.costliest ?? []).map(({ step, robot, share }) => ({
-    kind: "costly", time: step, words: `drone ${robot} loses ${percent(share)} of the bound by leaving step ${step}`,
+    kind: "costly", time: step, words: `the move of drone ${robot} from step ${step} costs ${percent(share)} of the bound`,
   }));
   return [...conflicts, ...near, ...costly];
 }

@@ -22,7 +22,7 @@ export class Fleet {
     this.root.classList.toggle("crowd", isCrowd(data.drones));
     const head = make("div", "listed");
     head.append(make("span", "", "drone films"), make("span", "", plan.adds.length ? "adds to J" : ""));
-    head.title = "whom the drone's camera sees best now, and what J would lack at this step without the drone";
+    head.title = "the person whom the drone's camera sees best now, and how much J would drop at this step without the drone";
     this.root.append(head);
     this.rows = data.drones.map((_, i) => this.row(i, pick));
     this.root.append(...present(plan).map((i) => this.rows[i].chip));

@@ -69,15 +69,15 @@ export class Panel {
     }
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
-      badge.title = `the certificate was verified when this page was made${proof ? "; press for its file" : ""}`;
-    } else badge.textContent = waits ? "not planned yet" : near.length ? `no rule is broken; drones come within ${distance(closest)}` : "no conflicts";
+      badge.title = `the certificate was verified when this page was made${proof ? "; click for its file" : ""}`;
+    } else badge.textContent = waits ? "not planned yet" : near.length ? `no conflicts; drones come as close as ${distance(closest)}` : "no conflicts";
     if (besidePeople.length) {
       badge.textContent = `at the start ${several(besidePeople, 1)}`;
       badge.title = besidePeople.join("\n");
     }
     if (isStopped) {
       badge.textContent = gap ? `${badge.textContent}; ${cutShort}` : cutShort;
-      badge.title = "it was stopped before its end; more time may give a better plan";
+      badge.title = "the planner was stopped early; more time may give a better plan";
     } else if (isNone) badge.textContent = `no drone moves; ${badge.textContent}`;
     const isMild = besidePeople.length > 0 || Boolean(isStopped) || isNone || (!gap && !waits && near.length > 0);
     badge.classList.toggle("mild", isMild);
@@ -103,7 +103,7 @@ export class Panel {
       add("how well people are seen: J =", `${reward(plan.reward)}${moves}`, REWARD).className = "total";
     }
     if (plan.gap) {
-      add("bound of J", reward(plan.gap.bound), "no plan that obeys the rules has more");
+      add("bound on J", reward(plan.gap.bound), "no plan that obeys the rules exceeds it");
       if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
     }
     if (!plan.waits) facts.append(...this.hovering());
@@ -129,7 +129,7 @@ export class Panel {
     if (!still.length) return [];
     const all = still.length === present(plan).length, one = still.length === 1;
     const fact = make("span", "fact still", all ? "no drone moves" : `${still.length} drone${one ? "" : "s"} hover${one ? "s" : ""}`);
-    fact.title = `never leave${one ? "s" : ""} the start: drone ${still.join(", ")}`;
+    fact.title = one ? `drone ${still[0]} never leaves its start` : `drones ${still.join(", ")} never leave their starts`;
     return [fact];
   }
 
@@ -237,8 +237,8 @@ export function tipAt(tip, canvas, [x, y]) {
 }
 
 const flightOf = ({ knots }) => (knots
-  ? "smoothly, where walls, people and other drones are as far away as the rules ask"
-  : "straight on: there is no smooth flight that keeps the rules");
+  ? "smoothly, where walls, people and other drones are as far away as the rules require"
+  : "in straight lines: no smooth flight obeys the rules");
 
 const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 

@@ -12,12 +12,12 @@ export function proofBox(data, plan) {
   close.setAttribute("aria-label", "close");
   head.append(make("h2", "", "The certificate"), close);
   box.setAttribute("aria-label", "certificate");
-  const about = `No plan has more than ${reward(plan.gap.bound)}. The numbers of this file prove it, and were verified when this page was made.`;
+  const about = `No plan has more J than ${reward(plan.gap.bound)}. The numbers in this file prove it, and were verified when this page was made.`;
   box.append(head, make("p", "", about), proofFile(proof), make("p", "sum256", `SHA-256 ${proof.sha256}`));
   box.append(make("p", "", "To check it again:"), make("pre", "", proof.verify[which]));
   const lines = proof.check[which];
   if (lines.length) {
-    box.append(make("p", "", "Or by one file of plain Python, cocap-check, which shares no code with that:"));
+    box.append(make("p", "", "Or with cocap-check, a single file of plain Python that shares no code with it:"));
     box.append(make("pre", "", lines.join("\n")), checkPage(proof));
   }
   box.addEventListener("keydown", (event) => event.stopPropagation()); // the player's keys rest

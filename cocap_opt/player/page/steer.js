@@ -117,5 +117,5 @@ export class Steering {
 // What the bound pays for a face beyond the reward for it.
 function overpaid(gap, step, face) {
   const share = gap ? gap.faces[Math.min(step, gap.faces.length - 1)][face] : 0;
-  return share < 5e-6 ? "" : `; the bound pays ${percent(share)} more`;
+  return share < 5e-6 ? "" : `; the bound allows ${percent(share)} more`;
 }

@@ -184,7 +184,7 @@ export function filmedWords(row, step, atLeast) {
 function noneWords(drone, share, atLeast) {
   if (!share) return "no camera sees them";
   const seen = share < 0.01 ? "less than 1 %" : `${Math.floor(100 * share + 1e-6)} %`; // not rounded up to enough
-  return `no camera sees ${percent(atLeast)}; drone ${drone} sees most, ${seen}`;
+  return `no camera sees as much as ${percent(atLeast)}; drone ${drone} sees the most, ${seen}`;
 }
 
 // Steps at which somebody who counts is seen by fewer than two drones.
