@@ -690,7 +690,7 @@ def test_people_inside_a_mesh_are_named_where_no_drone_can_start(tmp_path: Path)
     """Nobody comes near people inside a solid building: the refusal says where they are."""
     trimesh.creation.box((14, 6, 20)).export(tmp_path / "house.stl")
     mesh = '[[mesh]]\nfile = "house.stl"\nat = [10, 6, 10]\n[[drones]]\ncount = 1\n'
-    words = r"from 0 of them .* person 0 is inside an obstacle at 5 of 5 steps; at step 0 its"
+    words = r"from 0 of them .* person 0 is inside an obstacle at 5 of 5 steps; at step 0 their"
     with pytest.raises(ProblemError, match=words):
         read(write(tmp_path, FLAT + mesh))
 
@@ -1153,12 +1153,12 @@ def with_actor(poses: list[tuple[float, float, float]], **changes: object) -> Pr
         (with_actor([(15, 15, 0), (16, 15, 0)]), None),  # below the deck
         (with_actor([(15, 15, 7), (16, 15, 7)]), None),  # on it
         (with_actor([(5, 15, 0), (15, 5, 0)]), "is inside an obstacle at 1 of 2 steps; at step 1 "
-         "its feet are 7 m below the top"),
+         "their feet are 7 m below the top"),
         (with_actor([(15, 15, 5.5), (15, 15, 5.5)]), "is inside an obstacle at 2 of 2 steps"),
         (with_actor([(500, 1500, 0), (600, 1500, 0)]), "is off the map at 2 of 2 steps; at step 0 "
          r"at \(500, 1500\) m"),
         (with_actor([(5, 15, 0), (400, 15, 0)]), "moves by 395 m in one step: is the unit right"),
-        (with_actor([(5, 15, 4), (6, 15, 4)]), "floats at 2 of 2 steps; at step 0 its feet are 4"),
+        (with_actor([(5, 15, 4), (6, 15, 4)]), "floats at 2 of 2 steps; at step 0 their feet are"),
         (with_actor([(5, 15, 0), (6, 15, 0)], shape=Cuboid(height=175.0)), "is 175 m high"),
     ],
 )  # fmt: skip
