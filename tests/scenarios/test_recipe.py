@@ -215,7 +215,7 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
     assert check(problem, ahead).valid
     ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 8, 10)),))
     words = " ".join(check(problem, ahead).violations)
-    assert "paths[0]: step 3 is blocked or outside" in words
+    assert words == "paths[0]: steps 3-4 are in a no-fly zone"
     ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 7, 7)),))
     assert "step 2 is 1.58 m from person 0" in " ".join(check(problem, ahead).violations)
 
