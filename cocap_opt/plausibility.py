@@ -61,8 +61,15 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
     if not problem.actors:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in _distinct_people(problem):
-        found += [f"{problem.person(j)} {warning}" for warning in _about(problem, actor)]
+        about = (*_about(problem, actor), *_misplaced(problem, actor))
+        found += [f"{problem.person(j)} {warning}" for warning in about]
     return [*found, *_about_cameras(problem), *_in_the_way(problem)]
+
+
+def misplaced_people(problem: SceneData) -> Iterator[str]:
+    """Yields who is off the map, inside an obstacle or in the air, and when: nobody walks so."""
+    for j, actor in _distinct_people(problem):
+        yield from (f"{problem.person(j)} {words}" for words in _misplaced(problem, actor))
 
 
 def narrow_way(problem: SceneData) -> str:
@@ -215,7 +222,7 @@ def _height_within(problem: SceneData, robot: Robot, actor: Actor) -> float | No
 
 
 def _about(problem: SceneData, actor: Actor) -> Iterator[str]:
-    """Yields the warnings about an actor."""
+    """Yields the warnings about the units of an actor's height, yaw and pace."""
     poses = actor.poses[: problem.horizon + 1]
     if not _HEIGHTS[0] <= actor.shape.height <= _HEIGHTS[1]:
         yield f"is {actor.shape.height:.3g} m high: is the unit right?"
@@ -225,6 +232,11 @@ def _about(problem: SceneData, actor: Actor) -> Iterator[str]:
     fastest = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0))
     if fastest > _FASTEST:
         yield f"moves by {fastest:.3g} m in one step: is the unit right?"
+
+
+def _misplaced(problem: SceneData, actor: Actor) -> Iterator[str]:
+    """Yields the warnings about where an actor is."""
+    poses = actor.poses[: problem.horizon + 1]
     steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
     off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem.height_map, x, y)]
     if off:
@@ -236,7 +248,7 @@ def _about(problem: SceneData, actor: Actor) -> Iterator[str]:
         yield words
     high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}
     if high:
-        words = f"its feet are {next(iter(high.values())):.3g} m above the nearest matter below"
+        words = f"their feet are {next(iter(high.values())):.3g} m above the nearest matter below"
         yield _at(list(high), steps, "floats", words)
 
 
@@ -246,7 +258,7 @@ def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
     depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(workspace, actor, pose))}
     if not depths:
         return ""
-    words = f"its feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
+    words = f"their feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
     return _at(list(depths), steps, "is inside an obstacle", words)
 
 

@@ -16,6 +16,7 @@ from cocap_opt.data import LARGEST
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import CollisionRules, Motion, Objective, Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
+from cocap_opt.text import in_ranges
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
 
@@ -125,9 +126,9 @@ class _Referee:
                 start = robot.start
                 wanted = tuple(start) if isinstance(start, State) else "in one of its starts"
                 found.append(f"{where}: starts at {tuple(path[0])}, not {wanted}")
-            outside = [t for t, state in enumerate(path) if not self._stands_free(robot, state)]
-            if outside:
-                found += [f"{where}: step {t} is blocked or outside the map" for t in outside]
+            faults = [self._misplaced(robot, state) for state in path]
+            if any(faults):
+                found += [f"{where}: {words}" for words in _by_kind(faults)]
                 continue
             for t in range(self.problem.horizon):
                 if fault := self._broken_move(robot, path[t], path[t + 1]):
@@ -239,20 +240,23 @@ class _Referee:
         coverage: list[list[float]] = views.along(0, states).tolist()
         return coverage
 
-    def _stands_free(self, robot: Robot, state: State) -> bool:
+    def _misplaced(self, robot: Robot, state: State) -> str:
+        """Says why a robot cannot be in a state; nothing if it can."""
         width, depth = self.problem.height_map.shape
         if not (0 <= state.x < width and 0 <= state.y < depth):
-            return False
+            return "outside the map"
         if not 0 <= state.layer < len(robot.motion.layers):
-            return False
+            return "at a height that the drone does not have"
         if not 0 <= state.heading < robot.motion.headings:
-            return False
+            return "at a heading that the drone does not have"
         if not 0 <= state.pitch < len(robot.camera.tilts):
-            return False
+            return "at a tilt that the camera does not have"
         altitude = self._altitude(robot, state)
-        if self._is_forbidden(state.x, state.y, (altitude, altitude)):
-            return False
-        return self._is_free(robot, state.x, state.y, (altitude, altitude))
+        if not self._is_free(robot, state.x, state.y, (altitude, altitude)):
+            clearance = robot.motion.clearance
+            near = f", or within {clearance:g} m above or below one" if clearance else ""
+            return f"inside an obstacle{near}"
+        return self._closed(state.x, state.y, (altitude, altitude))
 
     def _altitude(self, robot: Robot, state: State) -> float:
         return self.problem.height_map.altitude(state.x, state.y, robot.motion.layers[state.layer])
@@ -284,8 +288,9 @@ class _Referee:
             return words
         for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
             for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
-                if self._is_forbidden(x, y, altitudes) and _line_touches(a, b, x, y):
-                    return f"passes the cell ({x}, {y}), which is closed to drones"
+                closed = self._closed(x, y, altitudes)
+                if closed and _line_touches(a, b, x, y):
+                    return f"passes the cell ({x}, {y}), which is {closed}"
                 blocked = not motion.corner_cutting and not self._is_free(robot, x, y, altitudes)
                 if blocked and _line_touches(a, b, x, y):
                     return f"passes the blocked cell ({x}, {y})"
@@ -307,10 +312,12 @@ class _Referee:
                 return f"moves {length:.4g} m {words}, more than {most:.4g} m"
         return ""
 
-    def _is_forbidden(self, x: int, y: int, altitudes: tuple[float, float]) -> bool:
-        """Returns True if a no-fly zone or the ceiling closes a cell between two altitudes."""
-        spans = self.problem.workspace.forbidden.at(x, y)
-        return any(low <= max(altitudes) and high >= min(altitudes) for low, high in spans)
+    def _closed(self, x: int, y: int, altitudes: tuple[float, float]) -> str:
+        """Says what closes a cell, matter aside, between two altitudes; nothing if it is open."""
+        for low, high in self.problem.workspace.forbidden.at(x, y):
+            if low <= max(altitudes) and high >= min(altitudes):
+                return "above the ceiling" if high == math.inf else "in a no-fly zone"
+        return ""
 
     def _near_people(self, robot: Robot, path: tuple[State, ...]) -> Iterator[str]:
         """Says where a robot comes too near to somebody."""
@@ -340,6 +347,14 @@ class _Referee:
             separation=rules.separation + stray * aside,
             vertical=min(rules.vertical + stray * rise, LARGEST),
         )
+
+
+def _by_kind(faults: list[str]) -> Iterator[str]:
+    """Yields each fault once, with all steps at which a path has it; empty words are no fault."""
+    for fault in dict.fromkeys(filter(None, faults)):
+        steps = [t for t, words in enumerate(faults) if words == fault]
+        which = f"steps {in_ranges(steps)} are" if len(steps) > 1 else f"step {steps[0]} is"
+        yield f"{which} {fault}"
 
 
 def _too_near(way: _Position, rules: CollisionRules) -> str:

@@ -25,6 +25,7 @@ from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, save_files
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.plausibility import misplaced_people
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 
@@ -68,8 +69,9 @@ def _fly(
     for the crew.
 
     Not checked: wind, deviations from the planned flight, the ways up and down; notes below the
-    answer warn of drones that take off from or land on roofs, obstacles or water, and of timing
-    that is too tight to see on a clock, and list what else was not checked.
+    answer warn of drones that take off from or land on roofs, obstacles or water, of people who
+    walk through obstacles, off the map or in the air, and of timing that is too tight to see on a
+    clock, and list what else was not checked.
 
     A plan in which no drone moves is rejected unless you pass --hovering.
 
@@ -100,7 +102,8 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    watched = [*bad_touchdowns(touchdowns(flight)), *tight_timing(flight)]
+    grounds, people = bad_touchdowns(touchdowns(flight)), misplaced_people(problem)
+    watched = [*grounds, *people, *tight_timing(flight)]
     notes = [*(f"ATTENTION: {words}" for words in watched), *flight.notes(), *mission.notes]
     notes += _of_homes(parts, suffix)
     notes += _strays(output, suffix, files)

@@ -24,7 +24,7 @@ from cocap_opt.result import Reason
 from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.named_planners import FORMS, own_planners
 from cocap_opt.run.options import Option, UsageError
-from cocap_opt.text import other_scene, printable
+from cocap_opt.text import OTHERWISE, other_scene, printable
 
 _TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
 
@@ -110,7 +110,8 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _GivenPlan:
     if content.digest not in readers:
         names = [reader.problem.name for reader in readers.values()]
         ours = content.scene if content.scene in names else " or ".join(dict.fromkeys(names))
-        raise FileError(f"{path}: digest: the plan was made for {other_scene(content.scene, ours)}")
+        which = other_scene(content.scene, ours)
+        raise FileError(f"{path}: digest: the plan was made for {which}; {OTHERWISE}")
     readers[content.digest].flown(path, content)
     return _GivenPlan(content, content.digest)
 

@@ -23,7 +23,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
-from cocap_opt.text import other_scene, printable, shortened
+from cocap_opt.text import OTHERWISE, other_scene, printable, shortened
 
 log = logging.getLogger(__name__)
 
@@ -242,7 +242,7 @@ def _require_made_for(
         field, since = ("digest", ", or its file has changed since") if alike else ("scene", "")
         raise FileError(
             f"{path}: {field}: the plan was made for {other_scene(file.scene, problem.name)}{since}"
-            "; name the scene and seed that it is for"
+            f"; {OTHERWISE}"
         )
     if file.scene != problem.name:
         log.warning("%s: was made for %s, which is the same scene as %s", path, other, name)

@@ -127,7 +127,10 @@ def _closed(scene: SceneData, robot: Robot, start: State) -> str:
     if scene.blocked(start.x, start.y, motion, start.layer):
         return f"{cell} is blocked: {_solid_at(scene, start)}, {height}"
     if scene.closed(start.x, start.y, motion, start.layer):
-        return f"{cell} is in a no-fly zone or above the ceiling, {height}"
+        zones = scene.workspace._replace(ceiling=None).forbidden
+        z = scene.where(robot, [start])[0, 2]
+        in_zone = zones.solid_at(start.x, start.y, z, z)
+        return f"{cell} is {'in a no-fly zone' if in_zone else 'above the ceiling'}, {height}"
     for j, actor in enumerate(scene.actors):
         at = scene.where(robot, [start])[0]
         if scene.airspace.near_person(actor, 0, at):

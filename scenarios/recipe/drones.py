@@ -189,8 +189,8 @@ class DronesTable(Table):
             with naming("starts"):
                 area = self.starts.starts(self.motion, around.height_map)
             return team + [Robot(start=area, home=home, **parts) for home in homes]
-        for start, home in zip(self.starts or (), homes, strict=False):
-            state = _stated(start, self.motion, around.height_map)
+        for k, (start, home) in enumerate(zip(self.starts or (), homes, strict=False)):
+            state = _stated(start, self.motion, around.height_map, f"starts[{k}]")
             team.append(Robot(start=state, home=home, **parts))
         states = iter(self._candidates(around, rng) if self.count else ())
         for k in range(self.count or 0):
@@ -397,23 +397,23 @@ def _require_people_on_map(around: Surroundings) -> None:
         )
 
 
-def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
+def _stated(start: _StartTable, motion: Motion, height_map: HeightMap, field: str) -> State:
     x, y = height_map.cell_of(start.x, start.y)
     if not height_map.inside(x, y):
         raise ProblemError(
-            f"starts: must lie on the map, {rectangle(*height_map.ends)}, not at ({start.x:g}, "
+            f"{field}: must lie on the map, {rectangle(*height_map.ends)}, not at ({start.x:g}, "
             f"{start.y:g}) m"
         )
-    layer = 0 if start.height is None else _layer(start.height, motion, "starts.height")
-    heading = _stated_heading(start.heading, motion, "starts.heading")
+    layer = 0 if start.height is None else _layer(start.height, motion, f"{field}.height")
+    heading = _stated_heading(start.heading, motion, f"{field}.heading")
     return State(x, y, layer, heading)
 
 
 def _layer(height: float, motion: Motion, field: str) -> int:
     """Returns the index of a flight height."""
     if height not in motion.layers:
-        layers = ", ".join(f"{height:g}" for height in motion.layers)
-        raise ProblemError(f"{field}: must be one of the layers {layers} m")
+        layers = ", ".join(f"{layer:g}" for layer in motion.layers)
+        raise ProblemError(f"{field}: must be one of the layers {layers} m, not {height:g} m")
     return motion.layers.index(height)
 
 

@@ -594,6 +594,7 @@ def test_plans_of_other_scenes_are_not_shown_or_compared(
     scene.write_text(json.dumps(content))
     run = Run(capsys, command, scene, *option, plan, *output)
     assert f"{plan}: digest: the plan was made for tiny-queue of another seed" in run.err
+    assert run.err.endswith("that it is for, or plan again if you changed the scene\n")
 
 
 def test_long_names_are_shown_in_short(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

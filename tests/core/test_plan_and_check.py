@@ -17,6 +17,7 @@ from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
     VERTEX_ONLY,
+    Airspace,
     Camera,
     Cell,
     CollisionRules,
@@ -33,7 +34,7 @@ from cocap_opt.problem import (
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.referee import Verdict, _Referee, check
 from cocap_opt.scenarios import SCENES, load_scene
-from cocap_opt.world.workspace import HeightMap
+from cocap_opt.world.workspace import HeightMap, Mesh
 
 HEADINGS = 8
 
@@ -81,19 +82,19 @@ BROKEN: dict[str, tuple[tuple[State, ...], str]] = {
         path_of((2, 1), (2, 1, 0, 0, 2), (2, 1, 0, 0, 2)),
         "step 0 to 1 pitches more than 1 steps",
     ),
-    "corner": (path_of((2, 1), (2, 0), (3, 1)), "step 2 is blocked or outside the map"),
+    "corner": (path_of((2, 1), (2, 0), (3, 1)), "step 2 is inside an obstacle"),
     "corner cut": (path_of((2, 1), (3, 0), (3, 0)), "step 0 to 1 passes the blocked cell (3, 1)"),
     "corner cut on the way back": (
         path_of((2, 1), (2, 2), (3, 2), (2, 1)), "step 2 to 3 passes the blocked cell (3, 1)",
     ),
-    "into the wall": (path_of((2, 1), (3, 1), (2, 1)), "step 1 is blocked or outside the map"),
-    "off the map": (path_of((2, 1), (2, 0), (2, -1)), "step 2 is blocked or outside the map"),
-    "far off the map": (path_of((2, 1), (99, 0), (2, 1)), "step 1 is blocked or outside the map"),
-    "no such layer": (path_of((2, 1), (2, 1, 3), (2, 1)), "step 1 is blocked or outside the map"),
-    "negative layer": (path_of((2, 1), (2, 1, -1), (2, 1)), "step 1 is blocked or outside"),
-    "no such heading": (path_of((2, 1), (2, 1, 0, 8), (2, 1)), "step 1 is blocked or outside"),
-    "negative heading": (path_of((2, 1), (2, 1, 0, -1), (2, 1)), "step 1 is blocked or outside"),
-    "no such pitch": (path_of((2, 1), (2, 1, 0, 0, 3), (2, 1)), "step 1 is blocked or outside"),
+    "into the wall": (path_of((2, 1), (3, 1), (2, 1)), "step 1 is inside an obstacle"),
+    "off the map": (path_of((2, 1), (2, 0), (2, -1)), "step 2 is outside the map"),
+    "far off the map": (path_of((2, 1), (99, 0), (2, 1)), "step 1 is outside the map"),
+    "no such layer": (path_of((2, 1), (2, 1, 3), (2, 1)), "step 1 is at a height that"),
+    "negative layer": (path_of((2, 1), (2, 1, -1), (2, 1)), "step 1 is at a height that"),
+    "no such heading": (path_of((2, 1), (2, 1, 0, 8), (2, 1)), "step 1 is at a heading that"),
+    "negative heading": (path_of((2, 1), (2, 1, 0, -1), (2, 1)), "step 1 is at a heading that"),
+    "no such pitch": (path_of((2, 1), (2, 1, 0, 0, 3), (2, 1)), "step 1 is at a tilt that"),
     "wrong start": (path_of((2, 2), (2, 2), (2, 2)), "starts at (2, 2, 0, 0, 0), not (2, 1, 0, 0"),
     "wrong start heading": (path_of((2, 1, 0, 1), (2, 1), (2, 1)), "starts at (2, 1, 0, 1, 0)"),
     "too short": (path_of((2, 1), (2, 1)), "2 states for the steps 0..2"),
@@ -141,6 +142,34 @@ def test_every_fault_of_every_robot_is_named() -> None:
     )
     found = _Referee(problem).violations(plan)
     assert [fault.split(":")[0] for fault in found] == ["paths[0]"] * 2 + ["paths[1]"] * 2
+
+
+def test_steps_of_one_fault_are_in_one_line() -> None:
+    """Off the map, in an obstacle, in a no-fly zone and above the ceiling are told apart."""
+    square = np.array([(x, y, z) for z in (0.0, 6.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    sides = [(0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7)]
+    for a, b in ((0, 1), (1, 2), (2, 3), (3, 0)):
+        sides += [(a, b, b + 4), (a, b + 4, a + 4)]
+    zone = Mesh(vertices=square, triangles=np.array(sides))
+    problem = arena(S, horizon=8, motion=Motion(layers=(5.0, 9.0))).replace(
+        airspace=Airspace(no_fly=(zone,), ceiling=8.0)
+    )
+    path = path_of(S, (0, 0), (0, 0), (2, 0), (0, 0), (3, 1), (0, 0, 1), (9, 0), (0, 0))  # type: ignore[arg-type]
+    assert check(problem, Plan(paths=(path,))).violations == (
+        "paths[0]: steps 1-2, 4, 8 are in a no-fly zone",
+        "paths[0]: step 5 is inside an obstacle",
+        "paths[0]: step 6 is above the ceiling",
+        "paths[0]: step 7 is outside the map",
+    )
+    wide = arena(State(3, 3), motion=Motion(clearance=1.0))
+    over = Plan(paths=(path_of((3, 3), (3, 2), (3, 1)),))
+    assert check(wide, over).violations == (
+        "paths[0]: step 2 is inside an obstacle, or within 1 m above or below one",
+    )
+    around = Plan(paths=(path_of((2, 1), (1, 0), (0, 1)),))
+    assert check(problem.replace(horizon=2), around).violations == (
+        "paths[0]: step 1 to 2 passes the cell (0, 0), which is in a no-fly zone",
+    )
 
 
 def test_what_is_allowed_is_not_reported() -> None:

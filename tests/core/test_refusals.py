@@ -190,9 +190,13 @@ def test_zones_are_named_and_one_of_several_states() -> None:
     scene = scene.replace(airspace=Airspace(no_fly=(zone,)))
     line = told(scene, refused_starts(scene))
     assert line == (
-        "robots[0].start: cell (1, 1) is in a no-fly zone or above the ceiling, flight height 5 m; "
+        "robots[0].start: cell (1, 1) is in a no-fly zone, flight height 5 m; "
         "the nearest free place, 2 m away, is x = 1.5, y = 3.5, cell (1, 3)"
     )
+    low = scene.replace(airspace=Airspace(no_fly=(zone,), ceiling=4.0))
+    assert "cell (1, 1) is in a no-fly zone, flight" in told(low, refused_starts(low))
+    low = low.replace(airspace=Airspace(ceiling=4.0))
+    assert "cell (1, 1) is above the ceiling, flight height 5 m" in told(low, refused_starts(low))
     states = StartStates(states=(State(5, 5), State(2, 2), State(1, 2)))
     several = scene.replace(robots=(scene.robots[0].replace(start=states),))
     (found,) = refused_starts(several)

@@ -15,8 +15,10 @@ import cocap_opt as co
 from cocap_opt.cli import fly_command
 from cocap_opt.data import FieldError
 from cocap_opt.flight import flights
+from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Danger
 from cocap_opt.missions import FORMATS, Export, MissionFormat, table
+from cocap_opt.missions.sheet.words import attention
 
 STRAIGHT = 'flown = "straight"'
 RECIPE = """
@@ -174,6 +176,29 @@ def test_bad_ground_and_tight_timing_are_told_first(
     assert ground == f"ATTENTION: {lands}"
     assert timing.startswith("ATTENTION: drones keep 2.99 m from people only while nobody, ")
     assert not any("ATTENTION" in note for note in others)
+
+
+@pytest.mark.parametrize(("height", "words"), [
+    (2.0, "inside an obstacle at 1 of 5 steps; at step 2 their feet are 2 m below the top of the "
+     "obstacle"),
+    (0.0, ""),
+])  # fmt: skip
+def test_somebody_who_walks_through_a_wall_is_told_by_name(
+    height: float, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a note of `fly`, and in the frame of the sheet."""
+    heights = np.zeros((12, 9))
+    heights[3, 4] = height
+    problem, plan = beside_somebody()
+    walker = problem.actors[0].replace(name="Cleo")
+    problem = problem.replace(height_map=co.HeightMap(heights=heights), actors=(walker,))
+    run = Run(
+        capsys, "fly", *saved(tmp_path, problem, plan)[:2], "-o", tmp_path / "f.csv", "--json"
+    )
+    told = [f"ATTENTION: person 0 (Cleo) is {words}"] if words else []
+    assert [note for note in run.json["notes"] if "Cleo" in note and "ATT" in note][:1] == told
+    framed = [*attention(Flight.of(problem, plan, False))]
+    assert [each for each in framed if "obstacle" in each] == [f"{each}." for each in told]
 
 
 @pytest.mark.slow

@@ -447,7 +447,7 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     places = [[float(cell) for cell in row[1:3]] for row in card.table.rows]
     np.testing.assert_allclose(places, walk, atol=0.06)
     assert [row[0] for row in card.table.rows] == ["T+0:00", "T+0:00.5", "T+0:01", "T+0:01.5"]
-    assert [row[3] for row in card.table.rows] == ["2.0 m/s"] * 3 + ["end"]  # 1 m in half a second
+    assert [row[3] for row in card.table.rows] == ["2.00 m/s"] * 3 + ["end"]  # 1 m in half a second
     rows = running_order(flight, clock).rows
     assert ("T+0:00", "all people", "SIGNAL: start walking (step 0 of the plan)") in rows
     # Both drones are 5 m above their take-offs, and have 10 s left there.
@@ -455,6 +455,22 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     assert any(
         "drones keep 1 m from people" in line for line in text_of(flight)["Late drones and people"]
     )
+
+
+def test_a_cue_says_where_somebody_stops_and_not_a_mean_pace() -> None:
+    """At 1.25 m/s in steps of 4 s: in the third she walks 1 s, and then stands."""
+    path = (co.State(0, 8),) * 6
+    x = np.array([0.5, 5.5, 10.5, 11.75, 11.75, 11.75])
+    walk = np.column_stack([x, np.full(6, 0.5), np.zeros((6, 2))])
+    problem = co.Problem(
+        name="walk", height_map=co.HeightMap(heights=np.zeros((15, 9))), horizon=5, step=4.0,
+        actors=(co.Actor(poses=walk),), robots=(co.Robot(start=path[0]),),
+    )  # fmt: skip
+    flight = Flight.of(problem, co.Plan(paths=(path,)), False)
+    (card,) = people_cards(flight, clock_of(flight))
+    assert card.table is not None
+    told = ["1.25 m/s", "1.25 m/s", "1.25 m, stops", "stands", "stands", "end"]
+    assert [row[3] for row in card.table.rows] == told
 
 
 def test_tables_have_the_places_of_the_flight() -> None:

@@ -154,7 +154,10 @@ def test_tables_without_room_are_said(recipe: Path, caplog: pytest.LogCaptureFix
     """Drones off the map, too many of them, and areas that are all closed, are drawn without."""
     out = str(recipe.with_suffix(".png"))
     for starts, words in (
-        ("starts = [{ x = 90, y = 4 }]", "drones[0]: starts: must lie on the map, x 0..10 and y"),
+        (
+            "starts = [{ x = 90, y = 4 }]",
+            "drones[0]: starts[0]: must lie on the map, x 0..10 and y",
+        ),
         ("count = 99", "drones[0]: count: must be at most"),
         (
             "count = 1\nstarts = { area = [[8, 0], [10, 0], [10, 2]] }",

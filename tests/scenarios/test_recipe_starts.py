@@ -78,6 +78,23 @@ def test_areas_that_are_none_are_named(tmp_path: Path, starts: str, words: str) 
         recipe(tmp_path, starts)
 
 
+def test_a_start_that_is_none_is_named_by_its_row(tmp_path: Path) -> None:
+    """Of several, the one that is wrong, and what is wrong with it."""
+    fine, path = "{ x = 2, y = 6 }", tmp_path / "scene.toml"
+    for wrong, words in (
+        (
+            "x = 9, y = 6, heading = 200",
+            r"\[1\].heading: must be one of the 4 directions, .* 200; ",
+        ),
+        ("x = 9, y = 6, height = 5", r"\[1\].height: must be one of the layers 4, 6 m, not 5 m"),
+        ("x = 9, y = 60", r"\[1\]: must lie on the map"),
+    ):
+        rows = f"[{fine}, {{ {wrong} }}]"
+        path.write_text(RECIPE.replace("{starts}", rows).replace("count = 2\n", ""))
+        with pytest.raises(ProblemError, match=rf"drones\[0\]: starts{words}"):
+            read(path, seed=0)
+
+
 def test_an_area_needs_a_count_and_room(tmp_path: Path) -> None:
     """It does not say how many drones there are; two do not fit into one cell."""
     path = tmp_path / "scene.toml"

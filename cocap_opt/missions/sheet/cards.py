@@ -149,9 +149,13 @@ def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
 def _person_cues(
     flight: Flight, clock: Clock, times: FloatArray, x: FloatArray, y: FloatArray
 ) -> Table:
-    """Returns a person's places by the clock, and the speed to the next one."""
+    """Returns a person's places by the clock, and the pace to the next one.
+
+    Whoever slows down and then stands has stopped on the way: how far, not how fast, is known.
+    """
     along, up = np.diff(x), np.diff(y)
-    speeds = np.hypot(along, up) / np.diff(times)
+    far = np.hypot(along, up)
+    speeds = far / np.diff(times)
     ways = np.degrees(np.arctan2(up, along)) % 360
     if flight.geodesy is not None:
         ways = flight.geodesy.compass(x[:-1], y[:-1], np.radians(ways))
@@ -159,7 +163,10 @@ def _person_cues(
     for k, t in enumerate(times.tolist()):
         goes = ("end", "") if k == len(speeds) else ("stands", "")
         if k < len(speeds) and speeds[k] > _STANDS:
-            goes = f"{speeds[k]:.1f} m/s", f"{round(float(ways[k])) % 360}"
+            before, after = speeds[k - 1] if k else np.inf, speeds[k + 1 : k + 2]
+            stops = (after <= _STANDS).any() and speeds[k] < before - _STANDS
+            pace = f"{far[k]:.2f} m, stops" if stops else f"{speeds[k]:.2f} m/s"
+            goes = pace, f"{round(float(ways[k])) % 360}"
         rows.append((_time(clock, t), f"{x[k]:.1f}", f"{y[k]:.1f}", *goes))
     heads = ("time", "x (m)", "y (m)", "then walks", _direction(flight))
     return Table(heads, rows, frozenset(range(1, 5)))

@@ -23,6 +23,7 @@ from cocap_opt.missions.sheet.places import places, walks
 from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
+from cocap_opt.plausibility import misplaced_people
 from cocap_opt.problem import SEPARATION, Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
@@ -75,6 +76,7 @@ def _urgent(flight: Flight) -> Iterator[str]:
     if flight.flown.least_distance() < SEPARATION:
         yield from flight.near_without_rule()
     yield from bad_touchdowns(touchdowns(flight))
+    yield from misplaced_people(flight.flown.problem)
     yield from tight_timing(flight)
 
 
