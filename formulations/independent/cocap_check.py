@@ -1278,7 +1278,9 @@ class Staged:
         """Explores all plans above a target that are left, from joint state to joint state.
 
         A plan whose steps up to t are worth F is worth at most F, the later constants and rows, and
-        what each drone's states bring later at the present prices.
+        what each drone's states bring later at the present prices. Where starts are chosen and
+        nothing is seen from them, the joint states of step 1 come first, and then any starts that
+        lead there.
         """
         i = self.instance
         require(above >= self.target, "paths_above: must not be below the target")
@@ -1291,8 +1293,17 @@ class Staged:
             {s: 0 for s in i.starts[drone] if s in self.to_go[number][0]}
             for number, drone in zip(of, drones, strict=True)
         ]
-        reached = self._step(0, of, above, {(): (0, starts)})
-        for t in range(1, i.horizon + 1):
+        seen = any(not t and views for sees in self.bound.views for (t, *_), views in sees.items())
+        first = int(not seen and any(len(states) > 1 for states in starts))
+        if first:
+            heads = [
+                {head: 0 for s in states for head in self.moves[number][0].get(s, {})}
+                for number, states in zip(of, starts, strict=True)
+            ]
+            reached = self._step(1, of, above, {(): (0, heads)}, starts)
+        else:
+            reached = self._step(0, of, above, {(): (0, starts)})
+        for t in range(first + 1, i.horizon + 1):
             ways = {
                 team: (
                     value,
@@ -1307,8 +1318,14 @@ class Staged:
         best = max(reached.values(), default=above)
         self.value = min(self.value, max(above, min(before, best)))
 
-    def _step(self, t: int, of: list[int], above: int, ways: dict[Any, Any]) -> dict[Any, int]:
-        """Returns the joint states of a step that are reached, each with the most it is worth."""
+    def _step(
+        self, t: int, of: list[int], above: int, ways: dict[Any, Any],
+        starts: list[dict[Ints, int]] | None = None,
+    ) -> dict[Any, int]:  # fmt: skip
+        """Returns the joint states of a step that are reached, each with the most it is worth.
+
+        With starts, it is step 1, and those count to which some of them lead.
+        """
         reached: dict[Any, int] = {}
         rest = sum(self.constants[t + 1 :]) + sum(
             v for step, v in self.bound.row_constants if step >= t
@@ -1339,7 +1356,10 @@ class Staged:
             )
             for found in search.found:
                 heads = tuple(states[x][1] for x in found)
-                if t and self._is_forbidden(of, team, heads):
+                if starts is not None:
+                    if not self._has_start(of, starts, heads):
+                        continue
+                elif t and self._is_forbidden(of, team, heads):
                     continue
                 worth = value + search.worth(found)
                 # Drones of one class may change places.
@@ -1347,6 +1367,26 @@ class Staged:
                 key = tuple(s for _, s in order)
                 reached[key] = max(worth, reached.get(key, worth))
         return reached
+
+    def _has_start(
+        self, of: list[int], starts: list[dict[Ints, int]], heads: Any, before: Any = ()
+    ) -> bool:
+        """True if there are starts from which the drones get to these states without a conflict."""
+        if len(before) == len(heads):
+            return True
+        robot = len(before)
+        number, head = of[robot], heads[robot]
+        cells = self.instance.kinds[self.bound.classes[number][1]].cells
+        for s in starts[robot]:
+            if head in self.moves[number][0].get(s, {}):
+                tail = cells[s[0]]
+                move = tail, cells[head[0]]
+                if not any(
+                    self._conflict(move, other) or self._conflict((tail, tail), (other[0],) * 2)
+                    for other in before
+                ) and self._has_start(of, starts, heads, (*before, move)):
+                    return True
+        return False
 
     def _is_forbidden(self, of: list[int], tails: Any, heads: Any) -> bool:
         """True if two drones break a rule on the way."""
