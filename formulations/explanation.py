@@ -98,7 +98,7 @@ class Explanation:
     ----------
     bound : as the file claims it
     reward : J of the plan
-    terms : all but faces that add nothing and rows without a price
+    terms : all but faces that add nothing and rows without a price; none where they are not known
     leaf : of a proof, the one that the plan belongs to
     """
 
@@ -127,9 +127,12 @@ class Explanation:
     def losses(self) -> FloatArray:
         """Returns each robot's loss by the move of its path at each step [R, T], in units of J.
 
-        That of the first move has in it what is lost by the start, where there was a choice.
+        That of the first move has in it what is lost by the start, where there was a choice. Where
+        the terms are not known there are no robots.
         """
         paths = self.of_kind("path")
+        if not paths:
+            return np.zeros((0, 0))
         size = 1 + max(term.robot or 0 for term in paths)
         return np.array([term.amount for term in paths]).reshape(size, -1)
 
