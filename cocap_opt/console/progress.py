@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
+from cocap_opt.compiling import tally
 from cocap_opt.console.streams import say
 from cocap_opt.formulations.result import Report, Snapshot
 from cocap_opt.stop import Clock
@@ -124,9 +125,13 @@ class Watch:
         return Group(*lines, ProgressBar(self._parts, self._finished, width=_BAR_WIDTH))
 
     def _texts(self) -> list[str]:
-        """Returns the task and its status, unless the task has it in its name."""
-        is_told = not self._status or self._status in self._task
-        return [self._head()] if is_told else [self._head(), self._status]
+        """Returns the task and its status, unless the task has it in its name.
+
+        While code is compiled nothing gets further, and what was said of it is not true any more.
+        """
+        status = "compiling" if tally.is_compiling else self._status
+        is_told = not status or status in self._task
+        return [self._head()] if is_told else [self._head(), status]
 
     def _head(self) -> str:
         passed = self._clock.seconds
@@ -140,17 +145,21 @@ class Watch:
 
 
 class _Pace:
-    """The pace of the last half of the time: things that come first may take longer than most."""
+    """The pace of the last half of the time: things that come first may take longer than most.
+
+    Once code was compiled, it begins anew: it is faster from then on.
+    """
 
     def __init__(self) -> None:
         self._begin_with(0)
 
     def _begin_with(self, done: int) -> None:
         self._clock, self._marks = Clock(), deque([(0.0, done)])
+        self._compiled = tally.ended
 
     def left(self, done: int, total: int) -> float | None:
         """Returns the seconds (s) that are left; None while there is no pace yet."""
-        if done <= self._marks[-1][1]:
+        if done <= self._marks[-1][1] or tally.ended > self._compiled:
             self._begin_with(done)
         now, marks = self._clock.seconds, self._marks
         marks.append((now, done))
