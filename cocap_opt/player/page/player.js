@@ -62,7 +62,7 @@ function record() {
   } else if (Recording.kind()) {
     const { canvas, plan } = panels[state.plan], { speed } = state;
     jump(data.first);
-    state.recording = new Recording(canvas, `${data.name} ${plan.planner ?? plan.title} ${speed} steps per second.webm`);
+    state.recording = new Recording(canvas, `${data.name} ${plan.planner ?? plan.title} ${digits(speed, 2)} steps per second.webm`);
     play(true);
   }
   find("film").setAttribute("aria-pressed", String(Boolean(state.recording)));
@@ -315,11 +315,22 @@ function tellRenderer() {
   refresh();
 }
 
+// The speed at which things happen, where it is known how long a step lasts.
+function offerRealTime(speed) {
+  if (data.seconds === null) return;
+  const real = 1 / data.seconds, offered = [...speed.options];
+  const option = offered.find(({ value }) => Number(value) === real) ?? make("option");
+  option.value = String(real);
+  option.textContent = `${digits(real, 2)} (real time)`;
+  if (!option.parentNode) speed.insertBefore(option, offered.find(({ value }) => Number(value) > real) ?? null);
+}
+
 function listen() {
   const slider = find("slider"), speed = find("speed");
   slider.max = String(data.steps);
   slider.addEventListener("input", () => jump(Number(slider.value)));
   find("play").addEventListener("click", () => play(!state.playing));
+  offerRealTime(speed);
   state.speed = data.steps > 24 ? 4 : 2;
   speed.value = String(state.speed);
   speed.addEventListener("change", () => (state.speed = Number(speed.value)));
