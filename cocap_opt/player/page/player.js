@@ -318,11 +318,13 @@ function tellRenderer() {
 // The speed at which things happen, where it is known how long a step lasts.
 function offerRealTime(speed) {
   if (data.seconds === null) return;
-  const real = 1 / data.seconds, offered = [...speed.options];
-  const option = offered.find(({ value }) => Number(value) === real) ?? make("option");
+  const real = 1 / data.seconds, option = make("option", "", digits(real, 2)), group = make("optgroup");
+  const next = [...speed.options].find(({ value }) => Number(value) >= real);
   option.value = String(real);
-  option.textContent = `${digits(real, 2)} (real time)`;
-  if (!option.parentNode) speed.insertBefore(option, offered.find(({ value }) => Number(value) > real) ?? null);
+  group.label = "real time";
+  speed.insertBefore(group, next ?? null);
+  if (Number(next?.value) === real) next.remove();
+  group.append(option);
 }
 
 function listen() {
