@@ -22,7 +22,7 @@ _LONG = 5.0  # s of NumPy's way, after which advice is wanted
 
 
 class Tally:
-    """How many kernels this process has begun to compile, and of how many that has ended."""
+    """Numbers of kernels that this process has begun to compile, and is done with."""
 
     begun, ended = 0, 0
 

@@ -37,7 +37,7 @@ class Watch:
         self._task = task
         self._parts = parts
         self._plain = plain
-        self._finished = 0
+        self._finished, self._finished_at = 0, 0.0
         self._status = ""
         self._clock = Clock()
         # When the next line is due, on that clock.
@@ -80,7 +80,7 @@ class Watch:
 
     def finish(self) -> None:
         """Counts a part as done."""
-        self._finished += 1
+        self._finished, self._finished_at = self._finished + 1, self._clock.seconds
 
     def show(self, status: str) -> None:
         """Shows how far the task is."""
@@ -134,14 +134,16 @@ class Watch:
         return [self._head()] if is_told else [self._head(), status]
 
     def _head(self) -> str:
+        """Returns the task and its time, and what is left until parts take longer than before."""
         passed = self._clock.seconds
         if self._parts is None:
             return f"{self._task}, {passed:.0f} s"
         words = f"{self._task}, {self._finished} of {self._parts} done, {passed:.0f} s"
-        if not self._finished:
+        if not self._finished or tally.is_compiling:
             return words
-        left = passed / self._finished * (self._parts - self._finished)
-        return f"{words}, about {left:.0f} s left"
+        each = self._finished_at / self._finished
+        left = each * (self._parts - self._finished) - (passed - self._finished_at)
+        return f"{words}, about {max(left, 1):.0f} s left" if left > 0 else words
 
 
 class _Pace:

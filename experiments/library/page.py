@@ -93,6 +93,7 @@ def _gap(library: Library, standing: Standing, problem: Problem, plan: Plan) -> 
         return None
     content, name = library.content(standing.bound), standing.bound.file
     file = decode_document(content, name, CertificateFile, ProofFile)
+    assert isinstance(file, CertificateFile | ProofFile)
     return explanation(problem, plan, check(problem, plan).reward, file)
 
 

@@ -60,8 +60,9 @@ def _bound_file(path: Path, problem: Problem) -> CertificateFile | ProofFile | N
     if not path.is_file():
         return None
     file = PlanReader(problem.name, problem).claim(path)
-    is_bound = isinstance(file, CertificateFile | ProofFile)
-    return file if is_bound and file.digest == problem_digest(problem) else None
+    if not isinstance(file, CertificateFile | ProofFile) or file.digest != problem_digest(problem):
+        return None
+    return file
 
 
 def explanation(

@@ -165,6 +165,21 @@ def test_the_time_left_follows_the_last_half(
     assert said[9] == "coverage 90 %, about 1 s left"
 
 
+def test_parts_that_take_longer_than_before_are_not_estimated(now: types.SimpleNamespace) -> None:
+    """What is left shrinks while nothing ends, and is not told once it should have ended."""
+    watch, said = progress.Watch("scene", 4), list[str]()
+    for _ in range(3):
+        now.seconds += 4.0
+        watch.finish()
+    for _ in range(4):
+        said += watch._texts()
+        now.seconds += 2.0
+    assert said == [
+        "scene, 3 of 4 done, 12 s, about 4 s left", "scene, 3 of 4 done, 14 s, about 2 s left",
+        "scene, 3 of 4 done, 16 s", "scene, 3 of 4 done, 18 s",
+    ]  # fmt: skip
+
+
 def test_nothing_is_estimated_while_code_is_compiled(
     now: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
