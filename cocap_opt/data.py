@@ -11,6 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from cocap_opt.text import with_article
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -137,7 +139,7 @@ def _kind(hint: Any) -> str:
     if hint in names:
         return names[hint]
     name = getattr(hint, "__name__", "array")
-    return f"{'an' if name[0] in 'AO' else 'a'} {name} object"
+    return f"{with_article(name)} object"
 
 
 def read_only(array: FloatArray) -> FloatArray:

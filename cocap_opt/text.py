@@ -39,6 +39,11 @@ def number_in_words(number: int) -> str:
     return _NUMBERS.get(number, str(number))
 
 
+def with_article(name: str) -> str:
+    """Returns the name of a type after "a" or "an"; those that begin with u sound like "you"."""
+    return f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+
+
 def in_ranges(numbers: Sequence[int]) -> str:
     """Returns increasing whole numbers in words, such as "3-5, 8"."""
     runs: list[list[int]] = []

@@ -98,7 +98,8 @@ class Explanation:
     ----------
     bound : the bound that the file claims
     reward : J of the plan
-    terms : all terms but those of faces that add nothing and of rows without a price
+    terms : all terms but those of faces that add nothing and of rows without a price; none where
+        they are not known
     leaf : in a proof, the leaf that the plan belongs to
     """
 
@@ -127,9 +128,12 @@ class Explanation:
     def losses(self) -> FloatArray:
         """Returns each robot's loss by the move of its path at each step [R, T], in units of J.
 
-        The loss by the first move includes the loss by the start, if there was a choice.
+        The loss by the first move includes the loss by the start, if there was a choice. Where the
+        terms are not known there are no robots.
         """
         paths = self.of_kind("path")
+        if not paths:
+            return np.zeros((0, 0))
         size = 1 + max(term.robot or 0 for term in paths)
         return np.array([term.amount for term in paths]).reshape(size, -1)
 

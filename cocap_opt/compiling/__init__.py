@@ -11,6 +11,6 @@ which numba keeps them), `marks` (by which a process knows that they are kept, w
 """
 
 from cocap_opt.compiling.functions import CompilingError, compiled, is_there
-from cocap_opt.compiling.kernel import ALL_SECONDS, Kernel
+from cocap_opt.compiling.kernel import ALL_SECONDS, Kernel, tally
 
-__all__ = ["ALL_SECONDS", "CompilingError", "Kernel", "compiled", "is_there"]
+__all__ = ["ALL_SECONDS", "CompilingError", "Kernel", "compiled", "is_there", "tally"]

@@ -21,6 +21,20 @@ _PATIENT = 10.0  # times the seconds of compiling, on a machine that has much el
 _LONG = 5.0  # s of NumPy's way, after which advice is wanted
 
 
+class Tally:
+    """Numbers of kernels that this process has begun to compile, and is done with."""
+
+    begun, ended = 0, 0
+
+    @property
+    def is_compiling(self) -> bool:
+        """A kernel is being compiled."""
+        return self.begun > self.ended
+
+
+tally = Tally()
+
+
 class Kernel:
     """Compiled code that does what NumPy does as well, and when this process uses it.
 
@@ -203,6 +217,7 @@ class Kernel:
     def _compile(self, stop: Stop) -> None:
         """Compiles and loads it, which is said; what fails leaves nothing kept."""
         _log.warning(_FIRST, self.name, self._compiling)
+        tally.begun += 1
         try:
             self._made(stop)
         except LimitReached:
@@ -212,6 +227,8 @@ class Kernel:
             if isinstance(error, CompilingError):
                 raise
             raise CompilingError(f"numba fails ({type(error).__name__}: {error})") from error
+        finally:
+            tally.ended += 1
         self.is_loaded = True
 
     def _made(self, stop: Stop) -> None:

@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
+from cocap_opt.compiling import tally
 from cocap_opt.console.streams import say
 from cocap_opt.formulations.result import Report, Snapshot
 from cocap_opt.stop import Clock
@@ -36,7 +37,7 @@ class Watch:
         self._task = task
         self._parts = parts
         self._plain = plain
-        self._finished = 0
+        self._finished, self._finished_at = 0, 0.0
         self._status = ""
         self._clock = Clock()
         # When the next line is due, on that clock.
@@ -79,7 +80,7 @@ class Watch:
 
     def finish(self) -> None:
         """Counts a part as done."""
-        self._finished += 1
+        self._finished, self._finished_at = self._finished + 1, self._clock.seconds
 
     def show(self, status: str) -> None:
         """Shows how far the task is."""
@@ -124,33 +125,43 @@ class Watch:
         return Group(*lines, ProgressBar(self._parts, self._finished, width=_BAR_WIDTH))
 
     def _texts(self) -> list[str]:
-        """Returns the task and its status, unless the task has it in its name."""
-        is_told = not self._status or self._status in self._task
-        return [self._head()] if is_told else [self._head(), self._status]
+        """Returns the task and its status, unless the task has it in its name.
+
+        While code is compiled nothing gets further, and what was said of it is not true any more.
+        """
+        status = "compiling" if tally.is_compiling else self._status
+        is_told = not status or status in self._task
+        return [self._head()] if is_told else [self._head(), status]
 
     def _head(self) -> str:
+        """Returns the task and its time, and what is left until parts take longer than before."""
         passed = self._clock.seconds
         if self._parts is None:
             return f"{self._task}, {passed:.0f} s"
         words = f"{self._task}, {self._finished} of {self._parts} done, {passed:.0f} s"
-        if not self._finished:
+        if not self._finished or tally.is_compiling:
             return words
-        left = passed / self._finished * (self._parts - self._finished)
-        return f"{words}, about {left:.0f} s left"
+        each = self._finished_at / self._finished
+        left = each * (self._parts - self._finished) - (passed - self._finished_at)
+        return f"{words}, about {max(left, 1):.0f} s left" if left > 0 else words
 
 
 class _Pace:
-    """The pace of the last half of the time: things that come first may take longer than most."""
+    """The pace of the last half of the time: things that come first may take longer than most.
+
+    Once code was compiled, it begins anew: it is faster from then on.
+    """
 
     def __init__(self) -> None:
         self._begin_with(0)
 
     def _begin_with(self, done: int) -> None:
         self._clock, self._marks = Clock(), deque([(0.0, done)])
+        self._compiled = tally.ended
 
     def left(self, done: int, total: int) -> float | None:
         """Returns the seconds (s) that are left; None while there is no pace yet."""
-        if done <= self._marks[-1][1]:
+        if done <= self._marks[-1][1] or tally.ended > self._compiled:
             self._begin_with(done)
         now, marks = self._clock.seconds, self._marks
         marks.append((now, done))

@@ -117,7 +117,7 @@ def cameras_line(by_two: float | None, by_three: float | None, median: float | N
         return ""
     words = f"two see {whole_percent(by_two)} of person-steps, three {whole_percent(by_three)}"
     known = median is not None and math.isfinite(median)
-    return f"{words}; half within {median:,.0f} mm" if known else words
+    return f"{words}; median error {median:,.0f} mm" if known else words
 
 
 def whole_percent(part: float) -> str:

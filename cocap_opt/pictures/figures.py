@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
-from PIL import Image
 
 from cocap_opt.output.printing import counted
+from cocap_opt.pictures.gif import gif
 from cocap_opt.pictures.style import (
     BLUE,
     LABEL,
@@ -224,7 +224,8 @@ def plan_picture(
     verdict = check(problem, plan)
     if suffix == ".gif":
         shown = steps or range(problem.horizon + 1)
-        return _gif([_plan_figure(problem, plan, verdict, t) for t in shown])
+        drawn = [picture(_plan_figure(problem, plan, verdict, t), ".png") for t in shown]
+        return gif(drawn, [_FRAME_MILLISECONDS] * len(drawn))
     if len(steps) > 1:
         return picture(_strip_figure(problem, plan, verdict, steps), suffix)
     (t,) = steps or (problem.horizon,)
@@ -254,15 +255,4 @@ def picture(figure: Figure, suffix: str) -> bytes:
             canvas.print_png(content)  # type: ignore[no-untyped-call]
         else:
             figure.savefig(content, format=suffix[1:])
-    return content.getvalue()
-
-
-def _gif(figures: Sequence[Figure]) -> bytes:
-    """Returns figures as the frames of a GIF file that repeats."""
-    frames = [Image.open(io.BytesIO(picture(figure, ".png"))).convert("RGB") for figure in figures]
-    content = io.BytesIO()
-    frames[0].save(
-        content, format="GIF", save_all=True, append_images=frames[1:], loop=0,
-        duration=_FRAME_MILLISECONDS,
-    )  # fmt: skip
     return content.getvalue()

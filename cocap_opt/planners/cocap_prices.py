@@ -38,7 +38,7 @@ _ENOUGH = 0.01  # of the bound on mixtures, to which the first one is raised
 _PATIENCE, _SLOW = 8, 0.8
 _MOST_SEARCHES = 8
 
-_STANDS_STILL = "stalled: its last search found nothing better"
+_STANDS_STILL = "its last search found no better plan"
 
 
 @timed

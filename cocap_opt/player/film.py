@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from cocap_opt.pictures.gif import gif
 from cocap_opt.player.chromium import NAMES, Chromium, ChromiumError
 from cocap_opt.player.filming import VIDEOS, Filming
 from cocap_opt.player.player import Player
@@ -73,7 +74,7 @@ def filmed_plans(
             browser.value(f"film.look({filming.view!r})")
             times = filming.times(shown["first"], shown["last"], shown["speed"])
 
-            def pictures() -> Iterator[Image.Image]:
+            def pictures() -> Iterator[bytes]:
                 for k, at in enumerate(times):
                     if stop.reached():
                         raise FilmError(
@@ -82,7 +83,7 @@ def filmed_plans(
                         )
                     tell(k, len(times))
                     browser.value(f"film.show({at!r})")
-                    yield Image.open(io.BytesIO(browser.picture())).convert("RGB")
+                    yield browser.picture()
 
             write = _video if filming.suffix in VIDEOS else _moving
             return write(filming, pictures()), len(times)
@@ -90,7 +91,11 @@ def filmed_plans(
         raise FilmError(f"{program}: {error}") from error
 
 
-def _video(filming: Filming, pictures: Iterator[Image.Image]) -> bytes:
+def _read(picture: bytes) -> Image.Image:
+    return Image.open(io.BytesIO(picture)).convert("RGB")
+
+
+def _video(filming: Filming, pictures: Iterator[bytes]) -> bytes:
     import av  # an extra
 
     content = io.BytesIO()
@@ -100,14 +105,14 @@ def _video(filming: Filming, pictures: Iterator[Image.Image]) -> bytes:
         stream.pix_fmt, stream.options = "yuv420p", _CODEC_OPTIONS[filming.suffix]
         stream.time_base = Fraction(1, filming.rate)
         for number, picture in enumerate(_lingering(pictures, round(_LAST * filming.rate))):
-            frame: Any = av.VideoFrame.from_ndarray(np.asarray(picture))
+            frame: Any = av.VideoFrame.from_ndarray(np.asarray(_read(picture)))
             frame.pts, frame.time_base = number, Fraction(1, filming.rate)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return content.getvalue()
 
 
-def _lingering(pictures: Iterator[Image.Image], count: int) -> Iterator[Image.Image]:
+def _lingering(pictures: Iterator[bytes], count: int) -> Iterator[bytes]:
     """Yields pictures, and the last one so many times more."""
     picture = next(pictures)
     for following in pictures:
@@ -116,18 +121,14 @@ def _lingering(pictures: Iterator[Image.Image], count: int) -> Iterator[Image.Im
     yield from chain([picture], repeat(picture, count))
 
 
-def _moving(filming: Filming, pictures: Iterator[Image.Image]) -> bytes:
-    is_gif, content = filming.suffix == ".gif", io.BytesIO()
-    drawn = [_with_few_colours(picture) if is_gif else picture for picture in pictures]
-    each = 1000 // filming.rate
-    pauses = [*repeat(each, len(drawn) - 1), round(1000 * _LAST)]
-    how: dict[str, Any] = {} if is_gif else {"quality": _QUALITY, "method": 4}
-    drawn[0].save(
-        content, filming.suffix[1:].upper(), save_all=True, append_images=drawn[1:],
-        duration=pauses, loop=0, **how,
+def _moving(filming: Filming, pictures: Iterator[bytes]) -> bytes:
+    drawn = list(pictures)
+    pauses = [*repeat(1000 // filming.rate, len(drawn) - 1), round(1000 * _LAST)]
+    if filming.suffix == ".gif":
+        return gif(drawn, pauses)
+    content, (first, *others) = io.BytesIO(), map(_read, drawn)
+    first.save(
+        content, "WEBP", save_all=True, append_images=others, duration=pauses, loop=0,
+        quality=_QUALITY, method=4,
     )  # fmt: skip
     return content.getvalue()
-
-
-def _with_few_colours(picture: Image.Image) -> Image.Image:
-    return picture.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)

@@ -25,7 +25,7 @@ from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.run.own_code import OwnCode, counted
 from cocap_opt.run.own_code import OwnPlannerError as OwnPlannerError
 from cocap_opt.stop import LimitReached
-from cocap_opt.text import meant, shortened
+from cocap_opt.text import meant, shortened, with_article
 
 _SEED = "seed"  # the parameter of planners that take the scene's seed
 _Call = Callable[..., object]
@@ -202,7 +202,7 @@ def usable_result(name: str, result: object) -> Result:
     """
     makes = "a planner returns a Result, such as Result(plan, J, Reason.FINISHED)"
     if not isinstance(result, Result):
-        what = "nothing (None)" if result is None else f"a {type(result).__name__}"
+        what = "nothing (None)" if result is None else with_article(type(result).__name__)
         raise OwnPlannerError(f"{name} returned {what}; {makes}")
     for field_name, value, kind, allowed in (
         ("plan", result.plan, Plan | None, "Plan"),
@@ -211,9 +211,9 @@ def usable_result(name: str, result: object) -> Result:
         ("reason", result.reason, Reason, "Reason"),
     ):
         if not isinstance(value, kind):
+            what = with_article(type(value).__name__)
             raise OwnPlannerError(
-                f"{name} returned a Result whose {field_name} is a {type(value).__name__}, not a "
-                f"{allowed}; {makes}"
+                f"{name} returned a Result whose {field_name} is {what}, not a {allowed}; {makes}"
             )
     if result.plan is None:
         return result

@@ -10,14 +10,18 @@ from matplotlib.figure import Figure
 
 from cocap_opt.experiments.library.judge import BOUND, PLAN
 from cocap_opt.experiments.library.records import Library, Record, Standing
+from cocap_opt.experiments.report.explaining import explanation
 from cocap_opt.experiments.tables.tables import html_table
 from cocap_opt.files.documents import PlanFile, decode_document
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.printing import counted
 from cocap_opt.pictures.figures import picture
 from cocap_opt.pictures.style import BLUE, RED, SMALL, add_legend, new_figure, set_frame
 from cocap_opt.player.pages import page_text
 from cocap_opt.player.player import Player
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
 from cocap_opt.text import rounded_up
 
 _STATES = {
@@ -75,11 +79,22 @@ def _best_plan(library: Library, standing: Standing, problem: Problem) -> str:
         decode_document(library.content(standing.plan), standing.plan.file, PlanFile),
         standing.entry.name,
     )
-    player = Player(problem, [(name, file.plan)], planners=[file.planner]).page()
+    gap = _gap(library, standing, problem, file.plan)
+    player = Player(problem, [(name, file.plan)], [gap], [file.planner]).page()
     return (
         f'<iframe class="player" title="best plan of {escape(name)}" srcdoc="{escape(player)}">'
         "</iframe>"
     )
+
+
+def _gap(library: Library, standing: Standing, problem: Problem, plan: Plan) -> Explanation | None:
+    """Explains the gap of the best plan to the best bound; None where there is no bound."""
+    if standing.bound is None:
+        return None
+    content, name = library.content(standing.bound), standing.bound.file
+    file = decode_document(content, name, CertificateFile, ProofFile)
+    assert isinstance(file, CertificateFile | ProofFile)
+    return explanation(problem, plan, check(problem, plan).reward, file)
 
 
 def citation(library: Library, standing: Standing) -> str:

@@ -7,7 +7,7 @@ from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
-from cocap_opt.formulations.explanation import Kind, explain
+from cocap_opt.formulations.explanation import Explanation, Kind, explain
 from cocap_opt.model import compiled
 from cocap_opt.output.files import PlanReader
 from cocap_opt.problem import Plan, Problem
@@ -28,8 +28,8 @@ def explained_plans(
 ) -> dict[str, Explained]:
     """Returns the gaps of plans by their planners, told apart with the folder's certificate.
 
-    Left out are plans without a gap to speak of, and all of them where the certificate is not in
-    the folder or the scene `is_too_large`.
+    Left out are all plans where no bound is known. Gaps have no terms where that certificate is not
+    in the folder, or is of the scene without rules, or where the scene `is_too_large`.
 
     Parameters
     ----------
@@ -40,26 +40,54 @@ def explained_plans(
     FileError
         If the certificate's file is damaged.
     """
-    bounded = [row for row in rows if row.certificate and (row.gap or 0.0) >= SHOWN]
-    if not bounded or not (folder / bounded[0].certificate).is_file():
-        return {}
-    path = folder / bounded[0].certificate
-    file = PlanReader(problem.name, problem).claim(path)
-    if not isinstance(file, CertificateFile | ProofFile) or file.digest != problem_digest(problem):
-        return {}
-    if is_too_large(problem):
-        return {}
     model, found = compiled(problem), {}
-    for row in bounded:
+    for row in rows:
+        if row.bound is None or row.bound < 0:  # then it is proved that there is no plan
+            continue
         assert row.planner is not None
         assert row.reward is not None
-        plan = plans[row.planner]
+        plan, file = plans[row.planner], _bound_file(folder / row.certificate, problem)
         try:
-            gap = explain(model, plan, row.reward, file)
+            gap = explanation(problem, plan, row.reward, file) if file else None
         except CertificateError as error:
-            raise FileError(f"{path}: {error}") from error
-        found[row.planner] = Explained(model, plan, gap)
+            raise FileError(f"{folder / row.certificate}: {error}") from error
+        found[row.planner] = Explained(model, plan, gap or Explanation(row.bound, row.reward, ()))
     return found
+
+
+def _bound_file(path: Path, problem: Problem) -> CertificateFile | ProofFile | None:
+    """Returns a certificate or a proof of a problem; None where there is no such file."""
+    if not path.is_file():
+        return None
+    file = PlanReader(problem.name, problem).claim(path)
+    if not isinstance(file, CertificateFile | ProofFile) or file.digest != problem_digest(problem):
+        return None
+    return file
+
+
+def explanation(
+    problem: Problem, plan: Plan, reward: float, file: CertificateFile | ProofFile
+) -> Explanation:
+    """Explains a gap by a file that was verified; without terms where a scene `is_too_large`.
+
+    Raises
+    ------
+    CertificateError
+        If the file's numbers are not valid.
+    """
+    if is_too_large(problem):
+        return Explanation(file.proved, reward, ())
+    return explain(compiled(problem), plan, reward, file)
+
+
+def worth_telling(explained: Mapping[str, Explained]) -> dict[str, Explained]:
+    """Returns the gaps that are large enough to speak of, of plans that obey the rules."""
+    return {
+        planner: told
+        for planner, told in explained.items()
+        if told.explanation.share(told.explanation.gap) >= SHOWN
+        and not any(told.plan.conflicts(told.problem))
+    }
 
 
 def parts_table(explained: Mapping[str, Explained]) -> Table:

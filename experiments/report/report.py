@@ -18,7 +18,11 @@ from cocap_opt.experiments.report.charts import (
     losses_figure,
     progress_figure,
 )
-from cocap_opt.experiments.report.explaining import explained_plans, parts_table
+from cocap_opt.experiments.report.explaining import (
+    explained_plans,
+    parts_table,
+    worth_telling,
+)
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.profiles import profiles_figure
 from cocap_opt.experiments.sweeps.cells import FAILED
@@ -185,11 +189,13 @@ def _scene_plans(folder: Path, rows: Sequence[GapRow]) -> str:
     title = problem.name if seed is None else f"{problem.name}, seed {seed}"
     charts = _image(conflicts_figure(problem, plans), f"{title}: who collides with whom, and when.")
     name = _escaped(title)
-    left_out = f"<p>{_TOO_LARGE}</p>" if not explained and is_too_large(problem) else ""
+    gaps = worth_telling(explained)
+    known = {name: gap for name, gap in gaps.items() if gap.explanation.terms}
+    left_out = f"<p>{_TOO_LARGE}</p>" if gaps and is_too_large(problem) else ""
     return (
         f"<h3>{name}</h3>\n<p>{_escaped(_story(shown))}</p>\n"
         f'<iframe class="player" loading="lazy" title="plans of {name}" srcdoc="{player}">'
-        f"</iframe>\n{charts}{_gaps_explained(title, explained)}{left_out}"
+        f"</iframe>\n{charts}{_gaps_explained(title, known)}{left_out}"
     )
 
 

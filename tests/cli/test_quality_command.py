@@ -144,7 +144,7 @@ def test_each_person_has_a_summary(plan: Path) -> None:
 def test_a_plan_in_a_line() -> None:
     """Whole per cents, of which 0 and 100 are none and all; no error where none is finite."""
     words = "two see 84 % of person-steps, three 55 %"
-    assert cameras_line(0.84, 0.55, 21.4) == f"{words}; half within 21 mm"
+    assert cameras_line(0.84, 0.55, 21.4) == f"{words}; median error 21 mm"
     for unknown in (None, math.inf, math.nan):
         assert cameras_line(0.84, 0.55, unknown) == words
     assert cameras_line(None, None, None) == cameras_line(math.nan, math.nan, math.nan) == ""

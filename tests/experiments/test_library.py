@@ -472,4 +472,6 @@ def test_a_page_has_records_player_and_how_to_cite(tmp_path: Path) -> None:
         assert len({record.date for record in Library().records(name)}) == 1
         assert "data:image/svg+xml" not in text
         assert ("<iframe" in text) == (name == "corridor-0")
+        solved = "&quot;optimal&quot;:true"  # as the player has it
+        assert (solved in text) == (name == "corridor-0")
         assert Library().digests()[name].digest in text

@@ -61,6 +61,10 @@ def plan_only(problem, stop):
     return Plan.hovering(problem)
 
 
+def number(problem, stop):
+    return 3
+
+
 def words(problem, stop):
     return Result(Plan.hovering(problem), "much", Reason.FINISHED)
 
@@ -197,6 +201,7 @@ def test_python_plans_by_module_and_name(mine: Path) -> None:
     [
         ("nothing", "mymodule:nothing returned nothing (None); a planner returns a Result, "),
         ("plan_only", "mymodule:plan_only returned a Plan; a planner returns a Result, "),
+        ("number", "mymodule:number returned an int; a planner returns a Result, "),
         ("words", "mymodule:words returned a Result whose value is a str, not a number; "),
         ("exits", "mymodule:exits has ended its process: SystemExit(3)"),
         ("boasts", "claims J = "),

@@ -1,15 +1,20 @@
+import json
+import re
 import shutil
 from collections.abc import Callable
+from html import unescape
 from pathlib import Path
+from typing import Any
 
 import pytest
 from result_rows import row
 
 import cocap_opt as co
 from cocap_opt.cli import commands
+from cocap_opt.experiments.report import explaining
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.report import _rules, _telling_pair, _telling_seed
-from cocap_opt.experiments.sweeps.results import CommandRun, RunFile
+from cocap_opt.experiments.sweeps.results import CommandRun, RunFile, load_results
 from cocap_opt.experiments.tables.layout import Paths
 from cocap_opt.problem import NO_RULES, CollisionRules
 
@@ -48,6 +53,34 @@ def test_a_report_needs_only_its_folder(
     monkeypatch.setattr("cocap_opt.scenarios.SCENES", {})
     assert report(copy, tmp_path / "report.html") == 0
     assert "What the gaps are made of" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def played(page: str) -> list[dict[str, Any]]:
+    """The data of the players in a page."""
+    frames = re.findall(r'srcdoc="([^"]*)"', page)
+    found = [re.search(r'id="data">(.*?)</script>', unescape(frame), re.S) for frame in frames]
+    return [json.loads(data[1]) for data in found if data]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_large", [False, True])
+def test_players_have_the_bounds_that_the_report_tells(
+    is_large: bool, results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All plans do, the best ones and those that break rules too, and in very large scenes."""
+    monkeypatch.setattr(explaining, "is_too_large", lambda _: is_large)
+    assert report(results, tmp_path / "report.html") == 0
+    rows = {(row.scene, row.planner): row for row in load_results(results)}
+    players = played((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert len(players) == 2
+    for data in players:
+        for plan in data["plans"]:
+            told, gap = rows[data["name"], plan["title"]], plan["gap"]
+            assert gap["bound"] == pytest.approx(told.bound)
+            assert gap["optimal"] == told.is_optimal
+            assert told.gap is None or gap["total"] == pytest.approx(told.gap, abs=1e-9)
+            assert bool(gap["losses"]) != is_large
+    assert any(plan["gap"]["optimal"] for data in players for plan in data["plans"])
 
 
 def _without_results(folder: Path) -> str:

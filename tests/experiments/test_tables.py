@@ -260,7 +260,7 @@ def test_cameras_are_counted_of_plans_that_obey_the_rules() -> None:
          "seen by three (%)": "10.0", "median error (mm)": "-", "plans": "1"},
     ]  # fmt: skip
     assert "Cameras on people" not in Tables.of(ROWS)
-    assert rows[0].cameras == "two see 50 % of person-steps, three 25 %; half within 20 mm"
+    assert rows[0].cameras == "two see 50 % of person-steps, three 25 %; median error 20 mm"
     assert (rows[2].cameras, rows[6].cameras) == ("two see 30 % of person-steps, three 0 %", "")
 
 

@@ -15,6 +15,7 @@ import pytest
 import cocap_opt as co
 from cocap_opt import memory
 from cocap_opt.cli.main import main
+from cocap_opt.compiling import Kernel
 from cocap_opt.console import progress
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.model import CoverageEstimate, Model, compiled, coverage_estimate, coverage_tables
@@ -27,7 +28,7 @@ from cocap_opt.run import forecast
 from cocap_opt.run.forecast import Forecast, RecipeTrial, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
-from cocap_opt.stop import Limit, Reason, TimeLimit
+from cocap_opt.stop import Limit, Reason, Stop, TimeLimit, never
 from cocap_opt.vision.coverage import GrowingTable
 
 RECIPE = """\
@@ -129,8 +130,9 @@ def test_an_estimate_counts_the_views_that_are_computed(scene: str) -> None:
     assert before == model.covered_views
 
 
-def test_the_time_left_follows_the_last_half(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What took long at first is no measure of the rest; a second class begins anew."""
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
+    """The time (s) by the clocks of progress."""
     now = types.SimpleNamespace(seconds=0.0)
 
     class FakeClock:
@@ -142,6 +144,13 @@ def test_the_time_left_follows_the_last_half(monkeypatch: pytest.MonkeyPatch) ->
             return float(now.seconds - self._begin)
 
     monkeypatch.setattr(progress, "Clock", FakeClock)
+    return now
+
+
+def test_the_time_left_follows_the_last_half(
+    now: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What took long at first is no measure of the rest; a second class begins anew."""
     said, watch = list[str](), progress.Watch()
     monkeypatch.setattr(watch, "show", said.append)
     show = watch.countdown("coverage")
@@ -154,6 +163,48 @@ def test_the_time_left_follows_the_last_half(monkeypatch: pytest.MonkeyPatch) ->
     assert said[0] == "coverage 0 %" and said[10] == "coverage 100 %"
     assert said[1] == "coverage 10 %, about 36 s left"
     assert said[9] == "coverage 90 %, about 1 s left"
+
+
+def test_parts_that_take_longer_than_before_are_not_estimated(now: types.SimpleNamespace) -> None:
+    """What is left shrinks while nothing ends, and is not told once it should have ended."""
+    watch, said = progress.Watch("scene", 4), list[str]()
+    for _ in range(3):
+        now.seconds += 4.0
+        watch.finish()
+    for _ in range(4):
+        said += watch._texts()
+        now.seconds += 2.0
+    assert said == [
+        "scene, 3 of 4 done, 12 s, about 4 s left", "scene, 3 of 4 done, 14 s, about 2 s left",
+        "scene, 3 of 4 done, 16 s", "scene, 3 of 4 done, 18 s",
+    ]  # fmt: skip
+
+
+def test_nothing_is_estimated_while_code_is_compiled(
+    now: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is said instead, and the pace from before does not count afterwards."""
+    kernel = Kernel("module", "what cameras see", 1.0)
+    said, watch = list[str](), progress.Watch("scene")
+    show = watch.countdown("coverage")
+
+    def tell() -> None:
+        said.append(watch._texts()[1])
+
+    def compile_(stop: Stop) -> None:
+        now.seconds += 20.0
+        tell()
+
+    monkeypatch.setattr(kernel, "_made", compile_)
+    for done in (0, 10, 20):
+        show(done, 100)
+        tell()
+        now.seconds += 2.0
+    kernel._compile(never)
+    show(30, 100)
+    tell()
+    before = "coverage 10 %, about 18 s left", "coverage 20 %, about 16 s left"
+    assert said == ["coverage 0 %", *before, "compiling", "coverage 30 %"]
 
 
 # -- warnings and what would do ---------------------------------------------------------------

@@ -75,7 +75,7 @@ export class Chart {
     this.bars(context, y, Math.round(time));
     if (picked !== undefined) this.added(context, y, picked);
     if (this.other) this.outline(context, y);
-    if (this.plan.gap) this.losses(context, h - MARGIN.bottom + 1);
+    if (this.plan.gap?.losses.length) this.losses(context, h - MARGIN.bottom + 1);
     for (const mark of this.marks) this.mark(context, mark);
     context.fillStyle = words.ink;
     context.fillRect(this.x(time) - 0.75, 3, 1.5, h - MARGIN.bottom - 3);

@@ -69,7 +69,7 @@ export class Panel {
     }
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
-      badge.title = `the certificate was verified when this page was made${proof ? "; click for its file" : ""}`;
+      badge.title = `the certificate was verified${proof ? " when this page was made; click for its file" : ""}`;
     } else badge.textContent = waits ? "not planned yet" : near.length ? `no conflicts; drones come as close as ${distance(closest)}` : "no conflicts";
     if (besidePeople.length) {
       badge.textContent = `at the start ${several(besidePeople, 1)}`;
@@ -115,7 +115,7 @@ export class Panel {
       add("closest approach", distance(plan.closest), `the least distance of any two drones at any time, flying ${flightOf(plan)}`)
         .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
     }
-    if (plan.gap) this.lost = add("cost of this move", "");
+    if (plan.gap?.losses.length) this.lost = add("cost of this move", "");
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
@@ -193,7 +193,7 @@ export class Panel {
     put(this.now, step < data.first ? "not counted" : reward(plan.rewards[step]));
     this.now.dataset.value = String(plan.rewards[step]);
     put(this.sum, reward(plan.rewards.slice(0, step + 1).reduce((a, b) => a + b, 0)));
-    if (plan.gap) put(this.lost, losses(plan.gap, step));
+    if (this.lost) put(this.lost, losses(plan.gap, step));
     const most = this.canvas.clientWidth < PHONE ? 1 : MOST_WORDS;
     const told = [...conflictsAt(plan, time), ...nearAt(plan, time)].map((one) => one.words);
     put(this.words, several(told, most));

@@ -62,7 +62,7 @@ function record() {
   } else if (Recording.kind()) {
     const { canvas, plan } = panels[state.plan], { speed } = state;
     jump(data.first);
-    state.recording = new Recording(canvas, `${data.name} ${plan.planner ?? plan.title} ${speed} steps per second.webm`);
+    state.recording = new Recording(canvas, `${data.name} ${plan.planner ?? plan.title} ${digits(speed, 2)} steps per second.webm`);
     play(true);
   }
   find("film").setAttribute("aria-pressed", String(Boolean(state.recording)));
@@ -315,11 +315,24 @@ function tellRenderer() {
   refresh();
 }
 
+// The speed at which things happen, where it is known how long a step lasts.
+function offerRealTime(speed) {
+  if (data.seconds === null) return;
+  const real = 1 / data.seconds, option = make("option", "", digits(real, 2)), group = make("optgroup");
+  const next = [...speed.options].find(({ value }) => Number(value) >= real);
+  option.value = String(real);
+  group.label = "real time";
+  speed.insertBefore(group, next ?? null);
+  if (Number(next?.value) === real) next.remove();
+  group.append(option);
+}
+
 function listen() {
   const slider = find("slider"), speed = find("speed");
   slider.max = String(data.steps);
   slider.addEventListener("input", () => jump(Number(slider.value)));
   find("play").addEventListener("click", () => play(!state.playing));
+  offerRealTime(speed);
   state.speed = data.steps > 24 ? 4 : 2;
   speed.value = String(state.speed);
   speed.addEventListener("change", () => (state.speed = Number(speed.value)));
