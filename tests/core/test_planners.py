@@ -687,9 +687,9 @@ def test_ctrl_c_during_coverage_gives_a_plan_with_what_is_there(
     result = sequential(problem.replace(name="interrupted"), stop)
     assert stop.pressed and result.value > greedy(problem, TimeLimit(0)).value
     stop = PressedLater(0)
-    stop.put_off(0.01)
+    stop.put_off(0.3)
     assert stop.reached() is None
-    time.sleep(0.02)
+    time.sleep(0.31)
     stop.put_off(60.0)
     assert FirstOf(stop, never).reached() is Limit.INTERRUPT
 

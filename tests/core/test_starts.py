@@ -57,7 +57,7 @@ def test_starts_are_the_states_in_which_the_referee_lets_drones_be(problem: Prob
             state
             for state in (State(*indices) for indices in product(*map(range, sizes)))
             if robot.may_start_in(state)
-            and referee._stands_free(robot, state)
+            and not referee._misplaced(robot, state)
             and not _is_near(referee, robot, state)
         ]  # fmt: skip
         assert list(starts) == sorted(found)

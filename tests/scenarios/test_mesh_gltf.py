@@ -347,7 +347,7 @@ def test_numbers_of_vertices_that_are_not_there_are_refused(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("indices", "words"),
-    [([3, 3], "must rise"), ([3, 8], "and be below 8"), ([7, 3], "must rise")],
+    [([3, 3], "must increase"), ([3, 8], "and be below 8"), ([7, 3], "must increase")],
 )
 def test_sparse_numbers_rise_and_are_there(tmp_path: Path, indices: list[int], words: str) -> None:
     """Otherwise values would replace each other, or none."""
