@@ -1199,7 +1199,7 @@ def test_the_badge_offers_the_certificate(tmp_path: Path) -> None:
         driver.execute_cdp_cmd("Browser.setDownloadBehavior", behaviour)
         value(driver, f"{box}.querySelector('a[download]').click()")
         loaded = tmp_path / "loaded" / "proof.json"
-        WebDriverWait(driver, 20).until(lambda _: loaded.is_file())
+        WebDriverWait(driver, 20).until(lambda _: loaded.is_file() and loaded.read_bytes())
         assert loaded.read_bytes() == proof.read_bytes()
         before = step_of(driver)
         focused = driver.switch_to.active_element
