@@ -239,12 +239,14 @@ class EnvelopeParameters(Section):
 
     Attributes
     ----------
-    most_states_left : states of all steps
-        beyond it, searches take too long
-    most_at_a_step : states of a step
-        likewise
     few_states_left : states of all steps
-        beyond it, lists are faster, where there can be any
+        up to which all are paid; beyond it, lists close more in the same time
+    most_states_left : states of all steps
+        likewise, once a round of lists has closed little
+    most_unlisted : states of all steps
+        likewise, of teams too large for lists, whose searches take longer
+    most_at_a_step : states of a step
+        beyond it, its search takes too long
     most_listed_robots : robots
         searches of more take too long
     most_rounds : rounds
@@ -263,6 +265,8 @@ class EnvelopeParameters(Section):
         of a search of a step that is tried first; longer ones wait for what it closes
     next_times : times
         the nodes of before, for searches that have not ended
+    patience : searches
+        that may fail before all have more nodes: most need about as many
     nodes_of_stage : nodes
         of searches after which better prices of some steps are a stage of their own
     least_of_stage : share
@@ -282,9 +286,10 @@ class EnvelopeParameters(Section):
         likewise, for lists that stay as long as they are
     """
 
-    most_states_left: int = 12_000
-    most_at_a_step: int = 1_000
     few_states_left: int = 6_500
+    most_states_left: int = 30_000
+    most_unlisted: int = 12_000
+    most_at_a_step: int = 3_000
     most_listed_robots: int = 8
     most_rounds: int = 40
     many_nodes: int = 300_000
@@ -294,14 +299,15 @@ class EnvelopeParameters(Section):
     few_nodes: int = 2_000
     first_nodes: int = 1_000
     next_times: int = 3
+    patience: int = 2
     nodes_of_stage: int = 2_000
     least_of_stage: Share = 0.03
     responses: int = 10
     most_corrections: int = 4
-    least_round: Share = 0.05
+    least_round: Share = 0.12
     wide: float = 8.0
     least_wide: Share = 0.12
-    least_listed: Share = 0.1
+    least_listed: Share = 0.2
 
 
 @dataclass(frozen=True)
@@ -379,13 +385,20 @@ class TrialParameters(Section):
         likewise, not compiled
     more_nodes : times
         as many must be allowed for another trial after one that has failed
-    share_of_nodes : share
-        of what stages took, that all trials may take: most of them are in vain
+    times_nodes : times
+        what stages took, that all trials may take, compiled: a hundred of their nodes take as long
+        as one of a step's search among a thousand states
+    plain_times_nodes : times
+        likewise, not compiled, when nodes of both take about as long
     less : share
         of what was open, by which each higher target is less than the one before: of 5 % less
         a trial takes 1.6 to 5 times as many nodes (field, seed 1, without and with views)
+    most_less : share
+        by which it is less at most, however fast the trials before were
+    aimed_times : times
+        the nodes of the trial before that the next one should take
     next_times : times
-        as many nodes as the trial before
+        as many nodes as the trial before may be taken
     most_nodes : nodes
         of a trial for a higher target
     first_times : times `fewest_nodes`
@@ -395,8 +408,11 @@ class TrialParameters(Section):
     fewest_nodes: int = 100_000
     fewest_plain_nodes: int = 5_000
     more_nodes: float = 2.0
-    share_of_nodes: Share = 0.25
+    times_nodes: float = 10.0
+    plain_times_nodes: float = 0.25
     less: Share = 0.05
+    most_less: Share = 0.25
+    aimed_times: float = 4.0
     next_times: int = 8
     most_nodes: int = 300_000_000
     first_times: int = 10

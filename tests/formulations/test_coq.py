@@ -262,7 +262,12 @@ def test_certificates_of_small_problems_are_accepted(
 STAGES = replace(
     DEFAULTS,
     trials=replace(
-        DEFAULTS.trials, fewest_nodes=1, fewest_plain_nodes=1, share_of_nodes=0.0, most_nodes=1
+        DEFAULTS.trials,
+        fewest_nodes=1,
+        fewest_plain_nodes=1,
+        times_nodes=0.0,
+        plain_times_nodes=0.0,
+        most_nodes=1,
     ),
 )
 

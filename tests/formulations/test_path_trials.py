@@ -53,10 +53,16 @@ def narrowing() -> Narrowing:
 
 
 class Ending:
-    """Takes the place of the trials' searches: those of targets below one do not end."""
+    """Takes the place of the trials' searches: those of targets below one do not end.
 
-    def __init__(self, least: float) -> None:
-        self.least, self.allowed, self.targets = least, list[int](), list[float]()
+    Parameters
+    ----------
+    doubling : by how much lower a target must be for a trial to take twice the nodes
+    """
+
+    def __init__(self, least: float, doubling: float = np.inf) -> None:
+        self.least, self.doubling = least, doubling
+        self.allowed, self.targets = list[int](), list[float]()
 
     def __call__(self, narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
         """Ends, or not, and takes down what was asked for."""
@@ -64,7 +70,8 @@ class Ending:
         self.targets.append(narrowing.target)
         if narrowing.target < self.least:
             raise NotEndedError
-        return BestPlan(narrowing, -np.inf, nodes=1000)
+        lower = (self.targets[0] - narrowing.target) / self.doubling
+        return BestPlan(narrowing, -np.inf, nodes=int(1000 * 2**lower))
 
 
 def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
@@ -76,7 +83,7 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     fewest = trials._fewest_nodes()
     assert not trials.after_stages(narrowing, 0, 0)
     assert ending.allowed == [fewest]
-    assert not trials.after_stages(narrowing, 1, 4 * fewest)
+    assert not trials.after_stages(narrowing, 1, int(2.5 * fewest / DEFAULTS.trials.times_nodes))
     assert len(ending.allowed) == 1
     assert not trials.after_stages(narrowing, 2, 100 * fewest)
     assert len(ending.allowed) == 2 and ending.allowed[1] > 2 * fewest
@@ -119,6 +126,25 @@ def test_higher_targets_come_down_until_a_trial_fails(
     assert trials.above == ending.targets[-2]
     assert told == sorted(told, reverse=True) and told[-1] == trials.bound
     assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
+
+
+def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each takes about as many times the nodes as is aimed at; a step too far is halved."""
+    value, bound = trials.search.value, narrowing.bound
+    ending = Ending(value + 0.3 * (bound - value), doubling=0.08 * (bound - value))
+    monkeypatch.setattr(path_trials, "best_plan", ending)
+    trials.for_higher_targets(narrowing, 0, 10, lambda: None)
+    shares = [(target - value) / (bound - value) for target in ending.targets]
+    times = DEFAULTS.trials.aimed_times
+    step = 0.08 * np.log2(times)
+    # The first trials only show how fast nodes grow; those below 0.3 do not end.
+    assert shares[:2] == pytest.approx([0.95, 0.9])
+    ended = [share for share in shares if share >= 0.3]
+    assert np.diff(ended[1:4]) == pytest.approx(-step, rel=0.02)
+    assert trials.bound == pytest.approx(value + ended[-1] * (bound - value), rel=1e-9)
+    assert ended[-1] < 0.3 + 2 * DEFAULTS.trials.less
 
 
 def test_a_limit_ends_trials_and_keeps_what_they_proved(

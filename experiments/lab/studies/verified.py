@@ -38,7 +38,12 @@ _CLAIMS = {
 _WITHOUT_PATHS = replace(
     DEFAULTS,
     trials=replace(
-        DEFAULTS.trials, fewest_nodes=1, fewest_plain_nodes=1, share_of_nodes=0.0, most_nodes=1
+        DEFAULTS.trials,
+        fewest_nodes=1,
+        fewest_plain_nodes=1,
+        times_nodes=0.0,
+        plain_times_nodes=0.0,
+        most_nodes=1,
     ),
 )
 

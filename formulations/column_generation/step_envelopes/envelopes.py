@@ -116,7 +116,7 @@ class _Envelopes:
     lengths : of the lists of states
     searches : for joint states, of steps
     responses : iterations' worth of best responses for the next look for plans
-    lists_stall : true once a round with the longest lists has closed little
+    lists_stall : true once a round of lists has closed little
     """
 
     search: Search
@@ -172,15 +172,13 @@ class _Envelopes:
             closed = (before - self.narrowing.pricing.bound) / open_
             may_grow = listed and self.lengths.can_grow
             if listed and closed < self._parameters.least_listed:
-                self.lists_stall |= not may_grow
+                self.lists_stall = True
                 self.lengths.grow()
+            if listed and self._is_small():
+                continue  # the next round pays all states
             if is_wide and closed < self._parameters.least_wide:
                 break
-            if (
-                closed < self._parameters.least_round
-                and not may_grow
-                and not (listed and self._is_small())
-            ):
+            if closed < self._parameters.least_round and not may_grow:
                 break
         self._raise_target()
         if self.bound > cutoff():
@@ -247,11 +245,18 @@ class _Envelopes:
         )
 
     def _is_small(self) -> bool:
-        """Returns True if the searches of the steps may end."""
+        """Returns True if all states are paid one by one, for the searches of the steps may end."""
         left = states_left(self.narrowing)[self.steps.start :]
-        few = self._can_be_listed() and not self.lists_stall
-        most = self._parameters.few_states_left if few else self._parameters.most_states_left
-        return int(left.sum()) <= most and int(left.max()) <= self._parameters.most_at_a_step
+        return int(left.sum()) <= self._most_left() and int(left.max()) <= (
+            self._parameters.most_at_a_step
+        )
+
+    def _most_left(self) -> int:
+        """Returns how many states may be left for all of them to be paid."""
+        if not self._can_be_listed():
+            return self._parameters.most_unlisted
+        parameters = self._parameters
+        return parameters.most_states_left if self.lists_stall else parameters.few_states_left
 
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
@@ -290,7 +295,7 @@ class _Envelopes:
         )  # fmt: skip
         for _ in range(self._parameters.most_corrections):
             prices = bundle.run(cutoff, self.report)
-            if ceilings and bundle.flow:
+            if bundle.flow:
                 self._look_for_plans(bundle.flow)
             if (
                 prices is None

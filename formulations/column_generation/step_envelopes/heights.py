@@ -7,7 +7,7 @@ checks the certificate.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -70,8 +70,8 @@ class Heights:
             At a limit.
         """
         left = sorted(self.bundle.joints, key=lambda t: len(self.bundle.joints[t].states))
-        for most in self._limits_of_nodes():
-            left = [t for t in left if not self.find(t, most)]
+        for most, patience in self._limits_of_nodes():
+            left = self._left_after(left, most, patience)
         for t in left:
             self.lengths.note(t, len(self.bundle.joints[t].states), None)
         if self.waiting or not self.adopted:
@@ -82,13 +82,26 @@ class Heights:
                 self.bundle.correct(total)
         return bool(self.adopted)
 
-    def _limits_of_nodes(self) -> Iterable[int]:
-        """Yields the nodes that searches may have, first few and then more, up to the most."""
+    def _limits_of_nodes(self) -> Iterable[tuple[int, float]]:
+        """Yields the nodes that searches may have, first few and then more, up to the most.
+
+        With each comes the number of searches that may fail before all get more.
+        """
         most, limit = self.searches.many_nodes(), self._parameters.first_nodes
         while limit < most:
-            yield limit
+            yield limit, self._parameters.patience
             limit = max(limit * self._parameters.next_times, limit + 1)
-        yield most
+        yield most, math.inf
+
+    def _left_after(self, steps: Sequence[int], most_nodes: int, patience: float) -> list[int]:
+        """Returns the steps that have no height after searches of so many nodes each."""
+        left: list[int] = []
+        for k, t in enumerate(steps):
+            if len(left) >= patience:
+                return [*left, *steps[k:]]
+            if not self.find(t, most_nodes):
+                left.append(t)
+        return left
 
     def find(self, t: int, most_nodes: int) -> bool:
         """Looks for the height of a step, and makes a stage of all that wait where it is time.

@@ -53,9 +53,7 @@ class PathTrials:
         stages : how many there are
         nodes : that their searches took
         """
-        allowed = max(
-            int(self._parameters.share_of_nodes * nodes) - self.nodes, self._fewest_nodes()
-        )
+        allowed = max(int(self._times_nodes() * nodes) - self.nodes, self._fewest_nodes())
         room = narrowing.room_above(self.search.value)
         is_easier = room <= self.search.parameters.recombination.less_room * self._failed_room
         if not is_easier and allowed < self._parameters.more_nodes * self._failed_nodes:
@@ -76,15 +74,35 @@ class PathTrials:
         report : tells what has been proved
         """
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
-        share = 1.0
+        share, less, nodes_before = 1.0, self._parameters.less, 0
         while share > 0:
-            before, share = self.nodes, max(share - self._parameters.less, 0.0)
-            if not self._has_ended(
-                narrowing, share, min(allowed, self._parameters.most_nodes), stages
-            ):
+            before, lower = self.nodes, max(share - less, 0.0)
+            most_nodes = min(allowed, self._parameters.most_nodes)
+            if self._has_ended(narrowing, lower, most_nodes, stages):
+                report()
+                nodes_now = self.nodes - before
+                allowed = max(allowed, self._parameters.next_times * nodes_now)
+                less = self._next_less(share - lower, nodes_before, nodes_now)
+                share, nodes_before = lower, nodes_now
+            elif less > self._parameters.less:
+                less = max(less / 2, self._parameters.less)
+            else:
                 return
-            report()
-            allowed = max(allowed, self._parameters.next_times * (self.nodes - before))
+
+    def _next_less(self, less: float, nodes_before: int, nodes_now: int) -> float:
+        """Returns by how much the next target may be less than one whose trial has ended.
+
+        Parameters
+        ----------
+        less : by how much that was less than the one before
+        nodes_before, nodes_now : that the two trials took, of which the second takes more
+        """
+        least = self._parameters.less
+        if not 0 < nodes_before < nodes_now:
+            return least
+        # Nodes grow by about the same factor with each step down, and more later on.
+        steps = math.log(self._parameters.aimed_times) / math.log(nodes_now / nodes_before)
+        return max(least, min(steps * less, self._parameters.most_less))
 
     def _has_ended(self, narrowing: Narrowing, share: float, most_nodes: int, stages: int) -> bool:
         """Tries the plans above a target; returns False if these are too many.
@@ -113,6 +131,11 @@ class PathTrials:
     @property
     def _parameters(self) -> TrialParameters:
         return self.search.parameters.trials
+
+    def _times_nodes(self) -> float:
+        """Returns how many times the nodes of the stages all trials may take."""
+        is_fast = searches_are_fast(self.search.stop)
+        return self._parameters.times_nodes if is_fast else self._parameters.plain_times_nodes
 
     def _fewest_nodes(self) -> int:
         """Returns the number of nodes that every trial may take, whatever is left."""
