@@ -275,7 +275,6 @@ class _Envelopes:
                 found = self.searches.highest(higher, least, most_nodes)
                 if found is None:
                     continue
-                self.known.add(higher, found.positions)
                 constants.append(StepConstant(t, found.profit))
         finally:
             # What was lowered before a limit counts, so that the certificate has to tell of it.

@@ -35,6 +35,8 @@ class StepSearches:
     def highest(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
         """Returns the joint state of most profit; None if that takes too many nodes.
 
+        From then on it is known, so that the next prices take it into account.
+
         Parameters
         ----------
         least : profit that some joint state is known to have
@@ -43,6 +45,7 @@ class StepSearches:
         with suppress(NotEndedError):
             found = most_profitable(joint, least, most_nodes, self.stop)
             nodes = found.nodes
+            self.known.add(joint, found.positions)
         self.known.note(nodes, joint, self.stop)
         self.nodes += nodes
         return found
