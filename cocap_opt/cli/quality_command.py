@@ -3,7 +3,6 @@
 import logging
 import math
 import sys
-import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -31,7 +30,7 @@ from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.quality_bound import QualityBound
 from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import printable
+from cocap_opt.text import folded, printable
 
 _log = logging.getLogger(__name__)
 
@@ -151,11 +150,11 @@ def _quality(
         sys.stdout.write(f"{printable(found.words(width), chr(10))}\n\n")
         if rows := take_rows(given.problem, given.plan):
             by_take = ", ".join(f"{row['take']} {rounded(row['reward'])}" for row in rows)
-            words = textwrap.fill(f"J take by take: {by_take}", width)
+            words = folded(f"J take by take: {by_take}", width)
             sys.stdout.write(f"{printable(words, chr(10))}\n\n")
         if limits is not None:
             for words in limits.sentences(found, obeys_rules):
-                sys.stdout.write(f"{textwrap.fill(words, width)}\n")
+                sys.stdout.write(f"{folded(words, width)}\n")
             sys.stdout.write("\n")
         _people(found).print()
     return 0

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 from scipy import stats
 from strategies import examples
 
@@ -230,6 +231,24 @@ def test_no_character_of_a_caption_has_a_meaning_in_latex() -> None:
     line = r"\textless{} 1 $\pm$ 2 & 50 \% & \textasciitilde{}\textasciicircum{}\textbackslash{}"
     assert line in odd
     assert r"\caption{a\_b}" in odd and r"\label{tab:a-b}" in odd
+
+
+@pytest.mark.parametrize("name", ["规划器甲乙丙 规划器甲乙丙", 30 * "e\u0301", "김철수 ä"])
+def test_columns_end_alike_whatever_the_letters(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wide letters take two columns of a terminal, accents none; lines of 60 columns hold names."""
+    monkeypatch.setenv("COLUMNS", "60")
+    row = {"planner": name, "reward": 1234.5, "bound": 1240.0, "gap": 0.004, "seconds": 1.0}
+    Listing("a title", [row, row | {"planner": "cocap"}]).print()
+    lines = capsys.readouterr().out.splitlines()
+    for part in " ".join(lines).split("planner")[1:]:
+        assert part.count(name) == 1 and part.count("cocap") == 1
+    widths = [cell_len(line.rstrip()) for line in lines if "1,234.50" in line or "reward" in line]
+    assert max(map(cell_len, lines)) <= 60 and len(set(widths)) == 1
+    # As many columns are beside each other as have room.
+    wide = max(7, cell_len(name))
+    assert any("reward" in line and "bound" in line for line in lines) == (wide + 23 <= 60)
 
 
 def test_html_tables_align_numbers_and_say_what_they_are() -> None:
