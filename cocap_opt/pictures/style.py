@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from cocap_opt.text import columns_of
+
 BLUE, RED, AMBER, TEAL, PURPLE, GREY, BROWN, GREEN = SERIES = (
     "#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57",
 )  # fmt: skip
@@ -66,7 +68,7 @@ def line_look(number: int) -> dict[str, Any]:
 
 def columns_for(names: Collection[str], width: float) -> int:
     """Returns the columns of a legend with these names, in a width in inches, for even columns."""
-    longest = max(map(len, names), default=0)
+    longest = max(map(columns_of, names), default=0)
     most = max(1, min(3, int(width / (_HANDLE + _LETTER * longest))))
     return math.ceil(len(names) / math.ceil(len(names) / most)) if names else 1
 
