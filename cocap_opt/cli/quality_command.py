@@ -15,6 +15,7 @@ from cocap_opt.data import ProblemError, within
 from cocap_opt.files.documents import encode
 from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.footage.summary import OfPerson, whole_percent
+from cocap_opt.letters import folded
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import (
     GivenPlan,
@@ -30,7 +31,7 @@ from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.quality_bound import QualityBound
 from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import folded, printable
+from cocap_opt.text import printable
 
 _log = logging.getLogger(__name__)
 

@@ -10,7 +10,7 @@ from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.footage.assumptions import Assumptions
 from cocap_opt.footage.moments import APART
 from cocap_opt.footage.summary import Summary, share
-from cocap_opt.text import folded
+from cocap_opt.letters import folded
 
 USUAL_WIDTH = 80  # characters of a line
 _LABEL = 32  # characters before a number

@@ -8,9 +8,9 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.explanation import Term
+from cocap_opt.letters import columns_of
 from cocap_opt.output.printing import counted, rounded
 from cocap_opt.run.explained import SHOWN, Explained
-from cocap_opt.text import columns_of
 
 _LINES = 20  # of a table
 _WIDTH = 5  # of a number
