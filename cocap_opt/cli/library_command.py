@@ -31,12 +31,8 @@ app = App(
     version_flags=[],
 )
 
-_Name = Annotated[
-    str, Parameter(help="name of an instance; `cocap-opt library status --all` lists them")
-]
-_Folder = Annotated[
-    Path | None, Parameter(name="--library", help="folder of another copy of the library")
-]
+_Name = Annotated[str, Parameter(help="instance; `cocap-opt library status --all` lists them")]
+_Folder = Annotated[Path | None, Parameter(name="--library", help="folder of another library")]
 _From = Annotated[
     Path | None,
     Parameter(
@@ -48,19 +44,15 @@ _From = Annotated[
 
 @app.command(name="status")
 def _status(
-    name: Annotated[str, Parameter(help="name of an instance; all if not given")] = "",
+    name: Annotated[str, Parameter(help="instance; all if not given")] = "",
     /,
     *,
-    every: Annotated[
-        bool, FLAG(name="--all", help="also list the instances that are solved")
-    ] = False,
+    every: Annotated[bool, FLAG(name="--all", help="also list what is solved")] = False,
     as_csv: Annotated[bool, FLAG(name="--csv", help="print everything as CSV")] = False,
     library: _Folder = None,
     json: Json = False,
 ) -> int:
-    """Print how many instances are solved, and the gaps of all others; or all records of one.
-
-    --json and --csv have all instances.
+    """Print how many instances are solved, and the gaps of all others; or the records of one.
 
     Example: cocap-opt library status bottleneck-0
     """

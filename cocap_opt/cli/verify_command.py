@@ -98,8 +98,7 @@ def _verify(
     Hughes et al. names its scene, so you need not pass one. Of several bounds
     the lowest is shown and explained. Gaps are to the bound that is proved,
     even if the file states another. A bound that is not checked within the
-    limit counts as not proved, though it may hold. Ctrl-C during a second
-    opinion prints what is verified until then, and exits with 130.
+    limit counts as not proved, though it may hold.
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
