@@ -82,6 +82,11 @@ export class Strip {
     return this.high + (this.isAbove ? NAME_HIGH : 0);
   }
 
+  // Where the fields of a row begin.
+  top(k) {
+    return (k + 1) * this.pitch - this.high;
+  }
+
   x(step) {
     return MARGIN.left + (step / (this.data.steps + 1)) * this.width;
   }
@@ -126,14 +131,12 @@ export class Strip {
     this.rows.forEach((row, k) => this.paintRow(context, row, k));
     context.strokeStyle = words.ink;
     context.lineWidth = 1.5;
-    const outlined = this.isAbove ? this.rows.map((_, k) => [(k + 1) * this.pitch - this.high, this.high]) : [[0, tall]];
-    for (const [y, high] of outlined) {
-      context.strokeRect(this.x(this.step) + 0.5, y + 0.75, Math.max(this.x(1) - this.x(0) - 1, 1), high - 1.5);
-    }
+    const [tops, high] = this.isAbove ? [this.rows.map((_, k) => this.top(k)), this.high] : [[0], tall];
+    for (const y of tops) context.strokeRect(this.x(this.step) + 0.5, y + 0.75, Math.max(this.x(1) - this.x(0) - 1, 1), high - 1.5);
   }
 
   paintRow(context, row, k) {
-    const y = (k + 1) * this.pitch - this.high, gap = this.high > 5 ? 1 : 0;
+    const y = this.top(k), gap = this.high > 5 ? 1 : 0;
     this.paintName(context, row, k);
     row.views.forEach((views, step) => {
       const kind = Math.min(views, 3), left = this.x(step), wide = this.x(step + 1) - left;
