@@ -9,7 +9,7 @@ import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import SceneFile, problem_digest
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.touchdowns import bad_touchdowns, touchdowns
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.plausibility import buried
 from cocap_opt.scenarios.recipe import read
 
@@ -57,7 +57,7 @@ def hovering(problem: co.Problem) -> Flight:
 
 def warned(problem: co.Problem) -> list[str]:
     """The warnings of the ground below drones that stay."""
-    return [*bad_touchdowns(touchdowns(hovering(problem)))]
+    return [*Touchdowns.of(hovering(problem)).warnings()]
 
 
 def test_roofs_are_known_where_flight_heights_are_above_the_sea(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import has_homes, parts_of_take, pauses_of
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.export import Export
@@ -74,16 +75,16 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     problem = flight.flown.problem
     parts = parts_of_take(problem, flight.plan) if has_homes(problem) else ()
     clock, found = Clock(flight.start, parts, flight.flown.step), quality_of(flight)
-    pages = Pages(families)
-    _write_head(pages, flight, clock)
+    grounds, pages = Touchdowns.of(flight), Pages(families)
+    _write_head(pages, flight, clock, grounds)
     _draw_maps(pages, flight, clock, found)
-    pages.cards("Drones", drone_cards(flight, clock, found))
+    pages.cards("Drones", drone_cards(flight, clock, found, grounds))
     if problem.actors:
         pages.cards("People: cues", people_cards(flight, clock))
-    for title, blocks in sections(flight, clock, every):
+    for title, blocks in sections(flight, clock, grounds, every):
         pages.section(title, blocks)
     pages.heading("Not checked", _LIST)
-    for words in unchecked(flight, bool(parts)):
+    for words in unchecked(flight, bool(parts), grounds):
         pages.sentence(words, mark="\N{BALLOT BOX}")
     pages.foot(shortened(printable(problem.name)))
     return pages
@@ -96,7 +97,7 @@ def _names(flight: Flight) -> Iterator[str]:
     yield from (name for actor in problem.actors for name in (actor.name, actor.take) if name)
 
 
-def _write_head(pages: Pages, flight: Flight, clock: Clock) -> None:
+def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns) -> None:
     """Writes the head of the first page, with blanks for facts that the scene cannot know."""
     problem = flight.flown.problem
     pages.title(f"Flight sheet: {printable(problem.name)}")
@@ -111,12 +112,12 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock) -> None:
         ("Abort signal", ""),
     ], 2)  # fmt: skip
     pages.skip(2.0)
-    urgent = [*attention(flight), *battery_warnings(flight, clock)]
+    urgent = [*attention(flight, grounds), *battery_warnings(flight, clock)]
     if pause := pauses_of(clock.parts):
         urgent.append(f"ATTENTION: {pause}.")
     if urgent:
         pages.box(urgent)
-    pages.section("Running order", [running_order(flight, clock)], BODY)
+    pages.section("Running order", [running_order(flight, clock, grounds)], BODY)
     if clock.start is None:
         pages.sentence("T is the time of step 0, when people get their signal.", SMALL)
 
