@@ -143,6 +143,7 @@ endurance = 1200            # s for which the battery lasts
 # A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
 homes = [[14, 4]]           # of all drones or of none
+# land = "ground"           # in place of homes: where they can land; left out: they end anywhere
 # starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }
 #                           # with a count: in the area, wherever it is best; "anywhere": on the
 #                           # whole map; heights, headings left out: all
