@@ -197,7 +197,8 @@ class CoverageTables:
         if self._ended is not None and stop is self._ended[0]:
             raise LimitReached(self._ended[1])
         self.require_memory(spec)
-        kept = self._kept(spec)  # digests code: that is no coverage
+        with stop.paused():  # it digests code, once in a process: that is no coverage
+            kept = self._kept(spec)
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))
