@@ -29,7 +29,7 @@ file = "trees.tif"          # unit, band, nodata, lowest and heights as in [map]
 trunks = 4.0                # m above the ground up to which crowns leave room for drones and for
                             # sight, stems aside; left out: solid down to the ground, the safe side
 
-[[land_cover]]              # drawn on the ground; `land` of drones keeps off its water
+[[land_cover]]              # drawn on the ground; read for `land` of drones
 file = "land.geojson"       # polygons whose property `kind` is water, green, street, footway,
                             # paved, yard, building or other; a `name` is written on the ground
 property = "surface"        # that says the kind; left out: kind
