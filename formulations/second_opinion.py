@@ -86,7 +86,7 @@ class SecondOpinion(NamedTuple):
         Parameters
         ----------
         model : of the problem
-        file : a file that `certificates.verify` has found valid
+        file : a file that `require_small` has let pass and `certificates.verify` has found valid
         progress : called with the number of best paths that networkx has found, or of files that
             cocap-check has checked, and the total
 
@@ -95,7 +95,7 @@ class SecondOpinion(NamedTuple):
         CertificateError
             If cocap-check refuses the file.
         TooLargeError
-            If it would take more than a few minutes, or more than a gigabyte for a drone.
+            If a search of cocap-check, or a cut with many corners, would take too long.
         """
         problem = model.problem
         leaves: list[_Leaf]
@@ -107,7 +107,6 @@ class SecondOpinion(NamedTuple):
             return cls(bound, abs(bound), "cocap-check")
         else:
             leaves = [(file.certificate, ())]
-        require_small(problem, file)
         return cls(*max(_Prices(problem, file.classes == "single").of(leaves, progress)))
 
     def agrees(self, pricing: Pricing) -> bool:
@@ -128,7 +127,16 @@ class SecondOpinion(NamedTuple):
 
 
 def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
-    """Raises TooLargeError if networkx would, by an estimate, take too long to price a file."""
+    """Refuses a file that networkx would, by an estimate, take too long to price.
+
+    It counts the edges of the drones' graphs, which takes seconds: ask once, before anything else
+    that takes long.
+
+    Raises
+    ------
+    TooLargeError
+        If it would take more than a few minutes, or more than a gigabyte for a drone.
+    """
     if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
         return
     known: dict[tuple[object, ...], int] = {}

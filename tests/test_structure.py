@@ -34,8 +34,8 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "arithmetic", "memory", "stop", "returns", "world", "problem", "result",
-        "files", "compiling",
+        "text", "letters", "data", "arithmetic", "memory", "stop", "returns", "world", "problem",
+        "result", "files", "compiling",
         "graph", "plausibility", "vision", "referee", "flight", "footage", "model", "timing",
         "objective",
         "coordination", "mixtures", "method", "planners",

@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from cocap_opt.experiments.library.entries import DATA
 from cocap_opt.experiments.library.judge import TIME_LIMIT
 from cocap_opt.experiments.library.records import Library, Standing
 from cocap_opt.experiments.library.tables import (
+    by_gap,
     full_rows,
     history_rows,
     in_words,
@@ -20,7 +22,7 @@ from cocap_opt.experiments.library.tables import (
 from cocap_opt.files.documents import SceneFile, encode
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, make_folder, save_bytes, save_files
-from cocap_opt.output.printing import Listing
+from cocap_opt.output.printing import Listing, print_texts
 from cocap_opt.run.options import Option, UsageError
 
 app = App(
@@ -29,10 +31,8 @@ app = App(
     version_flags=[],
 )
 
-_Name = Annotated[str, Parameter(help="name of an instance; `cocap-opt library status` lists them")]
-_Folder = Annotated[
-    Path | None, Parameter(name="--library", help="folder of another copy of the library")
-]
+_Name = Annotated[str, Parameter(help="instance; `cocap-opt library status --all` lists them")]
+_Folder = Annotated[Path | None, Parameter(name="--library", help="folder of another library")]
 _From = Annotated[
     Path | None,
     Parameter(
@@ -44,22 +44,25 @@ _From = Annotated[
 
 @app.command(name="status")
 def _status(
-    name: Annotated[str, Parameter(help="name of an instance; all if not given")] = "",
+    name: Annotated[str, Parameter(help="instance; all if not given")] = "",
     /,
     *,
+    every: Annotated[bool, FLAG(name="--all", help="also list what is solved")] = False,
     as_csv: Annotated[bool, FLAG(name="--csv", help="print everything as CSV")] = False,
     library: _Folder = None,
     json: Json = False,
 ) -> int:
-    """Print the best plan and bound of each instance, or all records of one.
+    """Print how many instances are solved, and the gaps of all others; or the records of one.
 
     Example: cocap-opt library status bottleneck-0
     """
+    if as_csv and json:
+        raise UsageError("--csv: must not be combined with --json")
+    if every and name:
+        raise UsageError("--all: lists all instances; leave out NAME")
     known = Library(library or DATA)
     found = [known.standing(name)] if name else known.standings()
     rows = full_rows(found)
-    if as_csv and json:
-        raise UsageError("--csv: must not be combined with --json")
     if as_csv:
         writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
         writer.writeheader()
@@ -77,9 +80,23 @@ def _status(
     elif json:
         print_result({"version": known.version, "instances": rows}, json)
     else:
-        notes = [in_words(found)] if all(standing.digest for standing in found) else []
-        Listing(f"library, version {known.version}", short_rows(found), notes).print()
+        print_texts([], [f"Library, version {known.version}: {in_words(found)}."])
+        if every:
+            Listing("", short_rows(found)).print()
+        else:
+            _print_open(found)
     return 0
+
+
+def _print_open(standings: Sequence[Standing]) -> None:
+    """Prints the instances that are not solved, if there are any."""
+    rows = short_rows(by_gap(found for found in standings if found.is_open))
+    note = "--all lists the solved ones, too."
+    if rows:
+        listing = Listing("not solved, the largest gap first", rows, [note])
+        listing.fitted(("state", "drones", "bound"), "--csv").print()
+    else:
+        print_texts([], [note])
 
 
 @app.command(name="get")

@@ -3,7 +3,8 @@
 Results go to standard output, as a table or with --json as one JSON object and nothing
 else; progress and messages go to standard error. Exit codes: 0 done (also when there is no
 plan: that is a result), 1 a claim does not hold (verify) or differs (audit), 2 wrong input, 3 some
-of it is undecided (audit), 130 interrupted before any result was available.
+of it is undecided (audit), 130 interrupted before any result was available, or before a second
+opinion was (verify).
 """
 
 import os

@@ -3,7 +3,6 @@
 import logging
 import math
 import sys
-import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +15,7 @@ from cocap_opt.data import ProblemError, within
 from cocap_opt.files.documents import encode
 from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.footage.summary import OfPerson, whole_percent
+from cocap_opt.letters import folded
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import (
     GivenPlan,
@@ -151,11 +151,11 @@ def _quality(
         sys.stdout.write(f"{printable(found.words(width), chr(10))}\n\n")
         if rows := take_rows(given.problem, given.plan):
             by_take = ", ".join(f"{row['take']} {rounded(row['reward'])}" for row in rows)
-            words = textwrap.fill(f"J take by take: {by_take}", width)
+            words = folded(f"J take by take: {by_take}", width)
             sys.stdout.write(f"{printable(words, chr(10))}\n\n")
         if limits is not None:
             for words in limits.sentences(found, obeys_rules):
-                sys.stdout.write(f"{textwrap.fill(words, width)}\n")
+                sys.stdout.write(f"{folded(words, width)}\n")
             sys.stdout.write("\n")
         _people(found).print()
     return 0

@@ -26,7 +26,6 @@ from cocap_opt.experiments.tables.rows import OWN_STARTS
 from cocap_opt.files.documents import FileError, PlanFile, other_coverage, problem_digest
 from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
-from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, read_claim
@@ -37,6 +36,7 @@ from cocap_opt.run.explained_tables import explained_tables
 from cocap_opt.run.explained_words import explained_sentences, in_three_sentences
 from cocap_opt.run.forecast import warn_of_checking
 from cocap_opt.run.judged import Judged, finite
+from cocap_opt.run.opinions import Opinions, require_small
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.takes import take_rows
 from cocap_opt.run.verified import ProvedBound, Verified
@@ -118,10 +118,14 @@ def _verify(
         raise UsageError("--second-opinion: name a certificate or a proof")
     if plain and not claims.bounds:
         raise UsageError("--plain: name a certificate or a proof")
-    bounds, failed = claims.proved(second_opinion, time_limit, plain)
+    if second_opinion:
+        require_small(claims.problem, claims.bounds.values())
+    bounds, failed = claims.proved(time_limit, plain)
+    opinions = Opinions.of(bounds) if second_opinion else Opinions(tuple(bounds.values()))
     verified = Verified.of(
-        claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed, plain=plain
-    )
+        claims.problem, claims.plan, claims.plan_file, bounds=opinions.bounds,
+        failed=[*failed, *opinions.failed], plain=plain,
+    )  # fmt: skip
     if verified.verdict is not None and verified.verdict.conflicts:
         say_narrow_way(scene, seed, claims.problem)
     own_seed = seed if has_seed(scene) else None
@@ -131,6 +135,7 @@ def _verify(
         "seed": own_seed,
         "digest": problem_digest(claims.problem),
         **claims.answer(verified),
+        **opinions.answer(verified),
     }
     explained = Explained.of(verified) if explain else None
     if explained is not None and verified.is_on_other_objective:
@@ -145,7 +150,10 @@ def _verify(
         more = ["--all adds the other sentences, and tables that add up to the gap."]
         tables = explained_tables(explained, line_width()) if all_terms else []
         print_texts(tables, explained_sentences(explained) if all_terms else more)
-    return 1 if verified.violations else 0
+    if verified.violations:
+        return 1
+    opinions.require_all()
+    return 0
 
 
 def _data(explained: Explained) -> Record:
@@ -273,23 +281,15 @@ class _Claims(NamedTuple):
         problem = problem.without_rules() if free else problem
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
-    def proved(
-        self, twice: bool, seconds: float, plain: bool
-    ) -> tuple[list[ProvedBound], list[str]]:
-        """Returns the bounds that are proved, and what is wrong with the others, in words.
+    def proved(self, seconds: float, plain: bool) -> tuple[dict[str, ProvedBound], list[str]]:
+        """Returns the bounds that are proved by file, and what is wrong with others, in words.
 
         Parameters
         ----------
-        twice : with second opinions
-        seconds : limit of all that comes before these; infinite if there is none
+        seconds : limit of all of it; infinite if there is none
         plain : without compiled code
-
-        Raises
-        ------
-        UsageError
-            If one is too large for a second opinion.
         """
-        bounds, failed = list[ProvedBound](), list[str]()
+        bounds, failed = dict[str, ProvedBound](), list[str]()
         if not self.bounds:
             return bounds, failed
         try:
@@ -302,13 +302,13 @@ class _Claims(NamedTuple):
             name = printable(str(path))
             with Watch.on_terminal(name) as watch:
                 part = "leaf" if isinstance(file, ProofFile) else "search of a step"
-                counters = watch.counter(part), watch.counter("second opinion")
+                progress = watch.counter(part)
                 try:
-                    bounds.append(ProvedBound.of(model, file, twice, *counters, stop, plain))
+                    bounds[name] = ProvedBound.of(
+                        model, file, progress=progress, stop=stop, plain=plain
+                    )
                 except CertificateError as error:
                     failed.append(f"{name}: {error}")
-                except TooLargeError as error:
-                    raise UsageError(f"--second-opinion: {error}") from error
         return bounds, failed
 
     @property
@@ -369,12 +369,6 @@ class _Claims(NamedTuple):
                 found |= {
                     "bound_proved": verified.proved_bound, "bound_claimed": verified.claimed_bound
                 }  # fmt: skip
-            if verified.proved is not None and (second := verified.proved.second_opinion):
-                found |= {
-                    "bound_by_verify": finite(verified.proved.pricing.bound),
-                    "second_bound": finite(second.bound),
-                    "second_opinion": second.by,
-                }
             if verified.plain:
                 found["plain"] = True
             if verified.is_on_other_objective and not verified.is_of_share:

@@ -1,7 +1,6 @@
 """The quality of a plan in words, for a terminal and for a notebook."""
 
 import math
-import textwrap
 from collections.abc import Iterator, Sequence
 from functools import partial
 
@@ -11,6 +10,7 @@ from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.footage.assumptions import Assumptions
 from cocap_opt.footage.moments import APART
 from cocap_opt.footage.summary import Summary, share
+from cocap_opt.letters import folded
 
 USUAL_WIDTH = 80  # characters of a line
 _LABEL = 32  # characters before a number
@@ -56,7 +56,7 @@ def quality_words(
         ),
         *(line("" if k else "worst moments", words) for k, words in enumerate(worst)),
         *(
-            textwrap.fill(words, min(width, USUAL_WIDTH))
+            folded(words, min(width, USUAL_WIDTH))
             for words in _notes(had, blur is not None, has_pictures)
         ),
     ]
@@ -123,9 +123,7 @@ def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterato
 
 def _line(label: str, words: str, width: int) -> str:
     """Returns a label and what it stands for, folded below each other."""
-    return textwrap.fill(
-        words, width, initial_indent=f"{label:{_LABEL}}", subsequent_indent=" " * _LABEL
-    )
+    return folded(words, width, f"{label:{_LABEL}}", " " * _LABEL)
 
 
 def _counted(number: int, noun: str) -> str:

@@ -67,8 +67,8 @@ _LABELS = {
     "widest_pixels": "widest of the other enclosures (px/m2)",
     "rewards_enclosed": "J of each plan, by the scene alone",
     "agrees": "the instance is the scene's",
-    "second_opinion": "second opinion by",
-    "second_bound": "bound by that",
+    "second_opinion": "second opinion",
+    "second_bound": "bound by the second opinion",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }
 # Lists of rewards: what each is of, and the number of the first.

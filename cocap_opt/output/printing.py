@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from cocap_opt.letters import columns_of
 from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
@@ -216,9 +217,9 @@ class Listing(NamedTuple):
         return table
 
     def _widest(self, key: str) -> int:
-        """Returns the number of characters that a column needs."""
+        """Returns the least width of a column in columns of a terminal."""
         texts = [key, *(cell_text(key, row[key]) for row in self.rows)]
-        return max(len(part) for text in texts for part in (text.splitlines() or [""]))
+        return max(columns_of(part) for text in texts for part in (text.splitlines() or [""]))
 
     @property
     def markdown(self) -> str:

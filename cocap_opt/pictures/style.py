@@ -1,23 +1,34 @@
 """The style that all figures share: colours, sizes, frames, legends, and fonts for any letters."""
 
 import logging
-from collections.abc import Iterable
+import math
+from collections.abc import Collection, Iterable
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 from matplotlib import font_manager, ft2font
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from cocap_opt.letters import columns_of
+
 BLUE, RED, AMBER, TEAL, PURPLE, GREY, BROWN, GREEN = SERIES = (
     "#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57",
 )  # fmt: skip
 FADED = "#8d99ae"  # of what is there to be compared with
 MARKS = "osD^vPXp*"  # of series, beside their colours
+_Dashes = str | tuple[int, tuple[float, ...]]
+_DASHES: tuple[_Dashes, ...] = (
+    "-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)),
+    (0, (9, 1.5, 1.5, 1.5, 1.5, 1.5)),
+)  # fmt: skip
+# Lines that are told apart: as no number divides both, no two of them share colour and dashes.
+LINES = len(SERIES) * len(_DASHES)
 WIDTH = 5.2  # inches, of figures that are readable in a page's column and on a phone
 TITLE, LABEL, SMALL = 11, 10, 9  # pt, sizes of letters
 _DPI = 130
+_HANDLE, _LETTER = 0.55, 0.085  # inches, of an entry of a legend, at LABEL
 _DEFAULT = "DejaVu Sans"  # comes with matplotlib
 _BOXES = "Last Resort"  # a font that has a box for every letter
 
@@ -45,6 +56,21 @@ def set_frame(ax: Axes, grid: Literal["both", "x", "y"] | None = "both") -> Axes
         ax.set_axisbelow(True)
         ax.grid(axis=grid, lw=0.5, alpha=0.35)
     return ax
+
+
+def line_look(number: int) -> dict[str, Any]:
+    """Returns colour and dashes of a line by its number; those of LINES are all different."""
+    return {
+        "color": SERIES[number % len(SERIES)],
+        "linestyle": _DASHES[number % len(_DASHES)],
+    }
+
+
+def columns_for(names: Collection[str], width: float) -> int:
+    """Returns the columns of a legend with these names, in a width in inches, for even columns."""
+    longest = max(map(columns_of, names), default=0)
+    most = max(1, min(3, int(width / (_HANDLE + _LETTER * longest))))
+    return math.ceil(len(names) / math.ceil(len(names) / most)) if names else 1
 
 
 def add_legend(figure: Figure, ax: Axes, columns: int | None = None) -> None:

@@ -1,9 +1,13 @@
 """HTML pages put together from the files in the folder `page`."""
 
 import json
+import re
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
+
+# Of a style: comments, and spaces around braces and behind declarations.
+_SPARE = re.compile(r"/\*.*?\*/|(?<=[{};])\s+|\s+(?=[{}])", re.DOTALL)
 
 
 def page_text(name: str, parts: Mapping[str, str] | None = None) -> str:
@@ -15,6 +19,11 @@ def page_text(name: str, parts: Mapping[str, str] | None = None) -> str:
     """
     text = (files("cocap_opt.player") / "page" / name).read_text(encoding="utf-8")
     return text if parts is None else "".join(parts.get(piece, piece) for piece in text.split("@"))
+
+
+def style_text(name: str) -> str:
+    """Returns a style of the folder `page` without comments and spaces that say nothing."""
+    return _SPARE.sub("", page_text(name))
 
 
 def inert(data: Mapping[str, Any]) -> str:

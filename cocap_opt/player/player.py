@@ -12,7 +12,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.heights import over_datum
-from cocap_opt.player.pages import inert, page_text
+from cocap_opt.player.pages import inert, page_text, style_text
 from cocap_opt.player.player_filmed import filmed
 from cocap_opt.player.player_plan import PlayerPlan, digits
 from cocap_opt.player.player_proof import Proof
@@ -75,7 +75,7 @@ class Player:
     def page(self) -> str:
         """Returns the text of the HTML file."""
         parts = {
-            "style": page_text("player.css"),
+            "style": style_text("player.css"),
             "script": bundled("player"),
             "data": inert(self.data()),
         }

@@ -12,7 +12,7 @@ import numpy as np
 
 from cocap_opt.output.heights import over_datum
 from cocap_opt.pictures.start_map import COLOURS, Level, levels
-from cocap_opt.player.pages import inert, page_text
+from cocap_opt.player.pages import inert, page_text, style_text
 from cocap_opt.player.scripts import bundled
 from cocap_opt.problem import StartArea, State
 from cocap_opt.scenarios import Site
@@ -30,7 +30,7 @@ def start_page(site: Site, heights: Sequence[float] = ()) -> str:
     heights : m, flight heights that are shown; if not given, those of the recipe's drones
     """
     parts = {
-        "style": page_text("starts.css"),
+        "style": style_text("starts.css"),
         "script": bundled("starts"),
         "data": inert(start_data(site, levels(site, heights))),
     }

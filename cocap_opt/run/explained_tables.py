@@ -8,6 +8,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.explanation import Term
+from cocap_opt.letters import columns_of
 from cocap_opt.output.printing import counted, rounded
 from cocap_opt.run.explained import SHOWN, Explained
 
@@ -95,7 +96,7 @@ def _grid(
         (names[line], [_cell(x) for x in (sums[line], *shares[line])][-len(head) :])
         for line in lines
     ]
-    most = (width - max(len(noun), *(len(names[line]) for line in lines))) // (_WIDTH + 2)
+    most = (width - max(map(columns_of, (noun, *(names[line] for line in lines))))) // (_WIDTH + 2)
     parts = [slice(n, n + most) for n in range(0, len(head), most)]
     return [
         _table(
@@ -170,7 +171,7 @@ def _table(
     spare : columns that go where it is too wide, the first first
     hidden : those that are gone, which a line below the table names
     """
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    widths = [max(map(columns_of, column)) for column in zip(head, *rows, strict=True)]
     widths[1:] = [max(most, _WIDTH) for most in widths[1:]]
     if spare and sum(widths) + 2 * (len(widths) - 1) > width:
         gone = head.index(spare[0])
@@ -178,8 +179,11 @@ def _table(
         return _table(title, fewer[0], fewer[1:], width, note, spare[1:], [*hidden, spare[0]])
     lines = [
         "  ".join(
-            [line[0].ljust(widths[0])]
-            + [cell.rjust(most) for cell, most in zip(line[1:], widths[1:], strict=True)]
+            [line[0] + " " * (widths[0] - columns_of(line[0]))]
+            + [
+                " " * (most - columns_of(cell)) + cell
+                for cell, most in zip(line[1:], widths[1:], strict=True)
+            ]
         )
         for line in (head, *rows)
     ]

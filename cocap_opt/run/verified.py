@@ -82,16 +82,30 @@ class ProvedBound(NamedTuple):
             model = Model(problem, plain=True)
         if twice:
             require_small(problem, file)
-        pricing = verify(problem, file, progress, model, stop, plain)
-        if not twice:
-            return cls(model, file, pricing)
-        opinion = SecondOpinion.of(model, file, second)
-        if not opinion.agrees(pricing):
+        proved = cls(model, file, verify(problem, file, progress, model, stop, plain))
+        return proved.found_twice(second) if twice else proved
+
+    def found_twice(self, progress: Progress = _tell_nobody) -> Self:
+        """Returns it with a second opinion, for a file that `require_small` has let pass.
+
+        Parameters
+        ----------
+        progress : told how far the second opinion is, as `SecondOpinion.of` tells it
+
+        Raises
+        ------
+        CertificateError
+            If the second opinion is another bound.
+        TooLargeError
+            If the file turns out to be too large for one.
+        """
+        opinion = SecondOpinion.of(self.model, self.file, progress)
+        if not opinion.agrees(self.pricing):
             raise CertificateError(
-                f"bound: `verify` finds {pricing.bound!r}, {opinion.by} {opinion.bound!r}, so one "
-                "of the two is wrong"
+                f"bound: `verify` finds {self.pricing.bound!r}, {opinion.by} {opinion.bound!r}, so "
+                "one of the two is wrong"
             )
-        return cls(model, file, pricing, opinion)
+        return self._replace(second_opinion=opinion)
 
 
 @dataclass(frozen=True)

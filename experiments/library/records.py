@@ -123,6 +123,11 @@ class Standing(NamedTuple):
         near = SOLVED * max(self.bound.value, LEAST)
         return "solved" if self.bound.value - self.plan.value <= near else "open"
 
+    @property
+    def is_open(self) -> bool:
+        """True unless it is solved: a better plan or bound would be news."""
+        return self.state != "solved"
+
 
 class Library:
     """A library in a folder."""
@@ -144,7 +149,7 @@ class Library:
         for entry in self.entries:
             if entry.name == name:
                 return entry
-        listed = "`cocap-opt library status` lists them"
+        listed = "`cocap-opt library status --all` lists them"
         raise FileError(f"{name}: is no instance of the library; {listed}")
 
     def digests(self) -> dict[str, Digest]:

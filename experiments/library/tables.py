@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from cocap_opt.experiments.library.records import Digest, Library, Record, Standing
 from cocap_opt.output.printing import Listing
@@ -25,6 +25,11 @@ def short_rows(standings: Sequence[Standing]) -> list[Row]:
         }
         for found in standings
     ]
+
+
+def by_gap(standings: Iterable[Standing]) -> list[Standing]:
+    """Returns instances with the largest gap first; those without plan or bound before all."""
+    return sorted(standings, key=lambda found: -found.gap)
 
 
 def full_rows(standings: Sequence[Standing]) -> list[Row]:
@@ -76,9 +81,10 @@ def in_words(standings: Sequence[Standing]) -> str:
         Counter(found.entry.split for found in standings),
     )
     drones = [found.digest.drones for found in standings if found.digest is not None]
+    team = f" with {min(drones)} to {max(drones)} drones" if drones else ""
     left = f", {states['none']} without plan or bound" if states["none"] else ""
     return (
-        f"{len(standings)} instances with {min(drones)} to {max(drones)} drones, "
+        f"{len(standings)} instances{team}, "
         f"{splits['train']} for training and {splits['test']} for tests: {states['solved']} "
         f"solved, {states['open']} open{left}"
     )

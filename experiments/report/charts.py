@@ -22,13 +22,16 @@ from cocap_opt.pictures.figures import robot_colour
 from cocap_opt.pictures.style import (
     AMBER,
     BLUE,
-    FADED,
     GREY,
+    LINES,
     RED,
     SMALL,
     TITLE,
     WIDTH,
     add_legend,
+    columns_for,
+    draw_level,
+    line_look,
     new_figure,
     set_frame,
 )  # fmt: skip
@@ -39,7 +42,7 @@ _WRITTEN_ROBOTS, _WRITTEN_STEPS = 12, 20  # at most, where numbers are written o
 _LEAST_WRITTEN = 0.005  # %
 _LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
 _GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
-_NAMED = 12  # runs, up to which a legend names each
+_WIDE, _LEGEND_LINE = 6.0, 0.21  # inches, of the figure of progress
 _LEAST_GAP = 100 * OPTIMALITY  # %, of a plan that is proved optimal
 
 
@@ -128,16 +131,22 @@ def _gap_axis(ax: Axes, most: float) -> None:
 
 
 def progress_figure(traces: Mapping[str, Trace]) -> Figure:
-    """Draws gaps over time; of a single run value and bound, too."""
+    """Draws gaps over time; of a single run value and bound, too.
+
+    A legend names the runs, unless there are more than can be told apart: these are all grey.
+    """
     rows = 2 if len(traces) == 1 else 1
-    figure = new_figure(6.0, 2.0 + 2.1 * rows)
+    columns = columns_for(traces, _WIDE)
+    named = 1 < len(traces) <= LINES
+    lines = math.ceil(len(traces) / columns) if named else 0
+    figure = new_figure(_WIDE, 2.0 + 2.1 * rows + _LEGEND_LINE * lines)
     panels = np.ravel(figure.subplots(rows, 1, sharex=True))
     if rows == 2:
         _draw_bounds(panels[0], *traces.values())
         panels[0].set_xlabel("")
     _draw_progress(panels[-1], traces)
-    if 1 < len(traces) <= _NAMED:
-        add_legend(figure, panels[-1], columns=3)
+    if named:
+        add_legend(figure, panels[-1], columns)
     return figure
 
 
@@ -153,16 +162,19 @@ def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
     for k, (name, snapshots) in enumerate(shown.items()):
         seconds = [s.seconds for s in snapshots]
         gaps = [max(100 * s.gap, _LEAST_GAP) for s in snapshots]
-        colour = robot_colour(k)
-        ax.plot(seconds, gaps, drawstyle="steps-post", color=colour, lw=1.5, label=name)
+        look = line_look(k) if len(traces) <= LINES else {"color": GREY, "alpha": 0.4}
+        colour = look["color"]
+        ax.plot(seconds, gaps, drawstyle="steps-post", lw=1.5, label=name, **look)
         proved = gaps[-1] <= _LEAST_GAP
         ax.plot(seconds[-1], gaps[-1], "o", color=colour, ms=7 if proved else 3.5,
                 mfc="white" if proved else colour, mew=1.6, clip_on=False, zorder=3)  # fmt: skip
     most = max((100 * s.gap for curve in shown.values() for s in curve), default=0.0)
     ax.set_ylim(_LEAST_GAP / 2, 2 * max(most, 10 * _LEAST_GAP))  # first: all may be at one height
+    if len(traces) > LINES:
+        ax.set_title(f"{len(traces)} runs", fontsize=SMALL, loc="right", color=GREY)
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.axhline(_LEAST_GAP, color=FADED, lw=0.8, ls=":")
+    draw_level(ax, _LEAST_GAP, "ring: proved optimal")
     ax.set_ylabel("gap (%)")
     ax.yaxis.set_major_formatter("{x:g}")
     _time_axis(ax)

@@ -7,8 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cocap_opt.experiments.tables.comparison import SECONDS, J, Profile
-from cocap_opt.pictures.figures import robot_colour
-from cocap_opt.pictures.style import LABEL, add_legend, new_figure, set_frame
+from cocap_opt.pictures.style import (
+    LABEL,
+    add_legend,
+    columns_for,
+    line_look,
+    new_figure,
+    set_frame,
+)
 
 _LABELS = {J: "best J / J", SECONDS: "time / that of the fastest (logarithmic)"}
 _FARTHEST = {J: 2.0, SECONDS: 1000.0}  # factors that are drawn at most
@@ -23,19 +29,21 @@ def profiles_figure(profiles: Sequence[Profile]) -> Figure:
     profiles : at least one
     """
     measures = [m for m in (J, SECONDS) if any(profile.measure == m for profile in profiles)]
-    figure = new_figure(3.7 * len(measures), 3.2)
-    panels = figure.subplots(1, len(measures), sharey=True, squeeze=False)[0]
     names = list(dict.fromkeys(profile.planner for profile in profiles))
+    width = 3.7 * len(measures)
+    columns = columns_for(names, width)
+    figure = new_figure(width, 2.9 + 0.21 * math.ceil(len(names) / columns))
+    panels = figure.subplots(1, len(measures), sharey=True, squeeze=False)[0]
     for ax, measure in zip(panels, measures, strict=True):
         shown = [profile for profile in profiles if profile.measure == measure]
         _draw(ax, measure, shown, names)
     panels[0].set_ylabel("share of scenes", fontsize=LABEL)
-    add_legend(figure, panels[0], columns=3)
+    add_legend(figure, panels[0], columns)
     return figure
 
 
 def _draw(ax: Axes, measure: str, profiles: Sequence[Profile], names: Sequence[str]) -> Axes:
-    """Draws the profiles of one measure; colours are by the place of a planner in the names."""
+    """Draws the profiles of one measure; looks are by the place of a planner in the names."""
     steps = [ratio for profile in profiles for ratio in profile.ratios]
     far = min(max(steps, default=1.0), _FARTHEST[measure])
     end = math.exp(math.log(max(far, 1.001)) * _BEYOND)
@@ -43,7 +51,7 @@ def _draw(ax: Axes, measure: str, profiles: Sequence[Profile], names: Sequence[s
         ratios = [1.0, *profile.ratios, max(end, *profile.ratios, 1.0)]
         shares = [profile.share(ratio) for ratio in ratios]
         ax.plot(ratios, shares, drawstyle="steps-post", lw=1.6, label=profile.planner,
-                color=robot_colour(names.index(profile.planner)))  # fmt: skip
+                **line_look(names.index(profile.planner)))  # fmt: skip
     if measure == SECONDS:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")

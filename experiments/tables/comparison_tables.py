@@ -19,6 +19,22 @@ from cocap_opt.output.printing import Record, counted
 _SHOWN = {J: (1.0, 1.001, 1.01, 1.05, 1.1), SECONDS: (1.0, 2.0, 5.0, 10.0, 100.0)}
 _LEAST = 1e-4  # p, below which only that is said
 _WORDS = {J: ("higher", "lower"), SECONDS: ("slower", "faster")}
+_TEST = (
+    "Median difference: over scenes, in % of the larger one. p: two-sided, as if this were the "
+    "only test; p (Holm): corrected for the number of tests."
+)
+_TEST_NOTES = {
+    J: "On how many scenes the planner's mean J is higher than, equal to or lower than that of the "
+    f"planner that it is compared with; a plan that breaks the rules counts as J = 0. {_TEST}",
+    SECONDS: "On how many scenes the planner takes longer than, as long as or less time than the "
+    "planner that it is compared with; without a valid plan it counts with its time limit. "
+    f"{_TEST}",
+}
+_SHARE = "seeds of a scene weigh alike; of runs that all planners have, with a valid plan of one."
+_PROFILE_NOTES = {
+    J: f"The share of scenes on which J is so near the best planner's there: {_SHARE}",
+    SECONDS: f"The share of scenes on which time is so near the fastest planner's there: {_SHARE}",
+}
 
 
 def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tables:
@@ -30,6 +46,7 @@ def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tab
     """
     tests, drawn = paired_tests(rows, against), profiles(rows)
     found: dict[str, Table] = {}
+    notes: dict[str, str] = {}
     for measure in (J, SECONDS):
         of_measure = [test for test in tests if test.measure == measure]
         title = (
@@ -37,11 +54,12 @@ def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tab
             f"{counted(len(of_measure), 'test')})"
         )
         found[title] = [_of_test(test) for test in of_measure]
+        notes[title] = _TEST_NOTES[measure]
     for measure in (J, SECONDS):
-        found[f"Performance profiles of {measure} (% of scenes)"] = [
-            _of_profile(profile) for profile in drawn if profile.measure == measure
-        ]
-    return Tables({title: table for title, table in found.items() if table})
+        title = f"Performance profiles of {measure} (% of scenes)"
+        found[title] = [_of_profile(profile) for profile in drawn if profile.measure == measure]
+        notes[title] = _PROFILE_NOTES[measure]
+    return Tables({title: table for title, table in found.items() if table}, notes)
 
 
 def too_few_scenes(rows: Sequence[GapRow]) -> str:

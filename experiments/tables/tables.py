@@ -40,12 +40,13 @@ _SPARE = {
 }  # fmt: skip
 
 
-# Sentences below the titles of tables on HTML pages.
+# What the columns of tables mean, as each format says it.
 _NOTES = {
-    _PLANNERS: "J is higher for better plans: mean and standard deviation over the seeds. Gap: how "
+    _PLANNERS: "J is higher for better plans: mean ± standard deviation over the seeds. Gap: how "
                "far J is below the best certified bound, in % of the bound, and below the bound of "
                "the same scene without rules of collision. Only plans that obey the rules have "
-               "gaps (n: their number). Median (s): time of planning.",
+               "gaps (n: their number). In brackets: 95 % bootstrap intervals of means. Median "
+               "(s): time of planning.",
     _DIFFERENCES: "J minus that of the other planner on the same seed, in % of the latter; on how "
                   "many seeds it is better, equal or worse. Both plans must obey the rules.",
     _PRICE: "By how many % the rules of collision lower the best J that a scene allows, proved "
@@ -53,8 +54,9 @@ _NOTES = {
     CAMERAS: "The share of person-steps at which so many cameras or more see the person, and the "
              "error with which half of the points of a person can be measured. Of plans that obey "
              "the rules.",
-    _TIME: "Time of planning. A run without a valid plan counts with its limit; planners some of "
-           "whose plans break rules have no mean.",
+    _TIME: "Time of planning; the shift of geometric means is 10 s. A run without a valid plan "
+           "counts with its limit; planners some of whose plans break rules have no mean. Times "
+           "the fastest: the ratio of means over what all planners were run on.",
 }  # fmt: skip
 # A number, with its spread or interval, of how many it is, or a unit; or that there is none.
 _NUMBER = re.compile(
@@ -62,8 +64,26 @@ _NUMBER = re.compile(
 )
 
 
+# Characters that LaTeX does not print as they are.
+_LATEX = str.maketrans(
+    {c: f"\\{c}" for c in "&%$#_{}"}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}", "±": r"$\pm$"}
+)
+
+
 class Tables(dict[str, Table]):
-    """Tables by their titles."""
+    """Tables by their titles.
+
+    Parameters
+    ----------
+    tables : by title
+    notes : what the columns mean, by the titles of tables that need it
+    """
+
+    def __init__(self, tables: Mapping[str, Table], notes: Mapping[str, str] | None = None) -> None:
+        super().__init__(tables)
+        self._notes = {title: words for title, words in (notes or {}).items() if title in tables}
 
     @classmethod
     def of(cls, rows: Sequence[GapRow], against: str = AGAINST) -> "Tables":
@@ -81,23 +101,32 @@ class Tables(dict[str, Table]):
             CAMERAS: _camera_table(rows),
             _TIME: _time_table(rows),
         }
-        return cls({title: table for title, table in tables.items() if table})
+        return cls({title: table for title, table in tables.items() if table}, _NOTES)
 
     def print(self) -> None:
         """Prints the tables for a terminal, without the columns that say least if it is narrow."""
         for title, table in self.items():
-            Listing(title, table).fitted(_SPARE.get(title, ()), "-o FILE").print()
+            notes = [self._notes[title]] if title in self._notes else []
+            Listing(title, table, notes).fitted(_SPARE.get(title, ()), "-o FILE").print()
 
     def markdown(self) -> str:
-        """Returns the tables in Markdown under headings; special characters are escaped."""
+        """Returns the tables in Markdown under headings, and what columns mean below them.
+
+        Special characters of cells are escaped.
+        """
         return "\n".join(
-            f"## {title}\n\n{markdown_table(_escaped(table))}\n" for title, table in self.items()
+            f"## {title}\n\n{markdown_table(_escaped(table))}\n"
+            + (f"\n{self._notes[title]}\n" if title in self._notes else "")
+            for title, table in self.items()
         )
 
     def latex(self) -> str:
-        """Returns them in LaTeX (package booktabs), as wide as two columns, with captions."""
+        """Returns them in LaTeX (package booktabs), as wide as two columns.
+
+        Captions say what columns mean; lists of tables have the titles alone.
+        """
         return "% \\usepackage{booktabs}\n" + "\n".join(
-            _latex_table(title, _frame(table)) for title, table in self.items()
+            _latex_table(title, self._notes.get(title, ""), table) for title, table in self.items()
         )
 
     def html(self, level: int = 2) -> str:
@@ -110,7 +139,7 @@ class Tables(dict[str, Table]):
         heading = f"h{level}"
         return "\n".join(
             f"<{heading}>{escape(title)}</{heading}>\n"
-            + (f"<p>{escape(_NOTES[title])}</p>\n" if title in _NOTES else "")
+            + (f"<p>{escape(self._notes[title])}</p>\n" if title in self._notes else "")
             + html_table(title, table)
             for title, table in self.items()
         )
@@ -147,13 +176,14 @@ def html_table(title: str, table: Table) -> str:
     )
 
 
-def _latex_table(title: str, frame: "pd.DataFrame") -> str:
+def _latex_table(title: str, note: str, table: Table) -> str:
     """Returns a table in small type whose headings are stacked, so that it fits across a page."""
+    frame, name = _frame(table), _in_latex(title)
     text: str = frame.to_latex(
         index=False,
-        escape=True,
-        caption=title,
-        label="tab:" + title.lower().replace(" ", "-"),
+        escape=False,  # by `_frame`
+        caption=(f"{name}. {_in_latex(note)}", name) if note else name,
+        label="tab:" + re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-"),
         position="ht",
         column_format="ll" + "r" * (len(frame.columns) - 2),
     )
@@ -171,9 +201,17 @@ def _stacked(heading: str) -> str:
 
 
 def _frame(table: Table) -> "pd.DataFrame":
+    """Returns a table as LaTeX has its headings and cells."""
     import pandas as pd  # slow to import
 
-    return pd.DataFrame([{key: printable(text) for key, text in row.items()} for row in table])
+    return pd.DataFrame(
+        [{_in_latex(key): _in_latex(text) for key, text in row.items()} for row in table]
+    )
+
+
+def _in_latex(text: str) -> str:
+    """Returns text in which no character has a meaning in LaTeX."""
+    return printable(text).translate(_LATEX)
 
 
 def _escaped(table: Table) -> Table:

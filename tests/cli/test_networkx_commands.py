@@ -1,7 +1,12 @@
 """Commands that give networkx work: graphs as GraphML, and bounds priced a second time."""
 
 import io
+import json
 import math
+import os
+import re
+import signal
+import time
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -13,10 +18,11 @@ from test_cli import Run
 from cocap_opt.console import progress
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.graph.networks import time_expanded_graph
+from cocap_opt.formulations.second_opinion import TooLargeError
+from cocap_opt.graph.networks import edges_in_reach, time_expanded_graph
 from cocap_opt.output.graphml import graphml
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Objective
+from cocap_opt.problem import Objective, Problem
 from cocap_opt.scenarios import load_scene
 
 
@@ -106,6 +112,68 @@ def test_verify_asks_networkx(
     assert run.err.startswith(
         "cocap-opt: --second-opinion: the graph of robots[0] has more than 3 edges"
     )
+
+
+def test_ctrl_c_during_a_second_opinion_keeps_what_is_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The answer is that of verification, the opinion interrupted; the exit code is that of Ctrl-C.
+
+    All bounds are verified before the first second opinion. A false claim is still exit code 1.
+    """
+    good, other, wrong = (tmp_path / name for name in ("a.json", "b.json", "wrong.json"))
+    Run(capsys, "bound", "tiny-share", "-o", good)
+    other.write_bytes(good.read_bytes())
+    plain = Run(capsys, "verify", "tiny-share", good, other, "--json").json
+
+    def press(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(10)  # which Ctrl-C ends
+
+    monkeypatch.setattr("cocap_opt.run.verified.SecondOpinion.of", press)
+    words = "verify", "tiny-share", good, other, "--second-opinion"
+    run = Run(capsys, *words, "--json")
+    assert (run.code, run.json) == (130, plain | {"second_opinion": "interrupted"})
+    assert run.err == f"cocap-opt: interrupted, no second opinion on {good}, {other}\n"
+    assert re.search(r"second opinion +interrupted", Run(capsys, *words).out)
+    claim = json.loads(good.read_text())
+    wrong.write_text(json.dumps(claim | {"bound": claim["bound"] / 2}))
+    run = Run(capsys, "verify", "tiny-share", good, wrong, "--second-opinion", "--json")
+    assert (run.code, run.json["valid"]) == (1, False)
+    assert run.json["second_opinion"] == "interrupted"
+
+
+def test_what_is_too_large_only_for_a_search_keeps_what_is_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second opinion finds out late that it would take too long: the answer says so."""
+    path = tmp_path / "a.json"
+    Run(capsys, "bound", "tiny-share", "-o", path)
+    plain = Run(capsys, "verify", "tiny-share", path, "--json").json
+
+    def give_up(*_: object) -> None:
+        raise TooLargeError("a cut has too many corners")
+
+    monkeypatch.setattr("cocap_opt.run.verified.SecondOpinion.of", give_up)
+    run = Run(capsys, "verify", "tiny-share", path, "--second-opinion", "--json")
+    assert (run.code, run.json) == (2, plain | {"second_opinion": "none, too large"})
+    assert run.err == "cocap-opt: --second-opinion: a cut has too many corners\n"
+
+
+def test_the_edges_of_drones_are_counted_once_for_a_second_opinion(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Counting takes seconds on large scenes; it is done before anything is verified."""
+    path, counted = tmp_path / "c.json", list[int]()
+    Run(capsys, "bound", "tiny-share", "-o", path)
+
+    def count(problem: Problem, robot: int, most: int) -> int:
+        counted.append(robot)
+        return edges_in_reach(problem, robot, most)
+
+    monkeypatch.setattr("cocap_opt.formulations.second_opinion.edges_in_reach", count)
+    assert Run(capsys, "verify", "tiny-share", path, "--second-opinion").code == 0
+    assert counted == sorted(set(counted)) != []
 
 
 def test_verify_without_compiled_code_says_so(

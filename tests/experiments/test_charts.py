@@ -22,7 +22,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import picture
-from cocap_opt.pictures.style import families_for
+from cocap_opt.pictures.style import GREY, LINES, families_for
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import SwapConflict
 from cocap_opt.result import Reason
@@ -140,6 +140,28 @@ def test_runs_without_a_gap_are_not_drawn() -> None:
     """A bound without a plan has no gap to draw, and is no error."""
     ax = _draw_progress(Figure().subplots(), {"bound": Trace([Snapshot(-math.inf, 5.0, 1.0)])})
     assert len(ax.lines) == 1  # where optima lie
+
+
+@pytest.mark.parametrize("count", [2, 4, 12, LINES])
+def test_runs_are_told_apart_by_a_legend(count: int) -> None:
+    """Each has a name, and colour and dashes that no other has."""
+    trace = Trace([Snapshot(1.0, 2.0, 1.0), Snapshot(1.5, 2.0, 2.0)])
+    names = [f"run {k}" for k in range(count)]
+    figure = progress_figure(dict.fromkeys(names, trace))
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == names
+    looks = [(line.get_color(), line._dash_pattern) for line in legend.get_lines()]
+    assert len({str(look) for look in looks}) == count
+
+
+def test_more_runs_than_can_be_told_apart_are_not_coloured() -> None:
+    """A colour that two runs have in common would tell nothing: all are grey, and counted."""
+    trace = Trace([Snapshot(1.0, 2.0, 1.0), Snapshot(1.5, 2.0, 2.0)])
+    figure = progress_figure({f"run {k}": trace for k in range(LINES + 1)})
+    (ax,) = figure.axes
+    assert figure.legends == []
+    assert {line.get_color() for line in ax.lines} == {GREY}
+    assert ax.get_title(loc="right") == f"{LINES + 1} runs"
 
 
 @pytest.mark.slow

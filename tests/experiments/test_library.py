@@ -16,6 +16,7 @@ from cocap_opt.experiments.lab.studies.library import library as fill
 from cocap_opt.experiments.library.entries import DATA, FIRST_TEST_SEED
 from cocap_opt.experiments.library.judge import proved
 from cocap_opt.experiments.library.records import MOST_BYTES, Library
+from cocap_opt.experiments.library.tables import in_words
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.printing import Record as Row
 from cocap_opt.scenarios import SCENES
@@ -438,9 +439,9 @@ def test_what_is_got_is_accepted_by_the_checker(
 def test_the_table_fits_into_a_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`status` prints 80 columns, a line for each instance, and --csv all that is known."""
+    """`status --all` prints 80 columns, a line for each instance, and --csv all that is known."""
     monkeypatch.setenv("COLUMNS", "80")
-    assert commands.run(["library", "status"]) == 0
+    assert commands.run(["library", "status", "--all"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     named = [line.split()[0] for line in lines if line.strip()]
@@ -448,6 +449,32 @@ def test_the_table_fits_into_a_line(
     assert commands.run(["library", "status", "--csv"]) == 0
     table = capsys.readouterr().out.splitlines()
     assert len(table) == len(Library().entries) + 1
+
+
+def test_what_is_open_comes_first(capsys: pytest.CaptureFixture[str]) -> None:
+    """`status` says how many are solved, and lists the others alone, the largest gap first."""
+    assert commands.run(["library", "status"]) == 0
+    out = capsys.readouterr().out
+    lines = [line.split() for line in out.splitlines() if line.strip()]
+    standings = Library().standings()
+    left = [found for found in standings if found.state != "solved"]
+    assert " ".join(lines[0]) == f"Library, version {Library().version}: {in_words(standings)}."
+    named = [line[0] for line in lines if line[-1] in ("open", "none")]
+    assert sorted(named) == sorted(found.entry.name for found in left)
+    gaps = [Library().standing(name).gap for name in named]
+    assert gaps == sorted(gaps, reverse=True)
+    assert "--all" in out
+    assert commands.run(["library", "status", "corridor-0", "--all"]) == 2
+    assert capsys.readouterr().err == "cocap-opt: --all: lists all instances; leave out NAME\n"
+
+
+def test_a_library_of_which_nothing_is_known_is_listed(
+    empty: Library, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without plan, bound or even a digest an instance is not solved, and is no error."""
+    assert commands.run(["library", "status", "--library", str(empty.folder)]) == 0
+    out = capsys.readouterr().out
+    assert all(entry.name in out for entry in empty.entries)
 
 
 def test_submit_answers_in_a_line(empty: Library, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 from scipy import stats
 from strategies import examples
 
 from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.tables.columns import TableColumn
+from cocap_opt.experiments.tables.comparison_tables import comparison_tables
 from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import COLUMNS, GapRow, PlanRow
 from cocap_opt.experiments.tables.statistics import Mean
@@ -202,6 +204,51 @@ def test_names_are_escaped(style: str, name: str) -> None:
     text = DOCUMENTS[style](Tables.of(ROWS))
     assert name in text
     assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))
+
+
+def test_all_formats_say_what_columns_mean(capsys: pytest.CaptureFixture[str]) -> None:
+    """Markdown in a paragraph, LaTeX in the caption, as on a terminal and on HTML pages."""
+    for tables in (Tables.of(ROWS), comparison_tables(ROWS)):
+        tables.print()
+        found = [capsys.readouterr().out, tables.html(), tables.markdown(), tables.latex()]
+        for text in found:
+            plain = " ".join(re.sub(r"\\(?=%)", "", text).split())
+            for words in (
+                ("95 % bootstrap", "Optimum known: seeds on which", "the shift of")
+                if ("Time" in tables)
+                else ("corrected for the number of tests", "share of scenes on which J")
+            ):
+                assert words in plain, (words, text)
+
+
+def test_no_character_of_a_caption_has_a_meaning_in_latex() -> None:
+    """A per cent sign would hide the rest of the line; labels are plain."""
+    text = comparison_tables(ROWS).latex()
+    for caption in re.findall(r"\\caption(.*)", text):
+        assert not re.search(r"(?<!\\)[%&#_$]", caption.replace(r"$\pm$", ""))
+    assert re.findall(r"\\label{(.*)}", text) == re.findall(r"\\label{([a-z0-9:-]+)}", text)
+    odd = Tables({"a_b": [{"x": "< 1 ± 2", "y": "50 %", "z": "~^\\"}]}).latex()
+    line = r"\textless{} 1 $\pm$ 2 & 50 \% & \textasciitilde{}\textasciicircum{}\textbackslash{}"
+    assert line in odd
+    assert r"\caption{a\_b}" in odd and r"\label{tab:a-b}" in odd
+
+
+@pytest.mark.parametrize("name", ["规划器甲乙丙 规划器甲乙丙", 30 * "e\u0301", "김철수 ä"])
+def test_columns_end_alike_whatever_the_letters(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wide letters take two columns of a terminal, accents none; lines of 60 columns hold names."""
+    monkeypatch.setenv("COLUMNS", "60")
+    row = {"planner": name, "reward": 1234.5, "bound": 1240.0, "gap": 0.004, "seconds": 1.0}
+    Listing("a title", [row, row | {"planner": "cocap"}]).print()
+    lines = capsys.readouterr().out.splitlines()
+    for part in " ".join(lines).split("planner")[1:]:
+        assert part.count(name) == 1 and part.count("cocap") == 1
+    widths = [cell_len(line.rstrip()) for line in lines if "1,234.50" in line or "reward" in line]
+    assert max(map(cell_len, lines)) <= 60 and len(set(widths)) == 1
+    # As many columns are beside each other as have room.
+    wide = max(7, cell_len(name))
+    assert any("reward" in line and "bound" in line for line in lines) == (wide + 23 <= 60)
 
 
 def test_html_tables_align_numbers_and_say_what_they_are() -> None:

@@ -105,7 +105,7 @@ def test_what_is_too_large_is_refused_in_words(
     _highest_corner.cache_clear()
     monkeypatch.setattr(f"cocap_opt.formulations.second_opinion.{limit}", number)
     with pytest.raises(TooLargeError, match=words):
-        SecondOpinion.of(Model(problem, use_cache=False), file)
+        ProvedBound.of(Model(problem, use_cache=False), file, twice=True)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 import pytest
 from browser import value
+from msgspec.structs import replace
 from PIL import Image
 from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
@@ -702,6 +703,60 @@ def test_names_stay_while_there_is_room(tmp_path: Path) -> None:
             written = set(value(browser, "[...window.written]"))
             assert {"Ada (0)", "Ben (1)", "Cleo (2)", "Dirk (3)", "Ben 1"} <= written
             assert value(browser, CUT) == []
+
+
+@pytest.mark.slow
+def test_delft_is_on_one_screen(tmp_path: Path) -> None:
+    """At 1400 x 900 the views of all five drones are in sight; on a phone no page is scrolled."""
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    problem = load_scene("delft", 0)
+    Player(problem, planned(problem, "sequential")).save(tmp_path / "page.html")
+    with Browser.opened(tmp_path / "page.html") as browser:
+        browser.resize((1400, 900))
+        chips = "[...document.querySelectorAll('.views .chip canvas')]"
+        wait_until(browser, f"{chips}.length === 5")
+        below = "document.querySelector('.fleet').getBoundingClientRect().bottom"
+        bottoms = f"{chips}.map((c) => {below} - c.getBoundingClientRect().bottom)"
+        assert min(value(browser, bottoms)) >= 0
+        assert min(value(browser, f"{chips}.map((c) => c.clientHeight)")) >= 60
+        browser.execute_script("document.getElementById('views').click()")  # off, as on a phone
+        browser.resize((390, 844))
+        assert value(browser, "document.documentElement.scrollHeight") <= 844
+
+
+@pytest.mark.slow
+def test_long_names_of_people_stand_above_their_rows(tmp_path: Path) -> None:
+    """On a phone no name in the strip is cut, and a press on a row still picks its person."""
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    problem = load_scene("delft", 0)
+    names = (
+        "Bartholomew van der Meer",
+        "Anna-Maria de Vries",
+        "Cleo",
+        "Dirk, who holds the microphone",
+    )
+    people = [replace(actor, name=name) for actor, name in zip(problem.actors, names, strict=True)]
+    problem = problem.replace(actors=people)
+    Player(problem, planned(problem, "sequential")).save(tmp_path / "page.html")
+    with Browser.opened(tmp_path / "page.html") as browser:
+        browser.execute_script(SPY)
+        browser.resize((390, 844))
+        wait_until(browser, "window.written.has('Cleo 2')")
+        assert {f"{name} {j}" for j, name in enumerate(names)} <= set(
+            value(browser, "[...window.written]")
+        )
+        height = value(browser, "document.querySelector('.strip').clientHeight")
+        browser.execute_script(
+            """const strip = document.querySelector(".strip");
+            const { left, top } = strip.getBoundingClientRect();
+            strip.dispatchEvent(new PointerEvent("pointermove", {
+              clientX: left + 200, clientY: top + arguments[0], buttons: 0, bubbles: true }));""",
+            height * 0.7,  # in the third of four rows
+        )
+        told = value(browser, "document.querySelector('.told').textContent")
+        assert told.startswith("Cleo, step ")
 
 
 # What is written on canvases from now on, and what of the page is cut or wider than its box.

@@ -33,9 +33,11 @@ from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
 from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
 from cocap_opt.missions.sheet.words import attention, running_order, sections, unchecked
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Limits
 from cocap_opt.problem.land_cover import LANDS, LandCover
 from cocap_opt.problem.pictures import TopView, land_colour
+from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
 
@@ -734,6 +736,38 @@ def test_a_card_is_on_one_page() -> None:
             ]  # fmt: skip
             assert on, (before, first)
         require_apart(pages)
+
+
+@pytest.mark.slow
+def test_the_pages_of_delft_are_full() -> None:
+    """Cards fill two columns, and what is short has no page of its own: four pages, not five."""
+    problem = load_scene("delft", 0)
+    plan = PLANNERS["sequential"](problem).plan
+    assert plan is not None
+    flight = Flight.of(problem, plan, False)
+    pages = pages_of(flight, None, [USUAL])
+    require_apart(pages)
+    assert len(pages.figures) == 4
+    last = [text.get_text() for text in pages.figures[-1].texts]
+    assert "Places and heights" in last and "Not checked" in last
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 300])
+def test_a_checklist_has_two_columns_that_end_alike(count: int) -> None:
+    """No page break parts it or leaves its heading behind; one that no page holds goes on."""
+    pages = Pages([USUAL])
+    for k in range(70):
+        pages.sentence(f"line {k}")
+    words = [f"item {k}" for k in range(count)]
+    pages.checklist("title", words, "-")
+    require_apart(pages)
+    found = [{text.get_text() for text in figure.texts} for figure in pages.figures]
+    assert set(words) <= set().union(*found)
+    assert all({"title", words[0]} <= page for page in found if "title" in page)
+    if count < 300:
+        assert {"title", *words} <= found[-1]
+        tops = [t.get_position()[1] for t in pages.figures[-1].texts if "item" in t.get_text()]
+        assert len(set(tops)) == -(-count // 2)
 
 
 def test_letters_of_other_scripts_have_fonts_or_are_told() -> None:

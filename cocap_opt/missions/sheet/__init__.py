@@ -43,7 +43,7 @@ from cocap_opt.missions.sheet.words import (
 )
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEGEND, _TITLE, _LIST = 120.0, 14.0, 6.0, 40.0  # mm
+_MAP, _LEGEND, _TITLE = 120.0, 14.0, 6.0  # mm
 
 
 def write(flight: Flight, every: float | None) -> Export:
@@ -78,14 +78,13 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     grounds, pages = Touchdowns.of(flight), Pages(families)
     _write_head(pages, flight, clock, grounds)
     _draw_maps(pages, flight, clock, found)
-    pages.cards("Drones", drone_cards(flight, clock, found, grounds))
-    if problem.actors:
-        pages.cards("People: cues", people_cards(flight, clock))
+    # One row of cards after the other: that of an odd drone has the first person's, too.
+    title = "Drones, and people with their cues" if problem.actors else "Drones"
+    drones = drone_cards(flight, clock, found, grounds)
+    pages.cards(title, [*drones, *people_cards(flight, clock)])
     for title, blocks in sections(flight, clock, grounds, every):
         pages.section(title, blocks)
-    pages.heading("Not checked", _LIST)
-    for words in unchecked(flight, bool(parts), grounds):
-        pages.sentence(words, mark="\N{BALLOT BOX}")
+    pages.checklist("Not checked", [*unchecked(flight, bool(parts), grounds)], "\N{BALLOT BOX}")
     pages.foot(shortened(printable(problem.name)))
     return pages
 

@@ -27,7 +27,7 @@ INNER = WIDTH - 2 * SIDE
 _WHOLE = HEIGHT - TOP - BOTTOM  # mm, of a page
 _MM = 25.4  # of an inch
 _GAP = 3.0  # mm between columns of a table
-_PAD, _BETWEEN = 2.0, 4.0  # mm, inside of a card, and between two of them
+_PAD, _BETWEEN = 2.0, 3.0  # mm, inside of a card, and between two of them
 _AFTER_LINES, _AFTER_TABLE = 0.8, 2.0  # mm, below a sentence and below a table
 _LABEL = 19.0  # mm, of the names of a card's facts
 _RULE, _PALE = "#000000", "#999999"
@@ -138,6 +138,31 @@ class Pages:
             self._lines(SIDE + inset, [line], look)
         self.skip(_AFTER_LINES)
 
+    def checklist(self, title: str, sentences: Sequence[str], mark: str) -> None:
+        """Writes sentences after marks below a heading, in two columns; parted by no page break.
+
+        A list that no page holds is in one column.
+        """
+        width, inset = (INNER - _BETWEEN) / 2, self._wide(mark + "  ", BODY)
+        items = [self._wrapped(words, width - inset, BODY) for words in sentences]
+        heights = [len(lines) * BODY.line + _AFTER_LINES for lines in items]
+        highs = [max(sum(heights[:k]), sum(heights[k:])) for k in range(len(items) + 1)]
+        height = min(highs)
+        first = highs.index(height)
+        self.heading(title, height)
+        if height > self.room:
+            for words in sentences:
+                self.sentence(words, mark=mark)
+            return
+        top = self._y
+        for side, column in enumerate((items[:first], items[first:])):
+            self._y, left = top, SIDE + side * (width + _BETWEEN)
+            for lines in column:
+                self._put(left, self._y, mark, BODY)
+                self._lines(left + inset, lines, BODY)
+                self.skip(_AFTER_LINES)
+        self._y = top + height
+
     def box(self, words: Sequence[str]) -> None:
         """Writes sentences in a thick frame, which nobody is to overlook; in several if need be."""
         inner = INNER - 2 * _PAD
@@ -190,18 +215,23 @@ class Pages:
         self.skip(_AFTER_TABLE)
 
     def cards(self, title: str, cards: Sequence[Card]) -> None:
-        """Draws cards below a heading, two beside each other, none of them on two pages."""
+        """Draws cards below a heading in two columns, none of them on two pages.
+
+        Each card goes into the column that ends higher, so that low cards leave no gaps.
+        """
         wide = (INNER - _BETWEEN) / 2
         self.heading(title, max(self._card_height(card, wide) for card in cards[:2]))
-        for k in range(0, len(cards), 2):
-            pair = cards[k : k + 2]
-            heights = [self._card_height(card, wide) for card in pair]
-            self.need(max(heights))
-            top = self._y
-            for side, card in enumerate(pair):
-                self._y = top
-                self._draw_card(card, SIDE + side * (wide + _BETWEEN), wide, max(heights))
-            self._y = top + max(heights) + _BETWEEN
+        ends = [self._y, self._y]  # of the columns, mm from the top
+        for card in cards:
+            height = self._card_height(card, wide)
+            self._y = min(ends)
+            if height > self.room and self._y > TOP:
+                self.begin_page()
+                ends = [self._y, self._y]
+            side = ends.index(self._y)
+            self._draw_card(card, SIDE + side * (wide + _BETWEEN), wide, height)
+            ends[side] += height + _BETWEEN
+        self._y = max(ends)
 
     def fields(self, fields: Sequence[tuple[str, str]], columns: int) -> None:
         """Writes names and values in so many columns; an empty value is a line to fill in."""

@@ -11,10 +11,14 @@ const LEFT = [46, 150, 0.22]; // px at least and at most, and at most so much of
 const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
 const TOUCH = 9; // px around a mark
 
+const widest = () => Math.min(LEFT[1], LEFT[2] * window.innerWidth);
+
+// Whether names of a width have room in the margin.
+export const fitsMargin = (wide) => wide + 12 <= Math.max(LEFT[0], widest());
+
 // The margin becomes as wide as names need it.
 export function fitMargin(wide) {
-  const [least, most, share] = LEFT;
-  MARGIN.left = Math.max(least, Math.min(wide + 12, most, share * window.innerWidth));
+  MARGIN.left = Math.max(LEFT[0], Math.min(wide + 12, widest()));
 }
 
 export class Chart {

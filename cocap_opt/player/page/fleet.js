@@ -27,6 +27,7 @@ export class Fleet {
     this.rows = data.drones.map((_, i) => this.row(i, pick));
     this.root.append(...present(plan).map((i) => this.rows[i].chip));
     this.root.hidden = !present(plan).length;
+    this.root.style.setProperty("--drones", present(plan).length || 1);
     this.eye = new Eye(data, plan, scene, bodies, null);
     this.visible = new Set();
     this.watcher = new IntersectionObserver((changes) => {

@@ -218,7 +218,7 @@ function look(how) {
 
 function fit() {
   camera.fitted = false;
-  panels[0].strip.fit();
+  panels.forEach(({ strip }) => strip.fit());
   refresh();
 }
 

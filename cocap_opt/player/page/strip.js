@@ -1,7 +1,7 @@
 // By how many drones each person is seen: a strip of people and steps below the chart, with what is
 // known of a person at a step in words. A press goes to the step.
 
-import { fitMargin, MARGIN } from "./chart.js";
+import { fitMargin, fitsMargin, MARGIN } from "./chart.js";
 import { words } from "./colours.js";
 import { make, PHONE, put } from "./dom.js";
 import { FONT } from "./labels.js";
@@ -16,6 +16,7 @@ const SEEN_BY = [ // none, one, two, three or more drones
 const ROWS_HIGH = [3, 14]; // px of a row, at least and at most
 const STRIP_HIGH = 84, PHONE_HIGH = 56; // px of all rows, where they are not at least as high as above
 const LETTER = 9; // px of a cell that has room for a number
+const NAME_HIGH = 13; // px of a name that stands above its row
 
 export class Strip {
   // `go(step, person)` is called by a press.
@@ -76,6 +77,16 @@ export class Strip {
     return Math.min(Math.max(Math.floor(all / this.rows.length), ROWS_HIGH[0]), ROWS_HIGH[1]);
   }
 
+  // From row to row: names that are too long to stand beside their rows stand above them.
+  get pitch() {
+    return this.high + (this.isAbove ? NAME_HIGH : 0);
+  }
+
+  // Where the fields of a row begin.
+  top(k) {
+    return (k + 1) * this.pitch - this.high;
+  }
+
   x(step) {
     return MARGIN.left + (step / (this.data.steps + 1)) * this.width;
   }
@@ -83,7 +94,7 @@ export class Strip {
   // Step and row under a pointer.
   cellAt({ offsetX, offsetY }) {
     const step = Math.floor(((offsetX - MARGIN.left) / this.width) * (this.data.steps + 1));
-    const row = Math.floor(offsetY / this.high);
+    const row = Math.floor(offsetY / this.pitch);
     return [Math.min(Math.max(step, 0), this.data.steps), Math.min(Math.max(row, 0), this.rows.length - 1)];
   }
 
@@ -92,7 +103,9 @@ export class Strip {
     const context = this.canvas?.getContext("2d");
     if (!context) return;
     context.font = `700 10px ${FONT}`;
-    fitMargin(Math.max(...this.rows.map((row) => context.measureText(this.nameOf(row)).width)));
+    const wide = Math.max(...this.rows.map((row) => context.measureText(this.nameOf(row)).width));
+    this.isAbove = this.high >= LETTER && !fitsMargin(wide); // of lower rows only the picked one has a name
+    fitMargin(this.isAbove ? 0 : wide);
   }
 
   nameOf({ person }) {
@@ -103,7 +116,7 @@ export class Strip {
   draw(time, picked) {
     if (this.root.hidden) return;
     Object.assign(this, { step: Math.round(time), picked: Math.min(picked ?? 0, this.rows.length - 1) });
-    const tall = this.high * this.rows.length, stamp = [this.step, this.picked, this.width, tall, words.version].join();
+    const tall = this.pitch * this.rows.length, stamp = [this.step, this.picked, this.width, tall, words.version].join();
     if (stamp !== this.stamp) this.paint(tall);
     this.stamp = stamp;
     this.tell();
@@ -118,11 +131,12 @@ export class Strip {
     this.rows.forEach((row, k) => this.paintRow(context, row, k));
     context.strokeStyle = words.ink;
     context.lineWidth = 1.5;
-    context.strokeRect(this.x(this.step) + 0.5, 0.75, Math.max(this.x(1) - this.x(0) - 1, 1), tall - 1.5);
+    const [tops, high] = this.isAbove ? [this.rows.map((_, k) => this.top(k)), this.high] : [[0], tall];
+    for (const y of tops) context.strokeRect(this.x(this.step) + 0.5, y + 0.75, Math.max(this.x(1) - this.x(0) - 1, 1), high - 1.5);
   }
 
   paintRow(context, row, k) {
-    const y = k * this.high, gap = this.high > 5 ? 1 : 0;
+    const y = this.top(k), gap = this.high > 5 ? 1 : 0;
     this.paintName(context, row, k);
     row.views.forEach((views, step) => {
       const kind = Math.min(views, 3), left = this.x(step), wide = this.x(step + 1) - left;
@@ -153,13 +167,15 @@ export class Strip {
   // As much of the name as there is room for, and the number; the words of a row have its take.
   paintName(context, row, k) {
     if (this.high < LETTER && k !== this.picked) return;
-    const letters = [...(this.data.people[row.person].name ?? "")], room = MARGIN.left - 10;
+    const letters = [...(this.data.people[row.person].name ?? "")];
+    const room = this.isAbove ? this.canvas.clientWidth - 2 * MARGIN.right : MARGIN.left - 10;
     context.font = `${k === this.picked ? "700 " : ""}10px ${FONT}`;
-    context.textAlign = "right";
+    context.textAlign = this.isAbove ? "left" : "right";
     context.textBaseline = "middle";
     context.fillStyle = k === this.picked ? words.ink : words.soft;
     let text = this.nameOf(row);
     while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… ${row.person}`;
+    if (this.isAbove) return context.fillText(text, MARGIN.right, k * this.pitch + NAME_HIGH / 2 + 1);
     const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
     context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
   }
