@@ -14,7 +14,16 @@ import numpy as np
 
 from cocap_opt.data import LARGEST
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import CollisionRules, Motion, Objective, Plan, Problem, Robot, State
+from cocap_opt.problem import (
+    CollisionRules,
+    GoalArea,
+    Motion,
+    Objective,
+    Plan,
+    Problem,
+    Robot,
+    State,
+)
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.text import in_ranges
 from cocap_opt.vision.faces import FaceGeometry
@@ -134,10 +143,10 @@ class _Referee:
                 if fault := self._broken_move(robot, path[t], path[t + 1]):
                     found.append(f"{where}: step {t} to {t + 1} {fault}")
             found += [f"{where}: {words}" for words in self._near_people(robot, path)]
-            if robot.goal is not None and (path[-1].x, path[-1].y) != robot.goal:
-                found.append(
-                    f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {robot.goal}"
-                )
+            if not robot.may_end_in(path[-1]):
+                goal = robot.goal
+                wanted = "in one of its goals" if isinstance(goal, GoalArea) else f"{goal}"
+                found.append(f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {wanted}")
         return found
 
     def conflicts(self, plan: Plan) -> list[str]:

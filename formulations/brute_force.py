@@ -116,7 +116,7 @@ def _count_paths(model: Model, robot: int) -> int:
 
 
 def _all_paths(model: Model, robot: int) -> list[Path]:
-    """Returns all paths of a robot that end in its goal."""
+    """Returns all paths of a robot that end in its goal, or in one of several."""
     robot_class = model.class_of[robot]
     paths: list[Path] = [(start,) for start in model.starts(robot).tolist()]
     for t in range(model.problem.horizon):
@@ -128,4 +128,4 @@ def _all_paths(model: Model, robot: int) -> list[Path]:
     if robot_class.goal is None:
         return paths
     ends = (robot_class.graph.state(path[-1]) for path in paths)
-    return [p for p, end in zip(paths, ends, strict=True) if (end.x, end.y) == robot_class.goal]
+    return [p for p, end in zip(paths, ends, strict=True) if robot_class.spec.may_end_in(end)]

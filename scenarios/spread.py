@@ -197,7 +197,7 @@ def _ground(workspace: Workspace, poses: FloatArray) -> FloatArray:
     Where a map does not tell ground from obstacles it is 0: nobody is lifted onto an obstacle.
     """
     height_map = workspace.height_map
-    if height_map.datum is None:
+    if not height_map.knows_ground:
         return np.zeros(len(poses))
     x, y = np.clip(height_map.cells_of(poses), 0, np.array(height_map.shape) - 1).T
     return np.asarray(height_map.ground[x, y])

@@ -57,6 +57,7 @@ def recipe(path: Path) -> str:
             del actor["take"]
         else:
             actor["take"] = numbers[actor["take"]]
+    del problem["height_map"]["bare"]
     for robot in problem["robots"]:
         del robot["home"], robot["number"]
     for holder, field in [(problem, "step"), *((robot, "limits") for robot in problem["robots"])]:

@@ -97,7 +97,7 @@ def _export(
     roots as quadratic rows, for AMPL's solvers; .col and .row beside it have the
     names. A solver's solution, FILE.sol, can be passed wherever a plan can.
 
-    coverage.csv, views.csv, moves.csv, turns.csv and drones.csv, or names that
+    coverage.csv, views.csv, moves.csv, turns.csv, drones.csv and goals.csv, or names that
     end so, are long tables: who sees whom from where, and who can move how.
 
     .graphml: the graph of a drone: one node for each state at each step that a

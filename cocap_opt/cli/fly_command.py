@@ -19,7 +19,7 @@ from cocap_opt.cli.flight_options import (
 from cocap_opt.cli.flown_plan import Order
 from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, Whole
 from cocap_opt.flight.changes import tight_timing
-from cocap_opt.flight.touchdowns import bad_touchdowns, touchdowns
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.answer import print_result
@@ -69,9 +69,9 @@ def _fly(
     for the crew.
 
     Not checked: wind, deviations from the planned flight, the ways up and down; notes below the
-    answer warn of drones that take off from or land on roofs, obstacles or water, of people who
-    walk through obstacles, off the map or in the air, and of timing that is too tight to see on a
-    clock, and list what else was not checked.
+    answer warn of drones that take off from or land on roofs, obstacles or water, or too near to
+    each other, of people who walk through obstacles, off the map or in the air, and of timing that
+    is too tight to see on a clock, and list what else was not checked.
 
     A plan in which no drone moves is rejected unless you pass --hovering.
 
@@ -102,7 +102,7 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    grounds, people = bad_touchdowns(touchdowns(flight)), misplaced_people(problem)
+    grounds, people = Touchdowns.of(flight).warnings(), misplaced_people(problem)
     watched = [*grounds, *people, *tight_timing(flight)]
     notes = [*(f"ATTENTION: {words}" for words in watched), *flight.notes(), *mission.notes]
     notes += _of_homes(parts, suffix)

@@ -254,9 +254,9 @@ def read_bytes(path: Path) -> bytes:
 def problem_digest(problem: Problem) -> str:
     """Digest of all that J, and what a plan may do, depend on.
 
-    Names, places on the Earth, land cover, homes, numbers, when tracks begin and the share of views
-    that is asked for have no part in that. The page on files has the recipe, by which anybody can
-    compute the digest.
+    Names, places on the Earth, land cover, bare ground, homes, numbers, when tracks begin and the
+    share of views that is asked for have no part in that. The page on files has the recipe, by
+    which anybody can compute the digest.
     """
     numbers = {take.name: str(k) for k, take in enumerate(problem.takes)}
     actors = tuple(
@@ -271,6 +271,7 @@ def problem_digest(problem: Problem) -> str:
         for name in ("step", "earth", "limits", "name", "begin", "take", "takes", "land_cover"):
             if name in holder and holder[name] in (None, [], ()):
                 del holder[name]
+    del fields["height_map"]["bare"]
     for robot in fields["robots"]:
         del robot["home"], robot["number"]
     for name, nothing in (("pixels", 1.0), ("views", None)):

@@ -10,5 +10,6 @@ images; `earth` gives latitudes and longitudes; `delays` says how far drones may
 them all. `flights` puts them together: the `Flight` of a plan, checked for being flown, in the
 scene that `flight_scene` makes of a problem; `changes` has a row for each change it meets.
 `ways` leads drones from home to the first places and back, and counts their batteries;
-`touchdowns` warns of roofs, obstacles and water on which they take off or land.
+`touchdowns` warns of roofs, obstacles and water on which they take off or land, and of drones that
+are too near to each other as they do.
 """

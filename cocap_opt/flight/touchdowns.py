@@ -1,27 +1,45 @@
-"""The ground on which drones take off and land, and warnings of roofs, water and obstacles.
+"""The ground on which drones take off and land, and warnings of it, and of others on the way.
 
 Drones with homes use those; others go straight up to their first places and straight down from
-their last ones.
+their last ones. Warnings are of roofs, water and obstacles, and of drones that are one above the
+other, or nearer than the separation, between those places and the ground.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from cocap_opt.flight.flights import Flight
+from cocap_opt.problem import SEPARATION, CollisionRules
 from cocap_opt.problem.land_cover import Land, lands_at
 from cocap_opt.text import in_ranges
 from cocap_opt.world.workspace import OBSTACLE
 
 TAKE_OFF, LANDING, HOME = "take-off", "landing", "home"
-# Of one drone, of several, and what to do with them.
-_DOES = {
-    TAKE_OFF: ("takes off from", "take off from", "start"),
-    LANDING: ("lands on", "land on", "land"),
-    HOME: ("takes off from and lands on", "take off from and land on", "start and land"),
-}
+KINDS = TAKE_OFF, LANDING, HOME
+_SAME_SPOT = 0.05  # m
+
+
+class _Deed(NamedTuple):
+    """The words for a deed of one drone and of several, on some ground or not, and its remedy."""
+
+    does_on: str
+    do_on: str
+    does: str
+    do: str
+    instead: str
+
+
+_DEEDS = {
+    TAKE_OFF: _Deed("takes off from", "take off from", "takes off", "take off", "start"),
+    LANDING: _Deed("lands on", "land on", "lands", "land", "land"),
+    HOME: _Deed(
+        "takes off from and lands on", "take off from and land on", "takes off and lands",
+        "take off and land", "start and land",
+    ),
+}  # fmt: skip
 
 
 class Touchdown(NamedTuple):
@@ -73,22 +91,88 @@ class Touchdown(NamedTuple):
         return self.above is not None and self.above > OBSTACLE
 
 
-def touchdowns(flight: Flight) -> list[Touchdown]:
-    """Returns where drones take off, unless they are in the air already, and where they land.
+class Near(NamedTuple):
+    """Two drones that are too near to each other while they take off, or while they land.
 
-    A drone with a home has one of the two, for both.
+    Attributes
+    ----------
+    first, second : drones
+    kind : as that of both touchdowns
+    distance : m between the ways straight up or down, at the least
     """
+
+    first: int
+    second: int
+    kind: str
+    distance: float
+
+    @property
+    def is_above(self) -> bool:
+        """True if one drone is above the other."""
+        return self.distance < _SAME_SPOT
+
+
+class Touchdowns(NamedTuple):
+    """The take-offs of a flight, unless its drones are in the air already, and its landings.
+
+    A drone with a home has one touchdown, for both.
+
+    Attributes
+    ----------
+    found : by drone
+    near : pairs of drones that are too near to each other below their places
+    separation : m that are to be kept between drones
+    """
+
+    found: tuple[Touchdown, ...]
+    near: tuple[Near, ...]
+    separation: float
+
+    @classmethod
+    def of(cls, flight: Flight) -> Self:
+        """Returns those of a flight.
+
+        Where the scene has no separation, that of scenes that are to be flown is asked for.
+        """
+        found, rules = tuple(_found(flight)), flight.flown.problem.rules
+        if not rules.separation:
+            rules = CollisionRules(separation=SEPARATION)
+        near = tuple(pair for kind in KINDS for pair in _near(found, kind, rules))
+        return cls(found, near, rules.separation)
+
+    def warnings(self, kinds: Collection[str] = KINDS) -> Iterator[str]:
+        """Yields which drones touch down badly or too near to each other, and what to do."""
+        yield from _of_ground([each for each in self.found if each.kind in kinds])
+        for kind in KINDS:
+            if near := [pair for pair in self.near if pair.kind == kind and kind in kinds]:
+                yield _of_others(near, self.separation)
+
+    def of_drone(self, drone: int) -> Iterator[str]:
+        """Yields the warnings of one drone, without its name."""
+        for words in _of_ground([each for each in self.found if each.drone == drone]):
+            yield words.removeprefix(f"drone {drone} ")
+        for pair in self.near:
+            if drone in (pair.first, pair.second):
+                other = pair.second if drone == pair.first else pair.first
+                deed = _DEEDS[pair.kind]
+                how = f"on the same spot as drone {other}" if pair.is_above else (
+                    f"{pair.distance:.2f} m from drone {other}, less than {self.separation:g} m"
+                )  # fmt: skip
+                yield f"{deed.does} {how}; {deed.instead} one of them elsewhere"
+
+
+def _found(flight: Flight) -> Iterator[Touchdown]:
+    """Yields the touchdowns of a flight."""
     problem, height_map = flight.flown.problem, flight.flown.problem.height_map
     places = list(_places(flight))
     lands = lands_at(problem.land_cover, np.array([place[:2] for _, _, place in places]))
-    found = []
+    ground = height_map.ground if height_map.knows_ground else None
     for (drone, kind, (x, y, z)), land in zip(places, lands, strict=True):
         i, j = (int(cell[0]) for cell in height_map.cells_below(np.array([[x, y]])))
         tops = (high for _, high in problem.workspace.columns.at(i, j) if high <= z)
         surface = max(tops, default=float(height_map.heights[i, j]))
-        above = surface - float(height_map.ground[i, j]) if height_map.knows_ground else None
-        found.append(Touchdown(drone, kind, x, y, z, surface, above, land))
-    return found
+        above = None if ground is None else surface - float(ground[i, j])
+        yield Touchdown(drone, kind, x, y, z, surface, above, land)
 
 
 def _places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
@@ -107,20 +191,51 @@ def _places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
         yield drone, LANDING, last
 
 
-def bad_touchdowns(found: Iterable[Touchdown]) -> Iterator[str]:
+def _near(found: Iterable[Touchdown], kind: str, rules: CollisionRules) -> Iterator[Near]:
+    """Yields the pairs of drones whose ways straight up or down are too near to each other."""
+    alike = [each for each in found if each.kind == kind]
+    if not alike:
+        return
+    x, y, low, high = np.array([(each.x, each.y, each.surface, each.z) for each in alike]).T
+    for k, each in enumerate(alike[:-1]):
+        after = slice(k + 1, None)
+        between = np.maximum(low[k] - high[after], low[after] - high[k]).clip(0.0)
+        ways = np.column_stack([x[after] - x[k], y[after] - y[k], between])
+        for n in np.flatnonzero(rules.too_near(ways)).tolist():
+            other = alike[k + 1 + n].drone
+            yield Near(each.drone, other, kind, float(np.linalg.norm(ways[n])))
+
+
+def _of_ground(found: Iterable[Touchdown]) -> Iterator[str]:
     """Yields which drones take off from or land on roofs, obstacles and water, and what to do."""
 
     def key(each: Touchdown) -> tuple[int, str]:
-        return list(_DOES).index(each.kind), each.what
+        return KINDS.index(each.kind), each.what
 
     bad = sorted((each for each in found if each.is_bad), key=key)
     for _, group in groupby(bad, key=key):
         first, *others = alike = list(group)
-        does, do, instead = _DOES[first.kind]
+        deed = _DEEDS[first.kind]
         if not others:
-            yield f"drone {first.drone} {does} {first.ground}; {instead} it elsewhere"
+            yield f"drone {first.drone} {deed.does_on} {first.ground}; {deed.instead} it elsewhere"
             continue
         most = max(each.above or 0.0 for each in alike)
         high = f" up to {most:.1f} m above the ground" if first.is_raised else ""
         drones = in_ranges([each.drone for each in alike])
-        yield f"drones {drones} {do} {first.what}{high}; {instead} them elsewhere"
+        yield f"drones {drones} {deed.do_on} {first.what}{high}; {deed.instead} them elsewhere"
+
+
+def _of_others(near: Sequence[Near], separation: float) -> str:
+    """Says which drones are too near to each other at touchdowns of one kind, and what to do."""
+    nearest = min(near, key=lambda pair: pair.distance)
+    deed, two = _DEEDS[nearest.kind], f"{nearest.first} and {nearest.second}"
+    spot, least = "on the same spot", f"less than {separation:g} m"
+    if len(near) == 1:
+        how = spot if nearest.is_above else f"{nearest.distance:.2f} m from each other, {least}"
+        return f"drones {two} {deed.do} {how}; {deed.instead} one of them elsewhere"
+    drones = in_ranges(sorted({drone for pair in near for drone in pair[:2]}))
+    how = spot if nearest.is_above else f"{nearest.distance:.2f} m"
+    return (
+        f"drones {drones} {deed.do} {least} from each other, {two} {how}; {deed.instead} some of "
+        "them elsewhere"
+    )

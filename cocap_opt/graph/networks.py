@@ -84,11 +84,8 @@ def keep_paths(graph: Graph, problem: Problem, robot: int) -> None:
     ----------
     graph : its nodes are in the order of their steps, as `reached_graph` has them
     """
-    goal = problem.robots[robot].goal
-    kept = {
-        (state, t) for state, t in graph
-        if t == problem.horizon and goal in (None, (state.x, state.y))
-    }  # fmt: skip
+    spec = problem.robots[robot]
+    kept = {(state, t) for state, t in graph if t == problem.horizon and spec.may_end_in(state)}
     for node in reversed(list(graph)):
         if any(head in kept for head in graph[node]):
             kept.add(node)

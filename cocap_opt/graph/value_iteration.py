@@ -16,13 +16,14 @@ from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
+from cocap_opt.problem import AnyGoal, goal_cells
 from cocap_opt.stop import Stop, never
 
 KERNEL = Kernel("cocap_opt.graph.sweep_kernel", "value iteration", compiling=4.0)
 _EACH = 5e-9  # s, of NumPy's way for a state at a step: measured
 _SHORT = 10_000_000  # values of a sweep in which no limit need be asked for
 _AT_ONCE = 2_000_000  # values of moves, to bound the memory
-_Ends = tuple[int, tuple[int, int] | None]  # horizon and goal
+_Ends = tuple[int, AnyGoal | None]  # horizon and goal
 _leads: WeakKeyDictionary[TimeGraph, dict[_Ends, BoolArray]] = WeakKeyDictionary()
 
 
@@ -31,7 +32,7 @@ def backward_sweep(
     reward: FloatArray,
     bonuses: Bonuses = NO_BONUSES,
     charges: Charges = NO_CHARGES,
-    goal: tuple[int, int] | None = None,
+    goal: AnyGoal | None = None,
     stop: Stop = never,
     earlier: tuple[FloatArray, int] | None = None,
     frames: Sequence[Frame] | None = None,
@@ -45,7 +46,7 @@ def backward_sweep(
         free states, as `TimeGraph.no_reward` makes it
     bonuses : rewards for the moves themselves
     charges : costs of places, moves and states; infinity closes them
-    goal : cell (x, y) in which the path must end
+    goal : cell (x, y) in which the path must end, or several, in one of which it must
     stop : stopping criterion, checked at every step
     earlier : result [T+1, S] of a sweep with the same arguments but for some rewards, which is
         overwritten, and the last step at which a reward has changed since
@@ -149,7 +150,7 @@ def best_path(
     return path
 
 
-def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) -> BoolArray:
+def leads_to_goal(graph: TimeGraph, horizon: int, goal: AnyGoal | None) -> BoolArray:
     """Returns from which states [T+1, S] a robot that is alone can be in the goal cell at T.
 
     Without a goal all do, unless people close places and moves. What is computed is kept as long
@@ -336,12 +337,13 @@ class _BackwardStep:
         best[:, self.frame.places(places)] = ahead.max(axis=1)
 
 
-def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: tuple[int, int]) -> None:
-    """Closes the states [S] that are not in the goal's cell."""
-    elsewhere = np.ones(graph.shape[2:], dtype=bool)
-    if graph.window.covers(*goal):
-        at = [graph.place(layer, *goal) for layer in range(len(graph.motion.layers))]
-        elsewhere.reshape(-1)[at] = False
+def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: AnyGoal) -> None:
+    """Closes the states [S] that are not in a cell of the goal."""
+    elsewhere, window = np.ones(graph.shape[2:], dtype=bool), graph.window
+    x, y = (goal_cells(goal) - (window.x0, window.y0)).T
+    width, depth = window.shape
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < depth)
+    graph.without_border(elsewhere)[:, x[inside], y[inside]] = False
     value.reshape(graph.shape)[:, :, elsewhere] = CLOSED
 
 

@@ -197,7 +197,8 @@ class CoverageTables:
         if self._ended is not None and stop is self._ended[0]:
             raise LimitReached(self._ended[1])
         self.require_memory(spec)
-        kept = self._kept(spec)  # digests code: that is no coverage
+        with stop.paused():  # it digests code, once in a process: that is no coverage
+            kept = self._kept(spec)
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))
@@ -270,8 +271,9 @@ class CoverageTables:
         at_least = None if views is None else views.at_least
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
+        solid = problem.workspace._replace(height_map=problem.height_map.replace(bare=None))
         key = TableCache.key(
-            __name__, problem.workspace, problem.airspace, spec.motion, spec.camera,
+            __name__, solid, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
             shapes, at_least, problem.take_of,

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model.coverage_tables import Path, Sight, graph_of
-from cocap_opt.problem import Cell, Problem, Robot, StartSet
+from cocap_opt.problem import AnyGoal, Cell, Problem, Robot, StartSet
 from cocap_opt.problem.rules import Meeting
 
 _KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
@@ -32,8 +32,8 @@ class RobotClass:
     graph: TimeGraph
 
     @property
-    def goal(self) -> tuple[int, int] | None:
-        """Cell in which all of them must end."""
+    def goal(self) -> AnyGoal | None:
+        """Cell in which all of them must end, or several, in one of which each of them must."""
         return self.spec.goal
 
     @property

@@ -14,6 +14,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.model.coverage_tables import Sight
+from cocap_opt.problem import GoalArea, goal_cells
 
 _CHUNK = 50_000  # rows, or states of which all moves are written
 _STATE = ("x", "y", "layer", "heading", "tilt")
@@ -77,10 +78,20 @@ def _drones(model: Model) -> Iterator[_Columns]:
     for drone, robot_class in enumerate(model.class_of):
         starts = model.starts(drone)
         goal = robot_class.goal or (-1, -1)
+        if isinstance(goal, GoalArea):
+            goal = (-2, -2)
         yield [
             drone, np.full(len(starts), kinds.index(robot_class.sight)),
             *_state(robot_class.graph, starts), *goal,
         ]  # fmt: skip
+
+
+def _goals(model: Model) -> Iterator[_Columns]:
+    """Yields the cells in which each drone with a goal may end."""
+    for drone, robot_class in enumerate(model.class_of):
+        if robot_class.goal is not None:
+            x, y = goal_cells(robot_class.goal).T
+            yield [drone, x, y]
 
 
 def _coverage(model: Model) -> Iterator[_Columns]:
@@ -163,7 +174,11 @@ def _turns(model: Model) -> Iterator[_Columns]:
 TABLES = {
     "drones": LongTable(
         ("drone", "kind", *_STATE, "goal_x", "goal_y"), _drones,
-        "a state in which the drone may start; goal -1: it may end anywhere",
+        "a state in which the drone may start; goal -1: it may end anywhere; -2: in one of several "
+        "cells",
+    ),
+    "goals": LongTable(
+        ("drone", "x", "y"), _goals, "a cell in which a drone with a goal may end",
     ),
     "coverage": LongTable(
         ("kind", "step", *_STATE, "person", "face", "px_per_m2"), _coverage,

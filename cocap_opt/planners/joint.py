@@ -23,7 +23,7 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import objective
 from cocap_opt.planners.results import result_of, result_without_conflicts
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Problem, may_end
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
@@ -186,11 +186,9 @@ class Pair:
 
     def _off_goal(self, side: _PairSide) -> IntArray:
         """Returns the positions of places at the last step that are not the robot's goal."""
-        goal, places = side.robot_class.goal, side.places[self.horizon]
-        if goal is None:
-            return places[:0]
-        _, x, y = side.robot_class.graph.coordinates(places)
-        return np.flatnonzero((x != goal[0]) | (y != goal[1]))
+        robot_class, places = side.robot_class, side.places[self.horizon]
+        _, x, y = robot_class.graph.coordinates(places)
+        return np.flatnonzero(~may_end(robot_class.goal, x, y))
 
     def _flat(self, t: int, values: FloatArray) -> FloatArray:
         """Returns values [Oa, na_t, Ob, nb_t] with one axis per robot, without a copy."""

@@ -6,6 +6,7 @@ The names below are the vocabulary of all other modules: `from cocap_opt.problem
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
+from cocap_opt.problem.goals import AnyGoal, GoalArea, goal_cells, may_end
 from cocap_opt.problem.land_cover import LandCover
 from cocap_opt.problem.motion import Cell, Motion, State, Stride
 from cocap_opt.problem.objective import COVERAGE_VERSION, Objective, Views, require_visible_share
@@ -33,6 +34,7 @@ __all__ = [
     "Actor",
     "Airspace",
     "AnyCamera",
+    "AnyGoal",
     "AnyStart",
     "Camera",
     "Cell",
@@ -42,6 +44,7 @@ __all__ = [
     "Cuboid",
     "Earth",
     "Ending",
+    "GoalArea",
     "LandCover",
     "Limits",
     "Motion",
@@ -63,5 +66,7 @@ __all__ = [
     "TriangulatedCuboid",
     "VertexConflict",
     "Views",
+    "goal_cells",
+    "may_end",
     "require_visible_share",
 ]

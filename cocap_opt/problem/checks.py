@@ -11,6 +11,7 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.goals import AnyGoal, GoalArea
 from cocap_opt.problem.homes import landing_layers
 from cocap_opt.problem.motion import Motion
 from cocap_opt.problem.refusals import refused_starts, told
@@ -78,7 +79,7 @@ def _require_robot(scene: SceneData, i: int, robot: Robot) -> None:
     if isinstance(robot.start, StartArea):
         _require_area(scene, f"robots[{i}].start", robot.start, robot)
     if robot.goal is not None:
-        _require_goal(scene, f"robots[{i}].goal", robot.motion, *robot.goal)
+        _require_goal(scene, f"robots[{i}].goal", robot.motion, robot.goal)
     without = f"robots[{i}].home", "must be given for all drones, or for none"
     require((robot.home is None) == (scene.robots[0].home is None), *without)
     if robot.home is not None:
@@ -136,7 +137,15 @@ def _require_on_map(scene: SceneData, field: str, x: int, y: int) -> None:
     )
 
 
-def _require_goal(scene: SceneData, field: str, motion: Motion, x: int, y: int) -> None:
+def _require_goal(scene: SceneData, field: str, motion: Motion, goal: AnyGoal) -> None:
+    if isinstance(goal, GoalArea):
+        ends = goal.array.min(axis=0), goal.array.max(axis=0)
+        for cell in ends:
+            _require_on_map(scene, f"{field}.cells", *cell.tolist())
+        free = motion.free_places(scene.workspace)[:, *goal.array.T]
+        require(bool(free.any()), f"{field}.cells", "are blocked at every flight height")
+        return
+    x, y = goal
     _require_on_map(scene, field, x, y)
     require(
         any(

@@ -8,6 +8,7 @@ import msgspec
 
 from cocap_opt.data import LARGEST, Data, require, within
 from cocap_opt.problem.camera import AnyCamera, Camera
+from cocap_opt.problem.goals import AnyGoal, GoalArea
 from cocap_opt.problem.motion import ROUNDING, Motion, State, Stride
 from cocap_opt.problem.starts import AnyStart, StartStates
 
@@ -121,7 +122,7 @@ class Robot(Data, frozen=True):
         planners choose the best. A sequence of states becomes `StartStates`
     motion : the moves that it can make in one step
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
-    goal : cell (x, y), any layer and orientation
+    goal : cell (x, y), any layer and orientation; or several, from which planners choose the best
     limits : speed and turn limits; None if unknown
     home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
     number : if the scene is the rest of a mission, the robot's number in that mission; it is then
@@ -131,7 +132,7 @@ class Robot(Data, frozen=True):
     start: AnyStart
     motion: Motion = Motion()
     camera: AnyCamera = Camera()
-    goal: tuple[int, int] | None = None
+    goal: AnyGoal | None = None
     limits: Limits | None = None
     home: tuple[int, int] | None = None
     number: int | None = None
@@ -143,7 +144,9 @@ class Robot(Data, frozen=True):
         super().__post_init__()
         if isinstance(self.start, StartStates) and len(self.start.states) == 1:
             msgspec.structs.force_setattr(self, "start", self.start.states[0])
-        sizes = self.goal is None or len(self.goal) == 2
+        if isinstance(self.goal, GoalArea) and len(self.goal.cells) == 1:
+            msgspec.structs.force_setattr(self, "goal", self.goal.cells[0])
+        sizes = not isinstance(self.goal, tuple) or len(self.goal) == 2
         require(sizes, "goal", "must be a cell (x, y)")
         if self.number is not None:
             require(self.number >= 0, "number", f"must be 0 or more, not {self.number}")
@@ -151,6 +154,12 @@ class Robot(Data, frozen=True):
     def may_start_in(self, state: State) -> bool:
         """Returns True if the robot may start in this state, provided that it is free."""
         return state == self.start if isinstance(self.start, State) else self.start.holds(state)
+
+    def may_end_in(self, state: State) -> bool:
+        """Returns True if the robot may be in this state at step T, provided that it is free."""
+        if isinstance(self.goal, GoalArea):
+            return (state.x, state.y) in self.goal.inside
+        return self.goal is None or self.goal == (state.x, state.y)
 
     @property
     def orientation_sizes(self) -> tuple[int, int, int]:

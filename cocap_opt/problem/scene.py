@@ -23,6 +23,7 @@ from cocap_opt.data import (
 )
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
+from cocap_opt.problem.goals import may_end
 from cocap_opt.problem.land_cover import LandCover
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
@@ -226,7 +227,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         robot, steps, cells = self.robots[i], self.horizon + 1, states.array[:, :3]
         able = np.ones(len(cells), dtype=np.bool_)
         if robot.goal is not None:
-            able &= (cells[:, :2] == robot.goal).all(axis=1)
+            able &= may_end(robot.goal, *cells[:, :2].T)
         if not self.airspace.people_aside:
             return able
         # By their numbers in a box around them, of which there are many times as many as places.

@@ -80,7 +80,9 @@ def run(
     """
     known = record_of(method)
     name = name or (method if isinstance(method, str) else known.__name__)
-    watch, model = watch or Watch(), compiled(problem)
+    watch = watch or Watch()
+    with stop.paused():  # neither coverage nor search; where a limit is forecast it is done before
+        model = compiled(problem)
     before = model.tables.seconds
     _cover(model, known, stop, watch)
     watch.show(name)

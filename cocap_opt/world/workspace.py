@@ -46,6 +46,8 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     datum : [X, Y] m, zero of flight heights; None: 0 everywhere
     lift : [X, Y] m, by which flight heights are raised where the datum is too steep to be followed;
         None: nowhere. The ceiling stays above the datum itself
+    bare : [X, Y] m, altitudes of the ground below what stands on it, where the datum does not tell
+        them; None: as the datum or the heights tell. No plan depends on it, warnings do
 
     Raises
     ------
@@ -58,6 +60,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     origin: tuple[float, float] = (0.0, 0.0)
     datum: FloatArray | None = None
     lift: FloatArray | None = None
+    bare: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,7 +68,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         within(self.resolution, SMALLEST, LARGEST, "resolution", "m")
         for value in self.origin:
             within(value, -LARGEST, LARGEST, "origin", "m")
-        for field in ("datum", "lift"):
+        for field in ("datum", "lift", "bare"):
             if getattr(self, field) is not None:
                 values = frozen(getattr(self, field), field, 2)
                 msgspec.structs.force_setattr(self, field, values)
@@ -147,12 +150,13 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     @property
     def ground(self) -> FloatArray:
-        """Altitudes [X, Y] of the ground: the datum, or the lowest height if many cells have it.
+        """Altitudes [X, Y] of the ground: bare, the datum, or the lowest height if many have it.
 
         On any other map nothing tells ground from obstacles, so that all of it is ground.
         """
-        if self.datum is not None:
-            return np.minimum(self.datum, self.heights)
+        told = self.datum if self.bare is None else self.bare
+        if told is not None:
+            return np.minimum(told, self.heights)
         return np.full_like(self.heights, self.heights.min()) if self._is_flat else self.heights
 
     @property
@@ -161,7 +165,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
         Water is level, too: beside it the ground rises gently, which no obstacle does.
         """
-        if self.datum is not None:
+        if self.bare is not None or self.datum is not None:
             return True
         above = self.heights - self.heights.min()
         rises = bool(((above > _ROUNDING) & (above < OBSTACLE)).any())

@@ -25,11 +25,11 @@ The upper storey, the folder `staged`, checks staged certificates by searches, i
 and 660 more that are compiled. It is loaded only when one of these is checked or made. `checking`
 loads it, in one place.
 
-Below both, the trusted core, about 6,700 lines:
+Below both, the trusted core, about 6,800 lines:
 
-- `problem`: `actor`, `airspace`, `camera`, `checks`, `homes`, `motion`, `objective`, `plan`,
-  `problem`, `refusals`, `robot`, `rules`, `scene`, `shapes`, `starts`, `takes`; the scene, and
-  which conflicts it forbids.
+- `problem`: `actor`, `airspace`, `camera`, `checks`, `goals`, `homes`, `motion`, `objective`,
+  `plan`, `problem`, `refusals`, `robot`, `rules`, `scene`, `shapes`, `starts`, `takes`; the scene,
+  and which conflicts it forbids.
 - `world`: `columns`, `triangles`, `workspace`; what is solid.
 - `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
 - `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `seen`, `shadows`,

@@ -14,7 +14,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import RobotClass
-from cocap_opt.problem import Objective, Problem
+from cocap_opt.problem import Objective, Problem, may_end
 
 
 def plain_sweep(
@@ -44,7 +44,7 @@ def values_to_go(
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if robot_class.goal is not None:
         _, x, y = graph.coordinates(np.arange(graph.n_places))
-        value = np.where((x == robot_class.goal[0]) & (y == robot_class.goal[1]), value, -np.inf)
+        value = np.where(may_end(robot_class.goal, x, y), value, -np.inf)
     value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
     yield value.reshape(-1)
     for t in range(problem.horizon - 1, -1, -1):

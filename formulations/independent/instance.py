@@ -15,7 +15,7 @@ from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.model.coverage_tables import Sight, tell_nobody
-from cocap_opt.problem import COVERAGE_VERSION
+from cocap_opt.problem import COVERAGE_VERSION, may_end
 from cocap_opt.vision.coverage import Progress
 
 VERSION = 1
@@ -123,7 +123,7 @@ def _class(robot_class: RobotClass, kind: int, number_of: dict[int, int]) -> Ite
     if robot_class.goal is not None:
         known = np.array([*number_of], dtype=np.int64)
         _, x, y = graph.coordinates(known)
-        ends = known[(x == robot_class.goal[0]) & (y == robot_class.goal[1])].tolist()
+        ends = known[may_end(robot_class.goal, x, y)].tolist()
         goal = " ".join([" :", *(str(number_of[place]) for place in ends)])
     yield f"class {kind}{goal}"
     for robot, starts in zip(robot_class.robots, robot_class.starts, strict=True):

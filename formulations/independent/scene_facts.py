@@ -128,8 +128,9 @@ def facts_of_scene(problem: dict[str, Any]) -> Facts:
     for flight, kind in zip(flights.values(), kinds, strict=True):
         for i in kind.drones:
             starts[i], goal = flight.starts[i], robots[i]["goal"]
-            ends = {place for place in kind.places if goal is None or [*place[:2]] == [*goal]}
-            goals[i] = None if goal is None else ends
+            cells = goal["cells"] if isinstance(goal, dict) else [goal]
+            ends = {(x, y) for x, y in cells} if goal is not None else set()
+            goals[i] = None if goal is None else {at for at in kind.places if at[:2] in ends}
     return Facts(single, _weights(problem, faces, rows), kinds, starts, goals)
 
 

@@ -52,6 +52,7 @@ class Terrain(NamedTuple):
             resolution=height_map.resolution / parts,
             origin=height_map.origin,
             datum=None if height_map.datum is None else _between(height_map.datum, parts),
+            bare=None if height_map.bare is None else _repeated(height_map.bare, parts),
         )
         return self._replace(height_map=finer, ground=_repeated(self.ground, parts))
 
@@ -144,7 +145,8 @@ class MapTable(Table):
         Parameters
         ----------
         folder : of the files that the table names
-        flight : datum of flight heights; "above-ground" makes the ground the map's datum
+        flight : datum of flight heights; "above-ground" makes the ground the map's datum, otherwise
+            the map keeps it beside its heights
 
         Raises
         ------
@@ -169,10 +171,13 @@ class MapTable(Table):
         highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
         level = Grid.of(surface._replace(values=bare), self.resolution, "mean")
         above, ground = highest.filled(None, "file"), level.filled(None, "ground")
-        datum = ground if flight == "above-ground" and ground.any() else None
+        # Flat ground at 0 is what the heights tell by themselves, if they are what they seem.
+        told = ground if ground.any() else None
+        is_datum = flight == "above-ground"
         height_map = HeightMap(
-            heights=ground + above, resolution=level.resolution, origin=level.origin, datum=datum
-        )
+            heights=ground + above, resolution=level.resolution, origin=level.origin,
+            datum=told if is_datum else None, bare=None if is_datum else told,
+        )  # fmt: skip
         return Terrain(height_map, ground, surface.crs)
 
     def _flat(self, size: tuple[float, float]) -> Terrain:

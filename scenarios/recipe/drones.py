@@ -20,7 +20,9 @@ from cocap_opt.plausibility import buried
 from cocap_opt.problem import (
     Actor,
     Airspace,
+    AnyGoal,
     CollisionRules,
+    LandCover,
     Limits,
     Motion,
     Robot,
@@ -30,6 +32,7 @@ from cocap_opt.problem import (
 from cocap_opt.scenarios.hardware import AIRFRAMES
 from cocap_opt.scenarios.maps.ground_plans import sound
 from cocap_opt.scenarios.recipe.cameras import CameraTable, camera_of
+from cocap_opt.scenarios.recipe.landing import ground_to_land_on
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
 from cocap_opt.scenarios.text import naming, rectangle
@@ -51,6 +54,7 @@ class Surroundings(NamedTuple):
     Attributes
     ----------
     horizon : T, number of moves
+    land_cover : areas of the ground
     """
 
     workspace: Workspace
@@ -58,6 +62,7 @@ class Surroundings(NamedTuple):
     horizon: int
     rules: CollisionRules
     airspace: Airspace
+    land_cover: tuple[LandCover, ...] = ()
 
     @property
     def height_map(self) -> HeightMap:
@@ -157,6 +162,7 @@ class DronesTable(Table):
     airframe: str | None = None
     limits: _LimitsTable = msgspec.field(default_factory=_LimitsTable)
     homes: _Several[Point] | None = None  # m, of each drone of the table
+    land: Literal["ground"] | None = None  # above which they end; None: anything
 
     def added_to(
         self, team: list[Robot], around: Surroundings, rng: np.random.Generator
@@ -180,6 +186,7 @@ class DronesTable(Table):
             "motion": self.motion,
             "camera": camera_of(self.camera, self.tilts),
             "limits": self._limits(),
+            "goal": self._goal(around),
         }
         homes = self._homes(around.height_map)
         team = list(team)
@@ -208,6 +215,15 @@ class DronesTable(Table):
                 raise ProblemError(f"count: must be at most {k} here; {self._room(around)}")
             team.append(Robot(start=state_apart, home=homes[k], **parts))
         return team
+
+    def _goal(self, around: Surroundings) -> AnyGoal | None:
+        """Returns the cells in which the drones must end; None if they may end anywhere."""
+        if self.land is None:
+            return None
+        with naming("land"):
+            if self.homes is not None:
+                raise ProblemError("must be left out beside homes, in which drones land")
+            return ground_to_land_on(around.workspace, around.land_cover, self.motion)
 
     def _homes(self, height_map: HeightMap) -> list[tuple[int, int] | None]:
         """Returns the cells of the homes, one for each drone of the table; None where none is."""

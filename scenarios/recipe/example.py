@@ -29,7 +29,7 @@ file = "trees.tif"          # unit, band, nodata, lowest and heights as in [map]
 trunks = 4.0                # m above the ground up to which crowns leave room for drones and for
                             # sight, stems aside; left out: solid down to the ground, the safe side
 
-[[land_cover]]              # drawn on the ground; nothing is computed with it
+[[land_cover]]              # drawn on the ground; read for `land` of drones
 file = "land.geojson"       # polygons whose property `kind` is water, green, street, footway,
                             # paved, yard, building or other; a `name` is written on the ground
 property = "surface"        # that says the kind; left out: kind
@@ -143,6 +143,7 @@ endurance = 1200            # s for which the battery lasts
 # A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
 homes = [[14, 4]]           # of all drones or of none
+# land = "ground"           # in place of homes: they end where they can land
 # starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }
 #                           # with a count: in the area, wherever it is best; "anywhere": on the
 #                           # whole map; heights, headings left out: all

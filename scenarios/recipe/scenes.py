@@ -145,7 +145,7 @@ class _Place(NamedTuple):
         filmed = people_in_takes(
             recipe.take, recipe.spread, given, workspace, recipe.steps, recipe.step
         )
-        around = Surroundings(workspace, filmed.actors, recipe.steps, rules, airspace)
+        around = Surroundings(workspace, filmed.actors, recipe.steps, rules, airspace, land)
         name = recipe.name or path.stem
         return cls(recipe, name, terrain, solid, land, people, filmed, earth, around)
 

@@ -199,7 +199,7 @@ REFUSED = [
     (("--steps", 4, "-o", "x.json"), "--steps: must be 1..3, not 4"),
     (("--root-error", 1e-3, "-o", "x.cbf"), "--root-error: is for a file that ends in .mps or .lp"),
     (("--root-error", -1, "-o", "x.lp"), "--root-error: must be at least 0 and less than 1"),
-    (("-o", "seen.csv"), "-o: name a table: drones.csv, coverage.csv, views.csv, moves.csv"),
+    (("-o", "seen.csv"), "-o: name a table: drones.csv, goals.csv, coverage.csv, views.csv"),
     (("-o", "views.csv"), "-o: views.csv is for a scene with --views"),
     (("--over-time", "--root-error", 0, "-o", "x.lp"), "error must be more than 0"),
 ]  # fmt: skip

@@ -126,6 +126,9 @@ SAME_CONTENT: dict[str, Callable[[], Problem]] = {
     "rewards for moves": lambda: tiny().replace(objective=Objective(keep_cell=2.0, balanced=1.0)),
     "weights": lambda: with_actor(weights=(2.0,) * 5),
     "goal": lambda: with_robot(goal=(0, 1)),
+    "bare ground": lambda: tiny().replace(
+        height_map=tiny().height_map.replace(bare=np.zeros(tiny().height_map.shape))
+    ),
     "order": lambda: tiny().replace(robots=tiny().robots[::-1]),
     "later poses": lambda: with_actor(poses=np.vstack([tiny().actors[0].poses, np.ones(4)])),
 }

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from counting import either
+from goals import with_areas
 from hypothesis import given
 from pool import meetings, problems
 from sources import imports
@@ -148,6 +149,15 @@ def test_instances_of_meetings_are_their_scenes(problem: Problem) -> None:
     """Rules of all kinds, goals and several starts are known."""
     with_flint()
     require_agreement(problem, 20)
+
+
+@pytest.mark.slow
+@given(with_areas())
+@examples(20)
+def test_instances_have_all_cells_of_a_goal(problem: Problem) -> None:
+    """Of goals of several cells, as of a single one."""
+    if not problem.meshes:
+        assert differences(problem, exported(problem)) == []
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from cocap_opt.data import FieldError
 from cocap_opt.flight import flights
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Danger
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions import FORMATS, Export, MissionFormat, table
 from cocap_opt.missions.sheet.words import attention
 
@@ -197,7 +198,8 @@ def test_somebody_who_walks_through_a_wall_is_told_by_name(
     )
     told = [f"ATTENTION: person 0 (Cleo) is {words}"] if words else []
     assert [note for note in run.json["notes"] if "Cleo" in note and "ATT" in note][:1] == told
-    framed = [*attention(Flight.of(problem, plan, False))]
+    flight = Flight.of(problem, plan, False)
+    framed = [*attention(flight, Touchdowns.of(flight))]
     assert [each for each in framed if "obstacle" in each] == [f"{each}." for each in told]
 
 

@@ -19,6 +19,7 @@ import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.changes import TIGHT, tolerated_delay
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.sheet import pages_of
@@ -51,16 +52,33 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
     """The lines of a sheet by their titles; cells of tables are parted by spaces."""
     clock = clock_of(flight)
     found = {}
-    for title, blocks in sections(flight, clock, every):
+    for title, blocks in sections(flight, clock, Touchdowns.of(flight), every):
         rows = [[block] if isinstance(block, str) else map(" ".join, [block.heads, *block.rows])
                 for block in blocks]  # fmt: skip
         found[title] = [line for lines in rows for line in lines]
     return found
 
 
+def framed(flight: Flight) -> list[str]:
+    """The warnings in the frame of the first page."""
+    return [*attention(flight, Touchdowns.of(flight))]
+
+
+def left_open(flight: Flight) -> list[str]:
+    """What was not checked, without homes."""
+    return [*unchecked(flight, False, Touchdowns.of(flight))]
+
+
+def order_of(flight: Flight) -> list[str]:
+    """What happens, in the running order."""
+    return [
+        what for *_, what in running_order(flight, clock_of(flight), Touchdowns.of(flight)).rows
+    ]
+
+
 def cards_of(flight: Flight) -> list[dict[str, str]]:
     """The facts of the drones' cards."""
-    cards = drone_cards(flight, clock_of(flight), quality_of(flight))
+    cards = drone_cards(flight, clock_of(flight), quality_of(flight), Touchdowns.of(flight))
     return [dict(card.facts) for card in cards]
 
 
@@ -100,8 +118,8 @@ def test_a_plan_that_was_cut_short_says_so_first() -> None:
     problem, plan = scene()
     words = "cut short: 1 of 2 drones stays at its start"
     flight = Flight.of(problem, plan, False)._replace(cut_short=words)
-    assert [*attention(flight)] == [f"ATTENTION: {words}."]
-    assert words not in unchecked(flight, False)
+    assert framed(flight) == [f"ATTENTION: {words}."]
+    assert words not in left_open(flight)
 
 
 def _over(
@@ -147,8 +165,8 @@ def test_the_crew_is_warned_of_roofs_water_and_obstacles_below_a_drone(
     flight = _over(land, top)
     told = [f"ATTENTION: drone 1 {does} {words}; {what} it elsewhere"
             for does, what in (("takes off from", "start"), ("lands on", "land"))]  # fmt: skip
-    assert [*attention(flight)] == ([f"{each}." for each in told] if words else [])
-    rows = [what for _, _, what in running_order(flight, clock_of(flight)).rows]
+    assert framed(flight) == ([f"{each}." for each in told] if words else [])
+    rows = order_of(flight)
     assert [what for what in rows if "ATTENTION" in what] == (told if words else [])
     first, second = (card.get("ATTENTION", "") for card in cards_of(flight))
     assert (first, second) == ("", f"lands on {words}; land it elsewhere" if words else "")
@@ -158,17 +176,79 @@ def test_the_crew_is_warned_of_roofs_water_and_obstacles_below_a_drone(
 
 def test_drones_on_bad_ground_are_told_in_one_sentence() -> None:
     """Those with homes use them alone, and what the scene does not tell is not checked."""
-    (words,) = attention(_over(_land("water"), homes=((7, 2), (8, 2))))
+    (words,) = framed(_over(_land("water"), homes=((6, 2), (8, 2))))
     whole = "drones 0-1 take off from and land on water; start and land them elsewhere"
     assert words == f"ATTENTION: {whole}."
-    assert any("no land cover" in words for words in unchecked(_over(None), False))
-    assert not any("land cover" in words for words in unchecked(_over(_land("green")), False))
+    assert any("no land cover" in words for words in left_open(_over(None)))
+    assert not any("land cover" in words for words in left_open(_over(_land("green"))))
     slope = co.HeightMap(heights=np.linspace(0.0, 4.0, 27).reshape(9, 3))
     flight = _over(None)
     problem = flight.flown.problem.replace(height_map=slope)
     unknown = Flight.of(problem, flight.plan, False)
-    assert [*attention(unknown)] == []
-    assert any("has no ground heights" in words for words in unchecked(unknown, False))
+    assert framed(unknown) == []
+    assert any("has no ground heights" in words for words in left_open(unknown))
+
+
+def _apart(
+    rules: co.CollisionRules, *ends: tuple[int, int], tops: tuple[float, ...] = ()
+) -> Flight:
+    """The flight of drones that begin far apart and end in cells x of some layers, 5 m apart."""
+    motion = co.Motion(layers=(5.0, 10.0, 15.0), radius=16)
+    heights = np.zeros((40, 3))
+    for (x, _), top in zip(ends, tops, strict=False):
+        heights[x, 1] = top
+    starts = [co.State(9 + 8 * k, 0, layer) for k, (_, layer) in enumerate(ends)]
+    problem = co.Problem(
+        name="yard", height_map=co.HeightMap(heights=heights), horizon=1, step=9.0, actors=(),
+        rules=rules, robots=[co.Robot(start=start, motion=motion) for start in starts],
+    )  # fmt: skip
+    paths = tuple((start, co.State(x, 1, z)) for start, (x, z) in zip(starts, ends, strict=True))
+    return Flight.of(problem, co.Plan(paths=paths), False)
+
+
+@pytest.mark.parametrize(
+    ("ends", "told", "on_card"),
+    [
+        (((9, 0), (9, 1)), "drones 0 and 1 land on the same spot; land one of them elsewhere",
+         "lands on the same spot as drone 0; land one of them elsewhere"),
+        (((9, 0), (10, 1)),
+         "drones 0 and 1 land 1.00 m from each other, less than 3 m; land one of them elsewhere",
+         "lands 1.00 m from drone 0, less than 3 m; land one of them elsewhere"),
+        (((9, 0), (12, 1)), "", ""),
+        (((9, 0), (10, 1), (9, 2)),
+         "drones 0-2 land less than 3 m from each other, 0 and 2 on the same spot; land some of "
+         "them elsewhere",
+         "lands 1.00 m from drone 2, less than 3 m; land one of them elsewhere"),
+    ],
+)  # fmt: skip
+def test_the_crew_is_warned_of_drones_that_meet_as_they_land(
+    ends: tuple[tuple[int, int], ...], told: str, on_card: str
+) -> None:
+    """Above each other, or nearer than the separation below their last places, and who they are."""
+    flight = _apart(co.CollisionRules(separation=3.0), *ends)
+    assert framed(flight) == ([f"ATTENTION: {told}."] if told else [])
+    assert [what for what in order_of(flight) if "ATT" in what] == [
+        f"ATTENTION: {words}" for words in [told] if words
+    ]
+    assert cards_of(flight)[1].get("ATTENTION", "") == on_card
+
+
+def test_ways_down_that_end_above_others_are_apart() -> None:
+    """One ends on a roof that is higher than the other flies; a rule of heights is kept as well.
+
+    Without a rule it is that of scenes that are to be flown, and homes are places to land, too.
+    """
+    roof, aside = ((9, 0), (10, 2)), co.CollisionRules(separation=3.0)
+    assert Touchdowns.of(_apart(aside, *roof, tops=(0.0, 9.0))).near == ()
+    (pair,) = Touchdowns.of(_apart(aside, *roof, tops=(0.0, 7.0))).near
+    assert (pair.kind, pair.distance) == ("landing", pytest.approx(5**0.5))
+    tall = co.CollisionRules(separation=3.0, vertical=4.5)
+    assert len(Touchdowns.of(_apart(tall, *roof, tops=(0.0, 9.0))).near) == 1
+    without = Touchdowns.of(_apart(co.CollisionRules(), (9, 0), (10, 1)))
+    assert (without.separation, len(without.near)) == (2.0, 1)
+    homes = Touchdowns.of(_over(None, homes=((7, 2), (8, 2))))
+    words = "1.00 m from each other, less than 2 m; start and land one of them elsewhere"
+    assert [*homes.warnings()] == [f"drones 0 and 1 take off and land {words}"]
 
 
 @pytest.mark.parametrize("ahead", [0.5, 2.0])
@@ -187,9 +267,9 @@ def test_the_crew_is_warned_of_timing_that_its_clock_does_not_show(ahead: float)
     delay = tolerated_delay(flight)
     assert delay == pytest.approx(ahead, abs=0.02)
     words = f"drones keep the separation 1 m only while no drone is {delay:.2f} s or more late"
-    told = [words in line for line in attention(flight)]
+    told = [words in line for line in framed(flight)]
     assert told == ([True] if ahead < TIGHT else [])
-    rows = [what for _, _, what in running_order(flight, clock_of(flight)).rows]
+    rows = order_of(flight)
     assert any(words in what for what in rows) == (ahead < TIGHT)
 
 
@@ -204,8 +284,8 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
         (words,) = each.near_without_rule()
-        assert [*attention(each)] == ([f"ATTENTION: {words}."] if is_first else [])
-        assert (words in unchecked(each, False)) == (not is_first)
+        assert framed(each)[:1] == ([f"ATTENTION: {words}."] if is_first else [])
+        assert (words in left_open(each)) == (not is_first)
 
 
 def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
@@ -450,7 +530,7 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     np.testing.assert_allclose(places, walk, atol=0.06)
     assert [row[0] for row in card.table.rows] == ["T+0:00", "T+0:00.5", "T+0:01", "T+0:01.5"]
     assert [row[3] for row in card.table.rows] == ["2.00 m/s"] * 3 + ["end"]  # 1 m in half a second
-    rows = running_order(flight, clock).rows
+    rows = running_order(flight, clock, Touchdowns.of(flight)).rows
     assert ("T+0:00", "all people", "SIGNAL: start walking (step 0 of the plan)") in rows
     # Both drones are 5 m above their take-offs, and have 10 s left there.
     assert (rows[0][0] == "T-0:15") == (not smooth)

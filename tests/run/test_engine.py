@@ -6,9 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,8 +25,10 @@ from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.model import compiled
+from cocap_opt.run import engine
 from cocap_opt.run.engine import SOLVERS, record_of, run
 from cocap_opt.run.judged import RefereeError
+from cocap_opt.vision.cache import TableCache
 
 SCENE = "tiny-share"
 REGISTRIES = {"PLANNERS", "BOUNDS", "EXACT", "SOLVERS"}
@@ -77,6 +81,46 @@ def test_coverage_is_there_before_a_method_begins(
     compiled.cache_clear()
     run(co.load(SCENE), replace(method, call=spy))
     assert seen == [not method.lazy]
+
+
+class Slow:
+    """A clock that stands still, but for what is slow on a machine with much else to do."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.seconds = 1000.0
+        clock = SimpleNamespace(monotonic=lambda: self.seconds, perf_counter=lambda: self.seconds)
+        monkeypatch.setattr("cocap_opt.stop.time", clock)
+
+    def slowed(self, call: Callable[..., Any], seconds: float) -> Callable[..., Any]:
+        """The call, which takes so many seconds."""
+
+        def slow(*args: Any) -> Any:
+            self.seconds += seconds
+            return call(*args)
+
+        return slow
+
+
+@pytest.mark.parametrize("name", ["sequential", "cocap-vs", "column-generation"])
+def test_a_limit_is_for_coverage_and_search_alone(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What comes before them takes nothing of it, also where no forecast has done it before.
+
+    It is the compiled scene, which lazy methods ask for first, and the key of the cache, for which
+    all code is read: under load either took seconds, which no number showed.
+    """
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    compiled.cache_clear()
+    clock = Slow(monkeypatch)
+    scene, limit = co.load(SCENE), co.TimeLimit(10.0)
+    monkeypatch.setattr(engine, "compiled", clock.slowed(compiled, 60.0))
+    monkeypatch.setattr(TableCache, "key", clock.slowed(TableCache.key, 60.0))
+    judged = run(scene, name, co.FirstOf(limit))
+    assert clock.seconds >= 1060.0
+    assert limit.seconds_left == 10.0
+    assert judged.result.limit is None
+    assert judged.result.seconds == 0.0
 
 
 def test_only_the_engine_calls_methods_of_registries() -> None:

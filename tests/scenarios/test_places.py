@@ -10,13 +10,17 @@ from test_cli import Run
 
 from cocap_opt.experiments.lab.studies.place import place
 from cocap_opt.files.documents import SceneFile, problem_digest
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import LANDING, Touchdowns
 from cocap_opt.planners import RECOMMENDED
-from cocap_opt.problem import Problem
+from cocap_opt.planners.sequential import sequential
+from cocap_opt.problem import GoalArea, Problem
 from cocap_opt.problem.land_cover import LANDS, in_cells
 from cocap_opt.referee import check
 from cocap_opt.run.engine import run
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.built_in.places import FOLDER
+from cocap_opt.world.workspace import Workspace
 
 DELFT = FOLDER / "delft"
 
@@ -108,6 +112,26 @@ def test_the_files_are_those_that_the_study_cuts(tmp_path: Path) -> None:
     assert {file.name for file in DELFT.iterdir()} == {
         *(file.name for file in tmp_path.iterdir()), "delft.toml", "README.md",
     }  # fmt: skip
+
+
+def test_drones_of_delft_end_above_free_ground(delft: Problem) -> None:
+    """No place in which they may end is above a house, water or the gardens that are closed."""
+    (goal,) = {robot.goal for robot in delft.robots}
+    assert isinstance(goal, GoalArea)
+    cells = tuple(np.array(goal.cells).T)
+    assert not delft.height_map.stands_out[cells].any()
+    kinds = {LANDS[land] for land in in_cells(delft.land_cover, delft.height_map)[cells].tolist()}
+    assert {"street", "green"} <= kinds and not kinds & {"water", "building"}
+    gardens = Workspace(delft.height_map, (), delft.workspace.no_fly).forbidden.low[1:]
+    assert np.isfinite(gardens).any() and not np.isfinite(gardens[(slice(None), *cells)]).any()
+
+
+@pytest.mark.slow
+def test_nothing_is_said_against_landings_of_delft(delft: Problem) -> None:
+    """Neither a roof is below a drone of its plan at the last step, nor another drone near it."""
+    plan = sequential(delft).plan
+    assert plan is not None
+    assert not [*Touchdowns.of(Flight.of(delft, plan, False)).warnings({LANDING})]
 
 
 @pytest.mark.slow(seconds=10)

@@ -48,6 +48,7 @@ class Copy(NamedTuple):
             datum=(np.zeros(heights.shape) if datum is None else self.cells(datum)) + lift
             if lift or datum is not None
             else None,
+            bare=None if given.bare is None else self.cells(given.bare) + lift,
         )
 
     def state(self, state: State, robot: Robot, shape: tuple[int, int]) -> State:

@@ -49,10 +49,7 @@ def pruned_product(problem: Problem, robot: int) -> Graph:
     spec = problem.robots[robot]
     keep = {(start, 0) for start in problem.starts[robot]}
     keep |= {node for source in sorted(keep) for node in nx.descendants(graph, source)}
-    ends = [
-        (state, t) for state, t in keep
-        if t == problem.horizon and spec.goal in (None, (state.x, state.y))
-    ]  # fmt: skip
+    ends = [(state, t) for state, t in keep if t == problem.horizon and spec.may_end_in(state)]
     keep &= set(_reached(graph.reverse(copy=False), ends))
     pruned: Graph = graph.subgraph(keep).copy()
     return pruned

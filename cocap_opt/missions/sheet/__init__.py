@@ -15,6 +15,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import has_homes, parts_of_take, pauses_of
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.export import Export
@@ -74,15 +75,16 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     problem = flight.flown.problem
     parts = parts_of_take(problem, flight.plan) if has_homes(problem) else ()
     clock, found = Clock(flight.start, parts, flight.flown.step), quality_of(flight)
-    pages = Pages(families)
-    _write_head(pages, flight, clock)
+    grounds, pages = Touchdowns.of(flight), Pages(families)
+    _write_head(pages, flight, clock, grounds)
     _draw_maps(pages, flight, clock, found)
     # One row of cards after the other: that of an odd drone has the first person's, too.
     title = "Drones, and people with their cues" if problem.actors else "Drones"
-    pages.cards(title, [*drone_cards(flight, clock, found), *people_cards(flight, clock)])
-    for title, blocks in sections(flight, clock, every):
+    drones = drone_cards(flight, clock, found, grounds)
+    pages.cards(title, [*drones, *people_cards(flight, clock)])
+    for title, blocks in sections(flight, clock, grounds, every):
         pages.section(title, blocks)
-    pages.checklist("Not checked", [*unchecked(flight, bool(parts))], "\N{BALLOT BOX}")
+    pages.checklist("Not checked", [*unchecked(flight, bool(parts), grounds)], "\N{BALLOT BOX}")
     pages.foot(shortened(printable(problem.name)))
     return pages
 
@@ -94,7 +96,7 @@ def _names(flight: Flight) -> Iterator[str]:
     yield from (name for actor in problem.actors for name in (actor.name, actor.take) if name)
 
 
-def _write_head(pages: Pages, flight: Flight, clock: Clock) -> None:
+def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns) -> None:
     """Writes the head of the first page, with blanks for facts that the scene cannot know."""
     problem = flight.flown.problem
     pages.title(f"Flight sheet: {printable(problem.name)}")
@@ -109,12 +111,12 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock) -> None:
         ("Abort signal", ""),
     ], 2)  # fmt: skip
     pages.skip(2.0)
-    urgent = [*attention(flight), *battery_warnings(flight, clock)]
+    urgent = [*attention(flight, grounds), *battery_warnings(flight, clock)]
     if pause := pauses_of(clock.parts):
         urgent.append(f"ATTENTION: {pause}.")
     if urgent:
         pages.box(urgent)
-    pages.section("Running order", [running_order(flight, clock)], BODY)
+    pages.section("Running order", [running_order(flight, clock, grounds)], BODY)
     if clock.start is None:
         pages.sentence("T is the time of step 0, when people get their signal.", SMALL)
 

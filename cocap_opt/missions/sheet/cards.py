@@ -7,7 +7,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.touchdowns import bad_touchdowns, touchdowns
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.routes import seconds_in_the_air
 from cocap_opt.missions.sheet.clock import Clock
@@ -24,10 +24,12 @@ _STANDS = 0.05  # m/s
 _DIGITS = 6  # of degrees: 0.1 m
 
 
-def drone_cards(flight: Flight, clock: Clock, found: Quality | None) -> list[Card]:
+def drone_cards(
+    flight: Flight, clock: Clock, found: Quality | None, grounds: Touchdowns
+) -> list[Card]:
     """Returns a card for each drone."""
     count = len(flight.flown.problem.robots)
-    return [_drone_card(flight, clock, found, drone) for drone in range(count)]
+    return [_drone_card(flight, clock, found, grounds, drone) for drone in range(count)]
 
 
 def people_cards(flight: Flight, clock: Clock) -> list[Card]:
@@ -73,7 +75,9 @@ def _in_the_air(flight: Flight, clock: Clock, drone: int) -> float:
     return seconds_in_the_air(flight)
 
 
-def _drone_card(flight: Flight, clock: Clock, found: Quality | None, drone: int) -> Card:
+def _drone_card(
+    flight: Flight, clock: Clock, found: Quality | None, grounds: Touchdowns, drone: int
+) -> Card:
     problem = flight.flown.problem
     robot = problem.robots[drone]
     ends = flight.flown.at(np.array([0.0, flight.flown.seconds]))
@@ -89,16 +93,10 @@ def _drone_card(flight: Flight, clock: Clock, found: Quality | None, drone: int)
     facts += [
         ("first place", _place(flight, *start)),
         ("last place", _place(flight, *end)),
-        *_bad_ground(flight, drone),
+        *(("ATTENTION", words) for words in grounds.of_drone(drone)),
         ("films", filmed_by(found, drone, problem)),
     ]
     return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, drone))
-
-
-def _bad_ground(flight: Flight, drone: int) -> Iterator[tuple[str, str]]:
-    """Yields warnings of the ground on which a drone takes off or lands."""
-    for words in bad_touchdowns(each for each in touchdowns(flight) if each.drone == drone):
-        yield "ATTENTION", words.removeprefix(f"drone {drone} ")
 
 
 def _battery(flight: Flight, clock: Clock, drone: int) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.touchdowns import touchdowns
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import CRUISE, NOTE, RISE, Part, Way
 from cocap_opt.missions.sheet.clock import Clock
 from cocap_opt.missions.sheet.pages import Block, Section, Table
@@ -11,15 +11,15 @@ from cocap_opt.missions.sheet.places import degree_heads, degrees
 from cocap_opt.problem import Problem
 
 
-def take_off(flight: Flight, clock: Clock) -> Iterator[Section]:
+def take_off(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[Section]:
     """Yields how drones come to their first places and back to the ground."""
     problem = flight.flown.problem
     if problem.begins_in_the_air:
         yield Section("Drones in the air", list(_already_up(problem)))
-        yield Section("Landing (a suggestion)", list(_legs(flight)))
+        yield Section("Landing (a suggestion)", list(_legs(flight, grounds)))
         return
     if not clock.parts:
-        yield Section("Take-off and landing (a suggestion)", list(_legs(flight)))
+        yield Section("Take-off and landing (a suggestion)", list(_legs(flight, grounds)))
         return
     yield Section("From home and back", list(_homeward(clock.parts)))
     for part in clock.parts:
@@ -68,7 +68,7 @@ def _points(drone: int, words: str, way: Way) -> Iterator[tuple[str, ...]]:
         yield (*names, *(f"{metres:.1f}" for metres in point))
 
 
-def _legs(flight: Flight) -> Iterator[Block]:
+def _legs(flight: Flight, grounds: Touchdowns) -> Iterator[Block]:
     """Yields the legs straight up to the first places and straight down from the last."""
     if not flight.flown.problem.begins_in_the_air:
         yield "Straight up from the surface below the first place."
@@ -81,6 +81,6 @@ def _legs(flight: Flight) -> Iterator[Block]:
             f"{each.z:.2f}", f"{each.z - each.surface:.2f}", *degrees(flight, each.x, each.y),
             each.ground,
         )
-        for each in touchdowns(flight)
+        for each in grounds.found
     ]  # fmt: skip
     yield Table(heads, rows, frozenset(range(len(heads) - 1)) - {1})

@@ -12,7 +12,7 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
-from cocap_opt.flight.touchdowns import HOME, LANDING, TAKE_OFF, bad_touchdowns, touchdowns
+from cocap_opt.flight.touchdowns import HOME, LANDING, TAKE_OFF, Touchdowns
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import routes, seconds_to_step_0
@@ -40,7 +40,9 @@ _UNCHECKED = (
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
 
-def sections(flight: Flight, clock: Clock, every: float | None) -> list[Section]:
+def sections(
+    flight: Flight, clock: Clock, grounds: Touchdowns, every: float | None
+) -> list[Section]:
     """Returns the sections after maps and cards, without the list of things not checked.
 
     Parameters
@@ -51,7 +53,7 @@ def sections(flight: Flight, clock: Clock, every: float | None) -> list[Section]
         Section("Places and heights", list(_places_and_heights(flight))),
         Section("Distances and limits", [*_distances(flight), _limits(flight)]),
         Section("Late drones and people", list(_delays(flight))),
-        *take_off(flight, clock),
+        *take_off(flight, clock, grounds),
         *_missions(flight),
         *([] if every is None else [*places(flight, every), *walks(flight, every)]),
     ]
@@ -65,34 +67,34 @@ def label_of(problem: Problem, person: int) -> str:
     return printable(f"P{person} {names}".strip())
 
 
-def attention(flight: Flight) -> Iterator[str]:
+def attention(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
     """Yields warnings that nobody must overlook; those of batteries are elsewhere."""
-    yield from (f"ATTENTION: {words}." for words in _urgent(flight))
+    yield from (f"ATTENTION: {words}." for words in _urgent(flight, grounds))
 
 
-def _urgent(flight: Flight) -> Iterator[str]:
+def _urgent(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
     if flight.cut_short:
         yield flight.cut_short
     if flight.flown.least_distance() < SEPARATION:
         yield from flight.near_without_rule()
-    yield from bad_touchdowns(touchdowns(flight))
+    yield from grounds.warnings()
     yield from misplaced_people(flight.flown.problem)
     yield from tight_timing(flight)
 
 
-def running_order(flight: Flight, clock: Clock) -> Table:
+def running_order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Table:
     """Returns the table of events, by the clock."""
-    return Table(("time", "who", "what"), list(_order(flight, clock)))
+    return Table(("time", "who", "what"), list(_order(flight, clock, grounds)))
 
 
-def unchecked(flight: Flight, has_homes: bool) -> Iterator[str]:
+def unchecked(flight: Flight, has_homes: bool, grounds: Touchdowns) -> Iterator[str]:
     """Yields what was not checked or is not known."""
     yield from (
         "people on the ways from and to home" if has_homes and words == _LEGS else words
         for words in _UNCHECKED
     )
     yield from _ground_unknown(flight)
-    told = {*_urgent(flight)}
+    told = {*_urgent(flight, grounds)}
     yield from (words for words in flight.warnings() if words not in told)
 
 
@@ -105,10 +107,10 @@ def _ground_unknown(flight: Flight) -> Iterator[str]:
         yield "water below take-offs and landings: the scene has no land cover"
 
 
-def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
+def _order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[tuple[str, str, str]]:
     problem, flown = flight.flown.problem, flight.flown
-    parts, found = clock.parts or (None,), touchdowns(flight)
-    for words in bad_touchdowns(each for each in found if each.kind in {TAKE_OFF, HOME}):
+    parts = clock.parts or (None,)
+    for words in grounds.warnings({TAKE_OFF, HOME}):
         yield "before", "all", f"ATTENTION: {words}"
     for number, part in enumerate(parts):
         first, last = (0, problem.horizon) if part is None else (part.first, part.last)
@@ -151,7 +153,7 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
         else:
             yield "after", "all drones", "land at their last places, one after the other"
         if is_last:
-            for words in bad_touchdowns(each for each in found if each.kind == LANDING):
+            for words in grounds.warnings({LANDING}):
                 yield "after", "all", f"ATTENTION: {words}"
         if not is_last:
             yield "then", "crew", f"new batteries; T{number + 2} is when the take resumes"

@@ -21,7 +21,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "problem": ("Problem", "Problem.plot", "Problem.replace", "Problem.without_rules"),
     "map_and_airspace": ("HeightMap", "Mesh", "Airspace", "Earth"),
     "drones": (
-        "Robot", "State", "StartStates", "StartArea", "Motion", "Camera", "Cone", "Limits",
+        "Robot", "State", "StartStates", "StartArea", "GoalArea", "Motion", "Camera", "Cone",
+        "Limits",
     ),
     "people": ("Actor", "Take", "Cuboid", "Prism", "TriangulatedCuboid"),
     "objective_and_rules": ("Objective", "Views", "CollisionRules"),
