@@ -20,8 +20,11 @@ def why_no_plan(problem: Problem) -> Iterator[str]:
     """
     if stuck := _out_of_reach(compiled(problem)):
         several, steps = len(stuck) > 1, problem.horizon
+        numbers = [problem.robots[i].number for i in stuck]
+        told = [n for n in numbers if n is not None] or stuck
+        of_mission = "" if told == stuck else " of the mission"
         yield (
-            f"drone{'s' if several else ''} {in_ranges(stuck)} cannot reach "
+            f"drone{'s' if several else ''} {in_ranges(told)}{of_mission} cannot reach "
             f"{'their goals' if several else 'its goal'} in {steps} step{'s' if steps > 1 else ''},"
             " even alone: allow more steps, a nearer start or another goal (in a recipe `steps`, "
             "`starts` or `land`)"

@@ -11,7 +11,7 @@ from strategies import examples, tiny
 
 import cocap_opt as co
 from cocap_opt.cli.commands import run
-from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.files.documents import PlanFile, SceneFile, encode
 from cocap_opt.problem import GoalArea, Problem
 from cocap_opt.run.no_plan import why_no_plan
 
@@ -72,3 +72,16 @@ def test_commands_say_why_there_is_no_plan(
     more = ["--planner", "sequential", "--work-limit", "0"] if command == "gap" else []
     run([command, str(path), *more])
     assert caplog.text.count(FAR) == 1
+
+
+def test_the_rest_of_a_mission_names_the_drones_of_the_mission(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Whoever has flown away from the goal is told so, by the number that the crew knows."""
+    scene, flown = tmp_path / "scene.json", tmp_path / "plan.json"
+    problem = goals((0, 0), (1, 2))
+    scene.write_bytes(encode(SceneFile(problem=problem)))
+    stays = co.Plan(paths=tuple((start,) * 3 for start in problem.first_starts))
+    flown.write_bytes(encode(PlanFile.of(problem, stays, 0.0, "hand")))
+    run(["plan", str(scene), "--plan", str(flown), "--from-step", "1", "--without", "0"])
+    assert caplog.text.count("drone 1 of the mission cannot reach its goal in 1 step") == 1
