@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import Json, Scene, Seed, Whole, load
+from cocap_opt.cli.options import Json, Scene, Seed, Whole, load, say_why_no_plan
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.output.answer import print_result
@@ -91,6 +91,8 @@ def _front(
             front = front_files.read(front, output, interrupt, watch)
             front = explored(front, interrupt, seconds, directions, watch=watch, keep=keep)
             keep(front)
+    if front.no_plan:
+        say_why_no_plan(scene, seed, front.problem)
     _say(front, seed, output, json)
     return 0
 

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple, Self
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import FLAG, USUAL, Budget, Json, Scene, Verbose, load, say_narrow_way
+from cocap_opt.cli.options import FLAG, USUAL, Budget, Json, Scene, Verbose, load, say_why_no_plan
 from cocap_opt.cli.workforce import HERE, Workforce
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
@@ -234,13 +234,13 @@ def _gap(
 
 
 def _say_why_without_plan(rows: Sequence[GapRow], problems: Problems) -> None:
-    """Names the narrow ways of scenes in which a planner has found no plan."""
+    """Says why there may be no plan in scenes in which a planner has found none."""
     failed = {
         (row.scene, row.seed) for row in rows if row.reason in (Reason.FAILED, Reason.INFEASIBLE)
     }
     for (scene, seed), problem in problems.items():
         if (problem.name, seed) in failed:
-            say_narrow_way(scene, seed, problem)
+            say_why_no_plan(scene, seed, problem)
 
 
 def _settings(budget: Budget, bound_limit: float | None, rendered: bool, kept: bool) -> Settings:

@@ -14,6 +14,7 @@ from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.flight.strain import strains
 from cocap_opt.plausibility import narrow_way, warnings, warnings_before_starts
 from cocap_opt.problem import Problem, SceneData
+from cocap_opt.run.no_plan import why_no_plan
 from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
@@ -118,6 +119,12 @@ def say_strains(scene: str, seed: int, problem: Problem) -> None:
 def say_narrow_way(scene: str, seed: int, problem: Problem) -> None:
     """Logs where drones must queue, if there is such a place: it may be why there is no plan."""
     if words := narrow_way(problem):
+        _say_once(scene, seed, words)
+
+
+def say_why_no_plan(scene: str, seed: int, problem: Problem) -> None:
+    """Logs why there is no plan, as far as that is found without a search."""
+    for words in why_no_plan(problem):
         _say_once(scene, seed, words)
 
 

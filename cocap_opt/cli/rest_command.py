@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from cocap_opt.cli.answers import Wanted, check_outputs, in_order, record_of, save
-from cocap_opt.cli.options import Whole, load
+from cocap_opt.cli.options import Whole, load, say_why_no_plan
 from cocap_opt.console.progress import Watch
 from cocap_opt.console.streams import say
 from cocap_opt.data import FieldError, ProblemError
@@ -138,6 +138,8 @@ def replan(
         judged = _planned(replanning, scene, seed, planner, allowance, interrupt, watch)
         made = _plans(rest, judged, planner[0], allowance, options, output)
         save(record_of(_row(rest, seed, planner[0], judged)), "plan", made)  # it is waited for
+        if judged.result.plan is None:
+            say_why_no_plan(scene, seed, rest.scene)
         first = output or options.rest_plan
         if first is not None and judged.valid and options.bound_limit:
             say(f"{first}: the plan is written, its bound is looked for")

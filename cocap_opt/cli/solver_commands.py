@@ -21,8 +21,8 @@ from cocap_opt.cli.options import (
     Verbose,
     load,
     load_planned,
-    say_narrow_way,
     say_strains,
+    say_why_no_plan,
 )
 from cocap_opt.cli.rest_command import WHOLE, RestOptions, replan
 from cocap_opt.console.progress import Watch
@@ -40,7 +40,7 @@ from cocap_opt.output.trace import Trace
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.result import UnsupportedError
+from cocap_opt.result import Reason, UnsupportedError
 from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged, RefereeError
@@ -109,7 +109,7 @@ def _plan(
                 raise
             raise UsageError(f"--planner: {error}") from error
         if not judged.valid:
-            say_narrow_way(scene, seed, problem)
+            say_why_no_plan(scene, seed, problem)
         judged.warn(problem, seed, planner)
         answer = record_of(PlanRow.of(problem, seed, planner, judged)) | task.about
         save(answer, "plan", {"file": (output, judged.plan_file(problem, planner, allowance))})
@@ -150,6 +150,8 @@ def _bound(
         judged = task.certified(method, allowance, interrupt, OPTIMALITY, trace)
         answer = task.answer(method, judged)
         say(answer, task.surpassed(judged))
+        if judged.result.reason is Reason.INFEASIBLE:
+            say_why_no_plan(scene, seed, task.problem)
         save(answer, "certificate", {"file": (output, judged.result.certificate)})
     print_result(in_order({**answer, **judged.result.statistics}), json, verbose)
     return 0
@@ -200,7 +202,7 @@ def _solve(
         answer = task.answer(method, judged)
         proof = certificate, judged.result.certificate
         if judged.result.plan is None:
-            say_narrow_way(scene, seed, task.problem)
+            say_why_no_plan(scene, seed, task.problem)
         made = output, judged.plan_file(task.problem, method, allowance)
         save(answer, "plan", {"file": made, "certificate": proof})
     has_plan = judged.result.plan is not None

@@ -170,6 +170,8 @@ def _decode_array(kind: type, value: Any) -> Any:
         raise ProblemError(f"row, column {words}" if words.startswith("[") else words) from error
     if len({len(row) for row in rows}) > 1:
         raise ProblemError("rows must have equal length")
+    if not rows:
+        raise ProblemError("must not be empty")
     return np.array(rows, dtype=np.float64).reshape(len(rows), -1)
 
 

@@ -92,7 +92,8 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
             return said
         question = meant(unknown[1].strip("'"), words)
         others = _other_types(inspect.type_info(kind), path)
-        either = " or ".join([*others, *words]) if others else f"one of {', '.join(words)}"
+        any_of_them = f'"{words[0]}"' if len(words) == 1 else f"one of {', '.join(words)}"
+        either = " or ".join([*others, *words]) if others else any_of_them
         return f"must be {either}, not {unknown[1]}{question}"
     if wrong := _WRONG.fullmatch(said):
         expected, limits, found = wrong.groups()

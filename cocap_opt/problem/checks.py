@@ -139,9 +139,10 @@ def _require_on_map(scene: SceneData, field: str, x: int, y: int) -> None:
 
 def _require_goal(scene: SceneData, field: str, motion: Motion, goal: AnyGoal) -> None:
     if isinstance(goal, GoalArea):
-        ends = goal.array.min(axis=0), goal.array.max(axis=0)
-        for cell in ends:
-            _require_on_map(scene, f"{field}.cells", *cell.tolist())
+        width, depth = scene.height_map.shape
+        for cell in goal.cells:  # there may be many: no words are made for those on the map
+            if not (0 <= cell[0] < width and 0 <= cell[1] < depth):
+                _require_on_map(scene, f"{field}.cells", *cell)
         free = motion.free_places(scene.workspace)[:, *goal.array.T]
         require(bool(free.any()), f"{field}.cells", "are blocked at every flight height")
         return

@@ -7,7 +7,16 @@ that the scene gives them or wherever they may be.
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError, require, within
-from cocap_opt.problem import AnyCamera, AnyStart, Camera, Problem, Robot, StartArea, State
+from cocap_opt.problem import (
+    AnyCamera,
+    AnyStart,
+    Camera,
+    GoalArea,
+    Problem,
+    Robot,
+    StartArea,
+    State,
+)
 from cocap_opt.run.view_share import views_alone, views_asked
 from cocap_opt.scenarios.hardware import camera_called
 
@@ -71,7 +80,8 @@ def drone_of(problem: Problem) -> Robot:
     """Returns the drone of which teams are made: as the scene's drones are, with all their starts.
 
     It has the choice of starts that some of them have; where all starts are fixed it may start in
-    every free state. Homes are left out, for each drone needs one of its own.
+    every free state. A goal of several cells stays the drones' goal, such as ground to land on.
+    Homes are left out, for each drone needs one of its own.
 
     Raises
     ------
@@ -84,7 +94,9 @@ def drone_of(problem: Problem) -> Robot:
             same = getattr(robot, field) == getattr(first, field)
             words = "must be as that of robots[0] where teams are made"
             require(same, f"robots[{i}].{field}", words)
-        require(robot.goal is None, f"robots[{i}].goal", "must be left out where teams are made")
+        words = "must be left out, or several cells that are the same for all, where teams are made"
+        is_shared = isinstance(robot.goal, GoalArea) and robot.goal == first.goal
+        require(robot.goal is None or is_shared, f"robots[{i}].goal", words)
     chosen = dict.fromkeys(
         robot.start for robot in problem.robots if not isinstance(robot.start, State)
     )

@@ -88,7 +88,10 @@ def test_the_referee_and_the_scene_name_goals() -> None:
     )
     assert not problem.may_hover(0, problem.starts[0]).any()
     for cells, words in (
-        (((1, 0), (6, 0)), r"robots\[0\].goal.cells"), ((), "cells: must hold at least one cell"),
+        (((1, 0), (6, 0)), r"robots\[0\].goal.cells: .*, not \(6, 0\)"),
+        (((0, 1), (1, 0), (2, 0)), r"robots\[0\].goal.cells: .*, not \(0, 1\)"),
+        (((1, 0), (10**19, 0)), r"robots\[0\].goal.cells: .*, not \(10000000000000000000, 0\)"),
+        ((), "cells: must hold at least one cell"),
         (((1, 0), (1, 0)), "cells: must all be different"), (((0.5, 0), (1, 0)), "cells"),
     ):  # fmt: skip
         with pytest.raises(ProblemError, match=words):

@@ -221,6 +221,11 @@ def changed(value: object, *path: str | int) -> dict[str, Any]:
     return content
 
 
+def area(cells: list[list[int]]) -> dict[str, Any]:
+    """A goal of several cells, as a file has it."""
+    return {"type": "area", "cells": cells}
+
+
 P = "problem"
 BAD_CONTENT: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "unknown field": ("colour", lambda: changed("red", "colour")),
@@ -267,7 +272,34 @@ BAD_CONTENT: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "heights of objects": ("heights", lambda: changed([[{}]], P, "height_map", "heights")),
     "heights as text": ("heights", lambda: changed("zeros", P, "height_map", "heights")),
     "heights huge": ("heights", lambda: changed([[10**400]], P, "height_map", "heights")),
-    "heights empty": ("heights", lambda: changed([], P, "height_map", "heights")),
+    "heights empty": (
+        "heights: must not be empty", lambda: changed([], P, "height_map", "heights")
+    ),
+    "poses empty": ("poses: must not be empty", lambda: changed([], P, "actors", 0, "poses")),
+    "bare ground empty": (
+        "bare: must not be empty", lambda: changed([], P, "height_map", "bare")
+    ),
+    "bare ground of other cells": (
+        "bare: must have 4 x 3 cells", lambda: changed([[0.0]], P, "height_map", "bare")
+    ),
+    "bare ground of text": (
+        "bare: row, column [0][0]", lambda: changed([["0"]], P, "height_map", "bare")
+    ),
+    "goal of no cells": (
+        "goal: cells: must hold", lambda: changed(area([]), P, "robots", 0, "goal")
+    ),
+    "goal off the map": (
+        "robots[0].goal.cells: must lie inside the map of 4 x 3 cells, not (0, 3)",
+        lambda: changed(area([[0, 3], [1, 1], [2, 0]]), P, "robots", 0, "goal"),
+    ),
+    "goal far off the map": (
+        "robots[0].goal.cells: must lie inside",
+        lambda: changed(area([[10**19, 0], [1, 1]]), P, "robots", 0, "goal"),
+    ),
+    "goal of another kind": (
+        'goal.type: must be "area"',
+        lambda: changed({"type": "states", "cells": [[0, 0]]}, P, "robots", 0, "goal"),
+    ),
     "ragged poses": ("poses", lambda: changed([[0] * 4, [0]], P, "actors", 0, "poses")),
     "unknown shape": ("cone", lambda: changed({"type": "cone"}, P, "actors", 0, "shape")),
     "shape without type": ("type", lambda: changed({"height": 1.0}, P, "actors", 0, "shape")),

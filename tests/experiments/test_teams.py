@@ -11,6 +11,7 @@ from pathlib import Path
 import brute_force
 import numpy as np
 import pytest
+from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from pool import problems
@@ -66,7 +67,10 @@ def most_seen(scene: Problem, cameras: int) -> float:
     return best
 
 
-@given(problems([1], goals=False, over_time=True), st.integers(1, 2), st.integers(1, 2))
+@given(
+    st.one_of(problems([1], goals=False, over_time=True), with_areas((1,))),
+    st.integers(1, 2), st.integers(1, 2),
+)  # fmt: skip
 @examples(12)
 def test_rows_hold_against_brute_force(problem: Problem, drones: int, cameras: int) -> None:
     """J is the optimum over all starts, and no plan lets more be seen than the bound says."""
@@ -247,9 +251,23 @@ def test_drones_that_are_not_alike_make_no_teams() -> None:
     goal = problem.replace(robots=(first.replace(goal=(first.start.x, first.start.y)), second))
     with pytest.raises(ProblemError, match=r"robots\[0\].goal"):
         TeamChoice(2).scene(goal)
+    ends = co.GoalArea(cells=((0, 0), (1, 0))), co.GoalArea(cells=((0, 0), (2, 0)))
+    areas = problem.replace(
+        robots=tuple(r.replace(goal=end) for r, end in zip(problem.robots, ends, strict=True))
+    )
+    with pytest.raises(ProblemError, match=r"robots\[1\].goal: .* the same for all"):
+        TeamChoice(2).scene(areas)
     area = first.replace(start=co.StartArea(cells=((0, 0), (1, 0))))
     two = problem.replace(robots=(area, second.replace(start=co.StartArea(cells=((2, 0), (2, 1))))))
     with pytest.raises(ProblemError, match="choices of starts"):
         TeamChoice(2).scene(two)
     mixed = problem.replace(robots=(area, second))
     assert TeamChoice(2).scene(mixed).robots == (area, area)
+
+
+def test_teams_end_where_they_can_land() -> None:
+    """Ground to land on is the goal of each drone of a team, at another height, too."""
+    problem = co.load("delft", 0)
+    goals = {robot.goal for robot in problem.robots}
+    for team in (TeamChoice(2), TeamChoice(3, height=9.0)):
+        assert {robot.goal for robot in team.scene(problem).robots} == goals

@@ -253,7 +253,7 @@ class _Envelopes:
         )
 
     def _most_left(self) -> int:
-        """Returns how many states may be left for all of them to be paid."""
+        """Returns the largest number of states left at which all of them are paid."""
         if not self._can_be_listed():
             return self._parameters.most_unlisted
         parameters = self._parameters
