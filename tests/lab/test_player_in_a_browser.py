@@ -1051,7 +1051,8 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
     still = Plan(paths=tuple((robot.start,) * 4 for robot in problem.robots))
     Player(problem.replace(horizon=3), [("still", still)]).save(page)
     heights = """[...document.querySelectorAll("#slider, .hold, footer label, footer button")]
-      .filter((e) => e.offsetParent).map((e) => [e.textContent, e.getBoundingClientRect().height])"""
+      .filter((target) => target.offsetParent)
+      .map((target) => [target.textContent, target.getBoundingClientRect().height])"""
     outside = """["top", "bottom", "left", "right"].map((side) =>
       document.querySelector(".inset").getBoundingClientRect()[side] -
       document.querySelector(".place").getBoundingClientRect()[side])"""
