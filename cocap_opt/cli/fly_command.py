@@ -117,7 +117,7 @@ def _fly(
                 rows["from_home"] = records_of(parts)
             print_result({**answer, **rows, "files": [*files]}, json)
         else:
-            print_result({**answer, "file": " ".join(map(str, files))}, json)
+            print_result({**answer, "file": [*files]}, json)
             shown = [words for words in notes if words != cut_short]  # which stands at the top
             if parts:
                 _in_the_air(parts).print()

@@ -65,11 +65,11 @@ class RestOptions:
     rest_scene: Annotated[
         Path | None, Parameter(help="file to write the scene of the rest to, from that step on")
     ] = None
-    rest_plan: Annotated[
-        Path | None, Parameter(help="file to write the plan for that scene to")
-    ] = None
+    rest_plan: Annotated[Path | None, Parameter(help="file to write the plan of the rest to")] = (
+        None
+    )
     certificate: Annotated[
-        Path | None, Parameter(help="file to write the bound's certificate to, for that scene")
+        Path | None, Parameter(help="file to write the certificate of the rest's bound to")
     ] = None
 
     @property

@@ -110,8 +110,8 @@ def geodesy_of(flight: Flight) -> Geodesy:
     if flight.geodesy is None:
         raise FieldError(
             "earth",
-            "must be known for a file of latitudes and longitudes; a GeoTIFF's system or [earth] "
-            "of a recipe says it",
+            "must say where the scene is, since the file has latitudes and longitudes: use a map "
+            "with a reference system, such as a GeoTIFF, or add [earth] to the recipe",
         )
     return flight.geodesy
 

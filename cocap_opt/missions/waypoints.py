@@ -73,8 +73,8 @@ def waypoint_mission(
     if flight.geodesy is None:
         raise FieldError(
             "earth",
-            "must say where the scene is, for waypoints have latitudes and longitudes: in "
-            "[earth] of a recipe crs alone where x and y are its coordinates, else also latitude "
+            "must say where the scene is, since waypoints have latitudes and longitudes: add "
+            "[earth] to the recipe, with crs and, unless x and y are its coordinates, latitude "
             "and longitude of x = y = 0",
         )
     if flight.is_smooth:

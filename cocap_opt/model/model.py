@@ -200,7 +200,7 @@ class Model:
         return coverage
 
     def robot_pixels(self, robot: int, path: Path) -> FloatArray:
-        """View sums [Z] that one robot has alone, along its path of state numbers."""
+        """Returns the view sums [Z] of one robot alone, along its path of state numbers."""
         if self.cut_short_by:
             return self.evaluated_pixels(robot, path)
         robot_class = self.class_of[robot]

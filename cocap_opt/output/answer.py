@@ -13,6 +13,7 @@ import msgspec
 from rich.markup import escape
 from rich.table import Table
 
+from cocap_opt.letters import columns_of
 from cocap_opt.output.conflicts import grouped_conflicts
 from cocap_opt.output.printing import Record, cell_text, counted, path_text, rounded, terminal
 from cocap_opt.stop import NO_LIMIT
@@ -52,8 +53,8 @@ _LABELS = {
     "late": "late at the end at most, for legs that cannot be flown in time (s)",
     "slowed": "steps at which a drone passes more slowly, to be safe",
     "shortened": "steps at which a drone changes speed in less time, to be safe",
-    "reward_straight": "J, straight, between the steps too",
-    "reward_smooth": "J, smooth, between the steps too",
+    "reward_straight": "J of the straight flight, also between steps",
+    "reward_smooth": "J of the smooth flight, also between steps",
     "takes": "take by take",
     "smoothing_cost": "J of the smooth flight against that of the straight one",
     "states_reached": "states at steps that drones reach",
@@ -83,6 +84,10 @@ _FIRST = (
     "second_opinion", "second_bound", "violations", "file", "files", "certificate", "rest_scene",
     "rest_plan", "message",
 )  # fmt: skip
+# Names of files, which are copied: labels are folded so that names need not be.
+_NAMES = frozenset({"file", "files", "certificate", "rest_scene", "rest_plan"})
+_NARROW = 12  # characters of a label at least
+_PADDING = 4  # characters beside a label and a value
 # How it was computed, which developers read.
 _INTERNAL = frozenset({
     "method", "seconds", "coverage_seconds", "checking_seconds", "bound_seconds", "views",
@@ -106,10 +111,8 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
     if json:
         sys.stdout.write(harmless(msgspec.json.encode(row, enc_hook=path_text).decode()) + "\n")
         return
-    table = Table(show_header=False, box=None)
-    table.add_column()
-    table.add_column(overflow="fold")  # nothing is cut off: names of files are to be copied
-    hidden = 0
+    shown: list[tuple[str, str]] = []
+    hidden = longest = 0
     for key in _in_order(row):
         value = row[key]
         silent = value is None or value == "" or _SILENT.get(key) == value
@@ -119,8 +122,16 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
         if is_internal and not verbose:
             hidden += 1
             continue
-        table.add_row(_LABELS.get(key, key), escape(_shown(row, key)))
+        shown.append((_LABELS.get(key, key), text := _shown(row, key)))
+        if key in _NAMES:
+            longest = max(longest, *map(columns_of, text.splitlines()))
     console = terminal()
+    room = console.width - longest - _PADDING
+    table = Table(show_header=False, box=None)
+    table.add_column(max_width=room if room >= _NARROW else None)
+    table.add_column(overflow="fold")  # nothing is cut off: names of files are to be copied
+    for label, text in shown:
+        table.add_row(label, escape(text))
     console.print(table)
     if hidden:
         console.print(f" ({counted(hidden, 'more line')} with --verbose)", highlight=False)

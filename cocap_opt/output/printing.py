@@ -28,7 +28,9 @@ _BREAK = "\n"
 _FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where each begins
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Numbers as tables have them: marks, a sign, digits, a unit; several; a share of something; a note.
-_ONE = r"[*\\]*(?:&lt;|[<~±+-])?\s?\d[\d.,:]*(?:e[+-]?\d+)?(?:\s?[^\s\d(,.]{1,5})?[*\\]*"
+_ONE = (
+    r"[*\\]*(?:&lt;|[<~±+-])?\s?\d[\d.,:]*(?:e[+-]?\d+)?(?:\s?[^\s\d(,.]{1,5})?(?:\s?&#42;|[*\\])*"
+)
 _NUMBER = re.compile(rf"{_ONE}(?:(?:,\s| ± | to | of |\.\.){_ONE})*(?: \([^()]*\))?[*\\]*")
 _NO_NUMBER = ("none", "no plan", "unknown", "above 100", "inf", "nan")  # cells among numbers
 

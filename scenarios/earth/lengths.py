@@ -41,10 +41,10 @@ class Stated(NamedTuple):
 
 
 def unit_of_length(text: str) -> str | None:
-    """Returns the short name of the unit of length that a text spells; None: none that is known.
+    """Returns the short name of the unit of length that a text spells; None if it is unknown.
 
-    It is a key of `PER_METRE`, or dm. Letters may be large or small: "US survey foot", "us-ft",
-    "ftUS", "Foot_US", "FT", "metre".
+    The name is a key of `PER_METRE`, or "dm". Letters may be large or small: "US survey foot",
+    "us-ft", "ftUS", "Foot_US", "FT", "metre".
     """
     words = set(_SEPARATORS.split(text.casefold().replace(".", "").replace("_", " "))) - {""}
     units, others = {_NAMED[word] for word in words & _NAMED.keys()}, words - _NAMED.keys()

@@ -367,6 +367,20 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
     assert json.loads(capsys.readouterr().out)["reward_per_step"] == list(many)
 
 
+@pytest.mark.parametrize("width", [60, 80])
+def test_names_of_files_are_not_folded(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Labels give way, so that a name can be copied as long as the line has room for it."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    names = [f"mission.px4.no-common-clock.drone{k}.plan" for k in (0, 17)]
+    print_result({"files": [Path(name) for name in names], "delay_tolerance": 7.0}, False)
+    out = capsys.readouterr().out
+    assert all(name in out.split() for name in names)
+    assert all(len(line) <= width for line in out.splitlines())
+    assert "delay tolerance: drones may be apart" in " ".join(out.split()).replace("7.00 ", "")
+
+
 def test_answers_come_first_and_internals_on_request(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

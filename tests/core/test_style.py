@@ -89,6 +89,7 @@ def test_pictures_say_what_they_show() -> None:
         (("**5.3**", "495 s"), True),
         (("0.00..0.03 %", "1e-05"), True),
         (("0.04, 0.11", "1,792 ± 135"), True),
+        (("100.0 %", "93.6 % &#42;"), True),
         (("4", "each take"), False),
         (("-", "-"), False),
         (("5 stages of a proof", "2"), False),

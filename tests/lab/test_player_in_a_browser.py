@@ -1044,6 +1044,32 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
 
 
 @pytest.mark.slow
+def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
+    """They are 24 px high or more, and the box of the picked drone lies on the picture."""
+    page = tmp_path / "field.html"
+    problem = load_scene("field-large", 5)
+    still = Plan(paths=tuple((robot.start,) * 4 for robot in problem.robots))
+    Player(problem.replace(horizon=3), [("still", still)]).save(page)
+    heights = """[...document.querySelectorAll("#slider, .hold, footer label, footer button")]
+      .filter((target) => target.offsetParent)
+      .map((target) => [target.textContent, target.getBoundingClientRect().height])"""
+    outside = """["top", "bottom", "left", "right"].map((side) =>
+      document.querySelector(".inset").getBoundingClientRect()[side] -
+      document.querySelector(".place").getBoundingClientRect()[side])"""
+    with Browser.opened(page) as browser:
+        browser.resize((390, 844))
+        for _ in range(13):
+            press(browser, "d")  # a number of two digits takes more room
+        browser.go_to(2)
+        assert [one for one in value(browser, heights) if one[1] < 24] == []
+        top, bottom, left, right = value(browser, outside)
+        assert top >= 0 and left >= 0 and bottom <= 0 and right <= 0
+        row = "document.querySelector('.inset .bar')"
+        assert value(browser, f"{row}.scrollWidth <= {row}.clientWidth")
+        assert value(browser, "document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.slow
 def test_a_phone_shows_one_plan_and_a_switch(player: Any) -> None:
     """On a narrow screen nothing stands out at the side or is cut; two fingers zoom the picture."""
     from selenium.webdriver.common.by import By

@@ -7,7 +7,7 @@ the numbers that are stored with it.
 import math
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.experiments.lab.studies.others.tables import Compared
+from cocap_opt.experiments.lab.studies.others.tables import Compared, signed_percent
 
 _NAMED = 8  # frames that are named
 _THEIR_BEST = "their-multipleroundsgreedy"
@@ -95,10 +95,10 @@ def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
         least = min((share for share in above if share is not None), default=None)
         reached = sum(share is not None and share >= 0 for share in above)
         if least is not None:
-            percent = round(100 * least, 2) + 0.0  # no -0.00
+            percent = signed_percent(100 * least)
             yield (
                 f"{planner} has at least the reward of {_THEIR_BEST.removeprefix('their-')} on "
-                f"{reached} of {len(scenes)} scenes, {percent:+.2f} % where that is least."
+                f"{reached} of {len(scenes)} scenes, {percent} where that is least."
             )
 
 

@@ -22,6 +22,7 @@ from cocap_opt.experiments.lab.studies.others.tables import (
     WORD,
     Compared,
     OverSets,
+    signed_percent,
 )
 from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
@@ -126,7 +127,7 @@ def published_in_markdown(name: str) -> str:
             "J of": _JUDGED[row["of"]],
             "below the bound": in_percent(row["gap"]),
             "conflicts": row["conflicts"] or "-",
-            "above their best": f"{float(row['above theirs (%)']):+.2f} %",
+            "above their best": signed_percent(float(row["above theirs (%)"])),
         }
         for row in stored_rows(name)
         if row["reward"] and row["above theirs (%)"]

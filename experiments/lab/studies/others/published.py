@@ -150,7 +150,7 @@ class Published(NamedTuple):
 def not_there(folder: Path, scenes: list[Scene]) -> list[str]:
     """Returns sentences that name the published scenes that a folder does not hold.
 
-    None is missing from a folder that is that of a scene itself.
+    If the folder is that of a single scene, no scene counts as missing.
     """
     sentences = []
     for is_hughes, names in ((False, GREEDY_PERSPECTIVES), (True, HUGHES)):

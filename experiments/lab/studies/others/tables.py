@@ -97,7 +97,7 @@ class Compared:
                 "planner": record["planner"],
                 "reward": Marked(record["reward"], _MARKS[record["of"]]),
                 "gap": record["gap"],
-                "above theirs": _percent(record["above theirs (%)"]),
+                "above theirs": signed_percent(record["above theirs (%)"]),
                 "collide": record["shared cells"],
                 "seconds": record["seconds"],
             }
@@ -254,7 +254,8 @@ def _above(value: float | None, other: float | None) -> float | None:
     return 100 * (value / other - 1) if value is not None and other else None
 
 
-def _percent(value: float | None) -> str:
+def signed_percent(value: float | None) -> str:
+    """Returns a difference in % with its sign; next to nothing has none, "-" stands for None."""
     if value is None:
         return "-"
     return f"{value:+.2f} %" if round(value, 2) else "0.00 %"
