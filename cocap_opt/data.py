@@ -133,6 +133,8 @@ def _kind(hint: Any) -> str:
     if origin in (Union, UnionType):
         return " or ".join(map(_kind, parts))
     if origin is tuple and parts[-1] is Ellipsis:
+        if get_origin(parts[0]) is tuple:
+            return f"a sequence of sequences of {_kind(parts[0])}"
         return f"a sequence of {_kind(parts[0]).removeprefix('a ').removeprefix('an ')}s"
     if origin is tuple:
         return f"{len(parts)} {_kind(parts[0])}s"

@@ -102,10 +102,10 @@ def own_scene() -> co.Problem:
     )
 
 
-@pytest.mark.parametrize("scene", [*SCENES, "bottleneck", "own", "views", "takes"])
+@pytest.mark.parametrize("scene", [*SCENES, "bottleneck", "own", "views", "takes", "goals"])
 def test_the_recipe_of_a_scenes_digest(scene: str, tmp_path: Path) -> None:
     """By the page, and the file alone, anybody computes the digest that plans name."""
-    problem = own_scene() if scene in ("own", "views", "takes") else co.load(scene)
+    problem = co.load(scene) if scene in (*SCENES, "bottleneck") else own_scene()
     if scene == "views":
         problem = co.with_views(problem, weight=[0.5], share=0.9)
         problem = problem.replace(objective=problem.objective.replace(pixels=0))
@@ -113,6 +113,11 @@ def test_the_recipe_of_a_scenes_digest(scene: str, tmp_path: Path) -> None:
         likely, rare = co.Take(name="usual", probability=0.9), co.Take(name="rare", probability=0.1)
         late = problem.actors[0].replace(take="rare")
         problem = problem.replace(takes=(likely, rare), actors=(*problem.actors, late))
+    if scene == "goals":
+        bare = problem.height_map.replace(bare=problem.height_map.heights - 1)
+        goals = co.GoalArea(cells=((3, 1), (1, 1), (2, 2))), (2, 1)
+        robots = tuple(r.replace(goal=g) for r, g in zip(problem.robots, goals, strict=True))
+        problem = problem.replace(height_map=bare, robots=robots)
     co.save(tmp_path / "scene.json", problem)
     assert recipe(tmp_path / "scene.json") == problem_digest(problem)
     assert problem_digest(co.read(tmp_path / "scene.json", co.Problem)) == problem_digest(problem)

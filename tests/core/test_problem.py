@@ -26,6 +26,7 @@ from cocap_opt.problem import (
     Cell,
     CollisionRules,
     Cuboid,
+    GoalArea,
     Motion,
     Objective,
     Prism,
@@ -539,6 +540,7 @@ def test_triangles_are_halves_of_the_cuboid_faces() -> None:
         (lambda: tiny().replace(actors=[np.zeros((3, 4))]), "actors: must be a sequence of Actor"),
         (lambda: CollisionRules(vertex="no"), "vertex: must be true or false, not 'no'"),
         (lambda: Motion(layers=5.0), "layers: must be a sequence of numbers, not 5.0"),
+        (lambda: GoalArea(cells=5), "cells: must be a sequence of sequences of 2 numbers, not 5"),
         (lambda: Robot(start=(1, 1)), "start: must be a State object"),
     ],
 )
