@@ -252,7 +252,7 @@ class _Envelopes:
         )
 
     def _most_left(self) -> int:
-        """Returns how many states may be left for all of them to be paid."""
+        """Returns the number of states up to which all that are left are paid."""
         if not self._can_be_listed():
             return self._parameters.most_unlisted
         parameters = self._parameters

@@ -133,7 +133,7 @@ class PathTrials:
         return self.search.parameters.trials
 
     def _times_nodes(self) -> float:
-        """Returns how many times the nodes of the stages all trials may take."""
+        """Returns the multiple of the stages' nodes that all trials together may take."""
         is_fast = searches_are_fast(self.search.stop)
         return self._parameters.times_nodes if is_fast else self._parameters.plain_times_nodes
 
