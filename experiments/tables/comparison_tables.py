@@ -24,10 +24,10 @@ _TEST = (
     "only test; p (Holm): corrected for the number of tests."
 )
 _TEST_NOTES = {
-    J: "On how many scenes the planner's mean J is higher than, equal to or lower than that of the "
-    f"planner that it is compared with; a plan that breaks the rules counts as J = 0. {_TEST}",
-    SECONDS: "On how many scenes the planner takes longer than, as long as or less time than the "
-    "planner that it is compared with; without a valid plan it counts with its time limit. "
+    J: "The number of scenes on which the planner's mean J is higher than, equal to or lower than "
+    f"that of the other planner; a plan that breaks the rules counts as J = 0. {_TEST}",
+    SECONDS: "The number of scenes on which the planner takes more time than, as much as or less "
+    "than the other planner; a run without a valid plan counts as its whole time limit. "
     f"{_TEST}",
 }
 _SHARE = "seeds of a scene weigh alike; of runs that all planners have, with a valid plan of one."

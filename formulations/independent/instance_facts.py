@@ -65,19 +65,19 @@ def read_instance(text: str) -> Instance:
     Raises
     ------
     FormatError
-        If a line is not as the format has it.
+        If a line does not follow the format.
     """
     reader = _Reader()
     for number, line in enumerate(text.splitlines(), 1):
         try:
             reader.read(line)
         except (ValueError, IndexError) as error:
-            words = f"line {number} is not as the format has it: {error}"
+            words = f"line {number} does not follow the format: {error}"
             raise FormatError(words) from error
     try:
         return reader.instance()
     except (ValueError, IndexError) as error:
-        raise FormatError(f"is not as the format has it: {error}") from error
+        raise FormatError(f"does not follow the format: {error}") from error
 
 
 class _Reader:

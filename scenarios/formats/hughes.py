@@ -327,8 +327,8 @@ def _areas() -> list[float]:
 def _paths(solution: _Solution) -> tuple[tuple[State, ...], ...]:
     if not solution.is_on_grid:
         raise ProblemError(
-            "elements: the states lie between the cells, so that they can be evaluated, which "
-            "`cocap-opt verify` does, but not flown"
+            "elements: the states lie between the cells: `cocap-opt verify` can evaluate them, but "
+            "they cannot be flown"
         )
     return tuple(
         tuple(

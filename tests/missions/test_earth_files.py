@@ -270,8 +270,8 @@ def test_files_of_the_earth_are_refused_in_one_line(
     nowhere = write(tmp_path / "nowhere", plan)
     scene, file = write(tmp_path, plan, "EPSG:2154")
     for words, ending, expected in (
-        (nowhere, "kml", r"nowhere.scene.toml: earth: must be known"),
-        (nowhere, "geojson", r"nowhere.scene.toml: earth: must be known"),
+        (nowhere, "kml", r"nowhere.scene.toml: earth: must say where the scene is"),
+        (nowhere, "geojson", r"nowhere.scene.toml: earth: must say where the scene is"),
         ((scene, file, "--local"), "geojson", "--local"),
         ((scene, file, "--start", "2026-05-01T10:00:00Z"), "csv", "--start: must be left out"),
         ((scene, file, "--start", "2026-05-01T10:00:00"), "kml", "--start: .* offset from UTC"),
