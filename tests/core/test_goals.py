@@ -122,6 +122,15 @@ def test_files_keep_goals_of_several_cells() -> None:
     assert (goal_x, goal_y) == (-2, -2)
 
 
+def test_digests_read_no_goals_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With eight drones above a large map that took half a minute for each command."""
+    problem, made = line(), list[GoalArea]()
+    monkeypatch.setattr(GoalArea, "__post_init__", made.append)
+    problem_digest.cache_clear()
+    problem_digest(problem)
+    assert made == []
+
+
 def test_cells_of_goals_are_found_in_arrays() -> None:
     """As one by one, also beyond the cells of the goal."""
     goal = GoalArea(cells=((1, 3), (2, 0)))
