@@ -14,6 +14,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files import documents
 from cocap_opt.files.documents import SceneFile, decode_document, encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import CertificateError
 from cocap_opt.model import compiled
 from cocap_opt.output.long_tables import TABLES
 from cocap_opt.planners import PLANNERS
@@ -68,6 +69,10 @@ def test_the_optimum_is_the_best_over_all_choices_of_goals(problem: Problem) -> 
     # Raises where code that shares nothing with it finds another bound.
     verified = co.verify(problem, result.plan, result.certificate, second_opinion=True)
     assert verified.bound == pytest.approx(result.bound)
+    first, *others = problem.robots
+    other = problem.replace(robots=(first.replace(goal=None), *others))
+    with pytest.raises(CertificateError, match="digest"):  # of a scene with other goals
+        co.verify(other, result.certificate)
 
 
 def line() -> Problem:
