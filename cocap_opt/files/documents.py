@@ -266,8 +266,15 @@ def problem_digest(problem: Problem) -> str:
         for actor in problem.actors
     )
     takes = tuple(take.replace(name=numbers[take.name]) for take in problem.takes)
-    nameless = problem.replace(name="", actors=actors, earth=None, takes=takes, land_cover=())
+    robots = tuple(robot.replace(goal=None) for robot in problem.robots)
+    nameless = problem.replace(
+        name="", robots=robots, actors=actors, earth=None, takes=takes, land_cover=()
+    )
     fields = msgspec.to_builtins(_read_back(nameless), enc_hook=_encode_array)
+    # Goals hold whole numbers only. They may have many cells, which take long to be read back.
+    goals = {goal: msgspec.to_builtins(goal) for goal in {robot.goal for robot in problem.robots}}
+    for robot, spec in zip(fields["robots"], problem.robots, strict=True):
+        robot["goal"] = goals[spec.goal]
     # Newer fields than files whose digests hold are left out where nothing is in them.
     for holder in (fields, *fields["robots"], *fields["actors"]):
         for name in ("step", "earth", "limits", "name", "begin", "take", "takes", "land_cover"):

@@ -11,8 +11,10 @@ from strategies import examples, tiny
 
 import cocap_opt as co
 from cocap_opt.data import ProblemError
+from cocap_opt.files import documents
 from cocap_opt.files.documents import SceneFile, decode_document, encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import CertificateError
 from cocap_opt.model import compiled
 from cocap_opt.output.long_tables import TABLES
 from cocap_opt.planners import PLANNERS
@@ -67,6 +69,10 @@ def test_the_optimum_is_the_best_over_all_choices_of_goals(problem: Problem) -> 
     # Raises where code that shares nothing with it finds another bound.
     verified = co.verify(problem, result.plan, result.certificate, second_opinion=True)
     assert verified.bound == pytest.approx(result.bound)
+    first, *others = problem.robots
+    other = problem.replace(robots=(first.replace(goal=None), *others))
+    with pytest.raises(CertificateError, match="digest"):  # of a scene with other goals
+        co.verify(other, result.certificate)
 
 
 def line() -> Problem:
@@ -120,6 +126,17 @@ def test_files_keep_goals_of_several_cells() -> None:
     assert (drone, [*x], [*y]) == (0, [1, 4], [0, 0])
     ((*_, goal_x, goal_y),) = TABLES["drones"].chunks(model)
     assert (goal_x, goal_y) == (-2, -2)
+
+
+def test_digests_read_no_goals_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With eight drones above a large map that took half a minute for each command."""
+    read, read_back = list[Problem](), documents._read_back
+    monkeypatch.setattr(
+        documents, "_read_back", lambda problem: read_back(read.append(problem) or problem)
+    )
+    problem_digest.cache_clear()
+    problem_digest(line())
+    assert [robot.goal for problem in read for robot in problem.robots] == [None]
 
 
 def test_cells_of_goals_are_found_in_arrays() -> None:

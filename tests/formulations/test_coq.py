@@ -14,6 +14,7 @@ import pytest
 from brute_force import optimum
 from counting import either
 from damaged_files import document
+from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import drawn_meetings, drawn_problems, examples
@@ -38,8 +39,9 @@ pytestmark = [
 ]
 
 problems = st.one_of(
-    either(drawn_problems(over_time=True)), either(drawn_meetings(2)), drawn_meetings(3)
-)
+    either(drawn_problems(over_time=True)), either(drawn_meetings(2)), drawn_meetings(3),
+    either(with_areas((1, 2, 3))),
+)  # fmt: skip
 
 # Lowers a file and asks the program; returns its exit code and words. The last argument changes
 # what was lowered.

@@ -16,6 +16,7 @@ import pytest
 from brute_force import optimum
 from counting import either
 from damaged_files import document
+from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_certificates import random_staged
@@ -37,8 +38,9 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene
 
 problems = st.one_of(
-    either(drawn_problems(over_time=True)), either(drawn_meetings(2)), drawn_meetings(3)
-)
+    either(drawn_problems(over_time=True)), either(drawn_meetings(2)), drawn_meetings(3),
+    either(with_areas((1, 2, 3))),
+)  # fmt: skip
 
 
 def instance(problem: Problem) -> Instance:
