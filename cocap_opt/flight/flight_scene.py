@@ -58,7 +58,7 @@ def _timed(problem: Problem, step: float | None) -> Problem:
         words = f"must be given, for {problem.name} does not say how many seconds a step lasts"
         raise FieldError("step", words)
     if problem.step is not None and step is not None:
-        words = f"must be left out, for {problem.name} says it: {problem.step:g} s"
+        words = f"must be left out, for {problem.name} defines it: {problem.step:g} s"
         raise FieldError("step", words)
     return problem if step is None else problem.replace(step=step)
 

@@ -385,7 +385,9 @@ def _kept(entry: Entry) -> Path:
     """Returns where this machine keeps the file of an instance."""
     folder = users_folder()
     if folder is None:
-        raise FileError("COCAP_OPT_CACHE: name a folder for instances; there is no home")
+        raise FileError(
+            "COCAP_OPT_CACHE: must name a folder for instances, as no home folder is known"
+        )
     return folder / "library" / f"{entry.name}.instance"
 
 

@@ -134,7 +134,7 @@ def _moment(point: Element, place: str) -> int:
     text = _text(point, "time")
     if not text:
         raise ProblemError(
-            f"{place}: must have a time, as recorded tracks have and planned ways have not"
+            f"{place}: must have a time; recorded tracks have times, planned routes do not"
         )
     try:
         return nanoseconds_of(moment_of(text))

@@ -171,7 +171,7 @@ NO_TIME = segment([("2026-05-01T10:00:00Z", 0.0, 0.0), ("", 1.0, 0.0)])
         (gpx().replace("</gpx>", ROUTE + WAYPOINT * 2 + "</gpx>"),
          "must have a track (trk) of points with times, but has only 1 route and 2 waypoints"),
         (gpx("<trkseg/>"), "but has only tracks without points"),
-        (gpx(walk([0]), NO_TIME), "track 2, segment 1, point 2: must have a time, as recorded tr"),
+        (gpx(walk([0]), NO_TIME), "track 2, segment 1, point 2: must have a time; recorded tracks"),
         (gpx(walk([0]) + NO_TIME), "track 1, segment 2, point 2: must have a time"),
         (gpx(walk([0]).replace("2026-05-01T", "yesterday ")), "point 1, time: must be a date with"),
         (gpx(walk([0]).replace("2026", "0001")), "point 1, time: must be a date with a time"),

@@ -126,7 +126,7 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
     """
     problem = load_scene(scene, seed)
     if problem.step is not None and step is not None:
-        raise ProblemError(f"--step: must be left out, for {scene} says it: {problem.step:g} s")
+        raise ProblemError(f"--step: must be left out, for {scene} defines it: {problem.step:g} s")
     if not problem.rules.separation:
         problem = built(scene, seed, SEPARATION, SEPARATION)
     problem = problem.replace(earth=None)
