@@ -19,12 +19,13 @@ class GoalArea(Data, frozen=True, tag="area", dict=True):
     cells: tuple[tuple[int, int], ...]
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        if not _are_cells(self.cells):  # as from files, which hold hundreds of thousands
+            super().__post_init__()
+            for cell in self.cells:
+                for index in cell:
+                    whole(index, "cells")
         require(len(self.cells) > 0, "cells", "must hold at least one cell")
         require(len(set(self.cells)) == len(self.cells), "cells", "must all be different")
-        for cell in self.cells:
-            for index in cell:
-                whole(index, "cells")
         msgspec.structs.force_setattr(self, "cells", tuple(sorted(self.cells)))
 
     def __hash__(self) -> int:
@@ -49,6 +50,14 @@ class GoalArea(Data, frozen=True, tag="area", dict=True):
 
     def __repr__(self) -> str:
         return f"GoalArea of {len(self.cells):,} cells"
+
+
+def _are_cells(cells: object) -> bool:
+    """Returns True for a tuple of pairs of Python's whole numbers, which need no further look."""
+    return type(cells) is tuple and all(
+        type(cell) is tuple and len(cell) == 2 and type(cell[0]) is type(cell[1]) is int
+        for cell in cells
+    )
 
 
 AnyGoal = tuple[int, int] | GoalArea
