@@ -4,9 +4,10 @@ import unicodedata
 
 
 def columns_of(text: str) -> int:
-    """Returns the columns of a terminal that a line takes, as rich counts them in its tables.
+    """Returns the columns of a terminal that a line takes.
 
     Chinese, Japanese and Korean letters take two, accents that are characters of their own none.
+    Emoji that are made of several characters are counted one by one, which may be too many.
     """
     if text.isascii():
         return len(text)
