@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from hypothesis import strategies as st
 from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
+from cocap_opt.experiments.lab.studies.verified import WITHOUT_PATHS
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation, searchless
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
@@ -260,25 +260,11 @@ def test_certificates_of_small_problems_are_accepted(
         assert ask(text, found | {"bound": best * (1 - 1e-6)})[0] == 1
 
 
-# Column generation that hardly tries the paths of all drones together, so that it needs stages.
-STAGES = replace(
-    DEFAULTS,
-    trials=replace(
-        DEFAULTS.trials,
-        fewest_nodes=1,
-        fewest_plain_nodes=1,
-        times_nodes=0.0,
-        plain_times_nodes=0.0,
-        most_nodes=1,
-    ),
-)
-
-
 def test_stages_are_searched_again(ask: Ask, tmp_path: Path) -> None:
     """Step envelopes prove what they claim, and no less; paths prove what they leave open."""
     problem = load_scene("bottleneck", 0)
     text = instance_of(compiled(problem))
-    file = document(column_generation(problem, parameters=STAGES).certificate, tmp_path)
+    file = document(column_generation(problem, parameters=WITHOUT_PATHS).certificate, tmp_path)
     assert len(file["certificate"]["stages"]) > 1
     code, words = ask(text, file)
     assert code == 0, words
@@ -301,7 +287,7 @@ def test_no_advice_makes_a_false_claim_pass(
 ) -> None:
     """Constants that are far too low are found to be so, whatever multipliers searches are told."""
     try:
-        certificate = column_generation(problem, parameters=STAGES).certificate
+        certificate = column_generation(problem, parameters=WITHOUT_PATHS).certificate
     except UnsupportedError:
         assume(False)
     assume(certificate is not None)
@@ -329,7 +315,7 @@ def test_misled_searches_prove_the_same(ask_misled: Ask, tmp_path: Path) -> None
     """Stages and paths of a scene hold with nonsense for advice, and no less than they claim."""
     problem = load_scene("bottleneck", 0)
     text = instance_of(compiled(problem))
-    for parameters in (STAGES, DEFAULTS):
+    for parameters in (WITHOUT_PATHS, DEFAULTS):
         file = document(column_generation(problem, parameters=parameters).certificate, tmp_path)
         code, words = ask_misled(text, file)
         assert code == 0, words
@@ -340,7 +326,7 @@ def test_limits_end_a_check(ask: Ask, tmp_path: Path) -> None:
     """At a limit of nodes or time it says so in a line, and claims nothing: exit code 3."""
     problem = load_scene("bottleneck", 0)
     text = instance_of(compiled(problem))
-    file = document(column_generation(problem, parameters=STAGES).certificate, tmp_path)
+    file = document(column_generation(problem, parameters=WITHOUT_PATHS).certificate, tmp_path)
     for options in (("--most-nodes", "2"), ("--time-limit", "1e-3")):
         code, words = ask(text, file, str, *options)
         assert code == 3

@@ -35,7 +35,7 @@ _CLAIMS = {
     "field": (_MULTIPLIERS, _STAGES, _BOUND),
 }
 # Column generation that hardly tries the paths of all drones together.
-_WITHOUT_PATHS = replace(
+WITHOUT_PATHS = replace(
     DEFAULTS,
     trials=replace(
         DEFAULTS.trials,
@@ -93,7 +93,7 @@ def _runs_of(program: Path, scene: str) -> list[VerifiedClaim]:
     files: dict[str, Callable[[Problem], Any]] = {
         _PROOF: searchless,
         _MULTIPLIERS: column_generation,
-        _STAGES: lambda problem: column_generation(problem, parameters=_WITHOUT_PATHS),
+        _STAGES: lambda problem: column_generation(problem, parameters=WITHOUT_PATHS),
         _BOUND: column_generation,
     }
     return [
