@@ -104,12 +104,14 @@ class MixtureProgram:
         shape = len(columns), len(self.weights)
         self.pixels = sparse.csr_array((pixels, view_sums, ends), shape)
         self.roots = sparse.csr_array((np.sqrt(pixels), view_sums, ends), shape)
+        # Transposed once: hundreds of steps each ask for both products.
+        self._seen_by = sparse.hstack((self.pixels, self.roots), format="csr").T
         self.robots = np.array([column.robot for column in columns])
         self.bonus = np.array([column.bonus(model) for column in columns])
 
     def judged(self, amounts: FloatArray) -> tuple[float, Prices]:
         """Returns the value of a mixture, and its prices."""
-        pixels, alone = amounts @ self.pixels, amounts @ self.roots
+        pixels, alone = np.split(self._seen_by @ amounts, 2)
         together, seen = together_of(self.returns, pixels), pixels > _NOTHING
         ratio = np.divide(alone, together, out=np.zeros_like(alone), where=seen)
         alpha = 1 / (1 + ratio ** (SHARPNESS + 1))

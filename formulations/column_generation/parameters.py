@@ -81,6 +81,8 @@ class RelaxationParameters(Section):
         that must be allowed for plans to be looked for
     most_idle : solves
         after which an unused column is dropped
+    few_in_vain : plans
+        that a quick search for plans takes up without a better one
     """
 
     accuracy: float = 2e-7
@@ -96,6 +98,7 @@ class RelaxationParameters(Section):
     smoothing: Shares = (0.25, 0.5, 0.75)
     least_responses: int = 2
     most_idle: int = 12
+    few_in_vain: int = 2
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,8 @@ class RootParameters(Section):
     least_gain : share
         of what is open, that the first cuts of disaggregated robots must close, times by
         how much they make the master larger
+    many_states : states of all classes
+        from which on paths are tried before there is a master
     few_joint_states : joint states of all steps
         up to which step envelopes have stages before any cuts: half of the time of cuts on
         the bottleneck, which has fewer
@@ -141,6 +146,7 @@ class RootParameters(Section):
     least_amount: float = 0.01
     most_disaggregated: int = 20_000_000
     least_gain: Share = 0.12
+    many_states: int = 1000
     few_joint_states: float = 2e7
     far: float = 0.003
     least_gain_far: Share = 0.02

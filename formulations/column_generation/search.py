@@ -144,8 +144,16 @@ class Search:
         """Offers the plan that local search makes of a mixture."""
         self.offer(self.local_search.from_mixture(mixture, self.incumbent))
 
-    def search_for_plans(self, mixture: Mixture, duals: Duals) -> None:
+    def search_for_plans(
+        self, mixture: Mixture, duals: Duals, most_in_vain: int | None = None
+    ) -> None:
         """Offers the plans that a mixture and its prices lead to, from the incumbent on.
+
+        Parameters
+        ----------
+        mixture : whose columns are put together
+        duals : whose prices say which states are worth a look
+        most_in_vain : plans taken up without a better one; None: as the parameters say
 
         Raises
         ------
@@ -161,7 +169,10 @@ class Search:
             self.recombination.add(Incumbent(model, tuple(columns)))
             self.report_again()
 
-        search = PlanSearch(model, self.stop, self.rng, self.parameters.plan_search, tell)
+        parameters = self.parameters.plan_search
+        if most_in_vain is not None:
+            parameters = replace(parameters, most_in_vain=most_in_vain)
+        search = PlanSearch(model, self.stop, self.rng, parameters, tell)
         search.add_mixture(mixture)
         team = team_of(model, plan.columns)
         search.add_team(team)

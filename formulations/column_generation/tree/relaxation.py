@@ -189,15 +189,22 @@ class Relaxation:
         self.search.look_for_plans(self.solution.mixture)
         self._recombine()
 
-    def search_for_plans(self) -> None:
-        """Offers the plans to which prices point, and recombination; raises LimitReached."""
+    def search_for_plans(self, *, is_quick: bool = False) -> None:
+        """Offers the plans to which prices point, and recombination; raises LimitReached.
+
+        Parameters
+        ----------
+        is_quick : end after few plans in vain, without recombination
+        """
         if self.solution is None:
             return
         if self.search.incumbent is None:
             self.look_for_plans()  # a first one, to search from
-        self.search.search_for_plans(self.solution.mixture, self.best.duals)
+        most_in_vain = self._parameters.few_in_vain if is_quick else None
+        self.search.search_for_plans(self.solution.mixture, self.best.duals, most_in_vain)
         self.has_searched = True
-        self._recombine()
+        if not is_quick:
+            self._recombine()
 
     def _recombine(self) -> None:
         if self.decisions or not self.search.can_recombine:

@@ -66,6 +66,8 @@ class Root:
             self._solve_large()
         else:
             self._begin(self._ascend(self._parameters.enough))
+            if not by_cuts_only and self._try_paths_of_first_plan():
+                return
         if by_cuts_only or self.search.is_large:
             self.relaxation.solve(self.cutoff, self.rough)
         elif not self._close_before_cuts():
@@ -75,9 +77,11 @@ class Root:
         """Solves the relaxation without cuts and looks for plans; returns True if all is proved."""
         self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
         self._try_step_envelopes(self._parameters.few_joint_states)
-        if not self.search.is_proved(self.cutoff()):
+        # The best plan of a small scene is found soon; the rest of a search would be in vain.
+        self._search_for_plans(is_quick=True)
+        if not self._try_paths():
             self._search_for_plans()
-        return self.search.is_proved(self.cutoff())
+        return self._try_paths()
 
     def _ascend(self, enough: float) -> Mixture:
         """Raises a mixture until it is within `enough` of the best bound.
@@ -169,10 +173,10 @@ class Root:
             aggregated.search.offer_spare(self.relaxation.certificate("column-generation"))
         self.relaxation = aggregated
 
-    def _search_for_plans(self) -> None:
+    def _search_for_plans(self, *, is_quick: bool = False) -> None:
         """Looks for plans where the prices so far point, unless nothing is open."""
         if not self.relaxation.is_stuck and not self._is_closed():
-            self.relaxation.search_for_plans()
+            self.relaxation.search_for_plans(is_quick=is_quick)
 
     def _try_step_envelopes(self, most_joint: float = np.inf) -> None:
         """Looks for a lower bound by step envelopes, unless too many joint states are left."""
@@ -183,6 +187,15 @@ class Root:
             self.tried = self.relaxation.best.bound - self.search.value  # they begin with paths
             duals = self.relaxation.best.duals
             step_envelopes(self.search, duals, self.cutoff, columns, most_joint)
+
+    def _try_paths_of_first_plan(self) -> bool:
+        """Tries the paths of plans better than the first; returns True if no plan is.
+
+        On the corridor the first is the best. The relaxations of smaller scenes take less time,
+        and what multipliers prove alone is the easiest to check.
+        """
+        states = sum(group.graph.n_states for group in self.search.model.classes)
+        return states >= self._parameters.many_states and self._try_paths()
 
     def _try_paths(self) -> bool:
         """Tries the paths of all better plans, if less is open than when they were last tried.
