@@ -249,6 +249,10 @@ class EnvelopeParameters(Section):
         up to which all are paid; beyond it, lists close more in the same time
     most_states_left : states of all steps
         likewise, once a round of lists has closed little
+    most_states_of_few : states of all steps
+        up to which all are paid, of few robots: a tenth of a millisecond each to search
+    few_robots : robots
+        of teams that are few
     most_unlisted : states of all steps
         likewise, of teams too large for lists, whose searches take longer
     most_at_a_step : states of a step
@@ -293,7 +297,9 @@ class EnvelopeParameters(Section):
     """
 
     few_states_left: int = 6_500
-    most_states_left: int = 30_000
+    most_states_left: int = 50_000
+    most_states_of_few: int = 200_000
+    few_robots: int = 4
     most_unlisted: int = 12_000
     most_at_a_step: int = 3_000
     most_listed_robots: int = 8
@@ -452,6 +458,13 @@ class BundleParameters(Section):
         at the highest ones, where it is compiled
     many_random_starts : starts
         changed at random, where it is compiled
+    few_robots : robots
+        of teams whose local searches mostly end at the same joint states, so that compiled
+        ones need not try all states
+    full_starts : starts
+        at the highest joint states, from which such a team's robots may take all states
+    high_states : states of a class
+        that they may take from other starts: those that were highest before
     """
 
     most_iterations: int = 60
@@ -465,6 +478,9 @@ class BundleParameters(Section):
     random_starts: int = 3
     highest_starts: int = 4
     many_random_starts: int = 10
+    few_robots: int = 5
+    full_starts: int = 2
+    high_states: int = 64
 
 
 @dataclass(frozen=True)

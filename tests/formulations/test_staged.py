@@ -60,6 +60,7 @@ from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.flow_paths import StartChoice, mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import (
+    BundleParameters,
     EnvelopeParameters,
     ListParameters,
     Parameters,
@@ -425,30 +426,33 @@ def test_searches_take_what_they_are_compiled_for_ahead() -> None:
         for _ in range(5):
             joint = with_ceilings(random_joint_states(rng), rng)
             plain_search._run_compiled(joint, 0.0, 10**6, never)
-            _local_optima(joint, [], is_compiled=True)
+            _local_optima(joint, [], BundleParameters())
         patch.setattr(joint_paths, "PLAIN_NODES", -1)
         patch.setattr(joint_paths, "_NODES_AT_ONCE", 500)
         with pytest.raises(LimitReached):
             best_plan(narrowing, 10**9, Calls(5))
 
 
-@pytest.mark.parametrize("is_compiled", [False, True])
+@pytest.mark.parametrize(
+    "compiled_", [None, BundleParameters(), BundleParameters(full_starts=1, high_states=1)]
+)
 @examples(20)
 @given(seeds)
 def test_local_search_finds_joint_states_that_count_and_are_high(
-    is_compiled: bool, seed: int
+    compiled_: BundleParameters | None, seed: int
 ) -> None:
-    """None is higher than the highest; where it is compiled, no robot can raise one alone."""
-    if is_compiled and not is_there():
+    """None is higher than the highest; where all states are tried, no robot can raise one alone."""
+    if compiled_ is not None and not is_there():
         pytest.skip("needs the extra [fast]")
     rng = np.random.default_rng(seed)
     joint = random_joint_states(rng)
     every = joint_by_enumeration(joint)
     starts = [list(every[k]) for k in rng.integers(len(every), size=3)] if every else []
-    found = [tuple(team) for team in _local_optima(joint, starts, is_compiled).tolist()]
+    found = [tuple(team) for team in _local_optima(joint, starts, compiled_).tolist()]
     assert set(found) <= set(every)
-    if is_compiled and every:
+    if compiled_ is not None and every:
         assert found
+    if compiled_ == BundleParameters():
         for team, k, state in product(found, range(sum(joint.sizes)), range(len(joint.states))):
             other = tuple(sorted((*team[:k], state, *team[k + 1 :])))
             if other in every:

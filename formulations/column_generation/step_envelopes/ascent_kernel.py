@@ -31,67 +31,142 @@ class AscentViews(NamedTuple):
 _return_of = partial(compiled, kept=False, forceinline=True)(return_of)
 
 
-@compiled
-def ascend(views: AscentViews, floor: float, teams: IntArray) -> None:
-    """Changes each team [R] until no robot can raise its height alone.
+class _Scratch(NamedTuple):
+    """What scans write: of F faces and n states."""
 
-    Of the states that a robot may take, those come first with which the joint state counts: its
-    worth less its charges is at least the floor. Where there is none, it takes the one that comes
-    nearest. Robots at -1 are nowhere yet.
+    seen: FloatArray  # [F] pixels of the other robots
+    values: FloatArray  # [F] what these are worth, without weights
+    highest: FloatArray  # [n] largest height with each state
+
+
+@partial(compiled, kept=False)
+def _scanned(
+    views: AscentViews, floor: float, team: IntArray, robot: int, states: IntArray,
+    scratch: _Scratch, is_noted: bool,
+) -> tuple[int, float]:  # fmt: skip
+    """Returns the best of some states for a robot, -1 if none is free, and the height with it.
+
+    It may stay where it is, too.
+
+    Of the states that it may take, those come first with which the joint state counts: its worth
+    less its charges is at least the floor. Where there is none, it takes the one that comes
+    nearest.
     """
-    robots = teams.shape[1]
-    seen, values = np.zeros(len(views.weights)), np.zeros(len(views.weights))
-    for team in range(len(teams)):
-        before = -np.inf
-        for _ in range(_MOST_SWEEPS):
-            height = 0.0
-            for robot in range(robots):
-                for f in range(len(seen)):
-                    seen[f] = 0.0
-                paid, charged, worth = 0.0, 0.0, 0.0
-                for other in range(robots):
-                    s = teams[team, other]
-                    if other == robot or s < 0:
-                        continue
-                    paid += views.price[s]
-                    charged += views.charge[s]
-                    for e in range(views.first[s], views.first[s + 1]):
-                        seen[views.faces[e]] += views.pixels[e]
-                for f in range(len(seen)):
-                    values[f] = _return_of(views.n_roots, views.caps, f, seen[f])
-                    worth += views.weights[f] * values[f]
-                best, best_height, best_low, best_counts = -1, -np.inf, -np.inf, False
-                for s in range(views.ranges[robot, 0], views.ranges[robot, 1]):
-                    gain = 0.0
-                    for e in range(views.first[s], views.first[s + 1]):
-                        f = views.faces[e]
-                        amount = seen[f] + views.pixels[e]
-                        value = _return_of(views.n_roots, views.caps, f, amount)
-                        gain += views.weights[f] * (value - values[f])
-                    now = worth + gain - paid - views.price[s]
-                    low = worth + gain - charged - views.charge[s]
-                    counts = low >= floor
-                    if counts and best_counts:
-                        is_better = now > best_height
-                    elif counts != best_counts:
-                        is_better = counts
-                    else:
-                        is_better = low > best_low
-                    if not is_better:
-                        continue
-                    is_free = True
-                    for other in range(robots):
-                        taken = teams[team, other]
-                        if other != robot and taken >= 0 and views.conflict[s, taken]:
-                            is_free = False
-                    if is_free:
-                        best, best_height, best_low, best_counts = s, now, low, counts
-                if best >= 0:
-                    teams[team, robot] = best
-                    height = best_height
-            if height <= before + _GAIN * abs(height):
-                break
-            before = height
+    seen, values = scratch.seen, scratch.values
+    for f in range(len(seen)):
+        seen[f] = 0.0
+    paid, charged, worth = 0.0, 0.0, 0.0
+    for other in range(len(team)):
+        s = team[other]
+        if other == robot or s < 0:
+            continue
+        paid += views.price[s]
+        charged += views.charge[s]
+        for e in range(views.first[s], views.first[s + 1]):
+            seen[views.faces[e]] += views.pixels[e]
+    for f in range(len(seen)):
+        values[f] = _return_of(views.n_roots, views.caps, f, seen[f])
+        worth += views.weights[f] * values[f]
+    best, best_height, best_low, best_counts = -1, -np.inf, -np.inf, False
+    for k in range(-1, len(states)):
+        s, gain = states[k] if k >= 0 else team[robot], 0.0
+        if s < 0:
+            continue
+        for e in range(views.first[s], views.first[s + 1]):
+            f = views.faces[e]
+            value = _return_of(views.n_roots, views.caps, f, seen[f] + views.pixels[e])
+            gain += views.weights[f] * (value - values[f])
+        now = worth + gain - paid - views.price[s]
+        if is_noted:
+            scratch.highest[s] = max(scratch.highest[s], now)
+        low = worth + gain - charged - views.charge[s]
+        counts = low >= floor
+        if counts and best_counts:
+            is_better = now > best_height
+        elif counts != best_counts:
+            is_better = counts
+        else:
+            is_better = low > best_low
+        if not is_better:
+            continue
+        is_free = True
+        for other in range(len(team)):
+            taken = team[other]
+            if other != robot and taken >= 0 and views.conflict[s, taken]:
+                is_free = False
+        if is_free:
+            best, best_height, best_low, best_counts = s, now, low, counts
+    return best, best_height
+
+
+@partial(compiled, kept=False)
+def _raise(
+    views: AscentViews, floor: float, team: IntArray, states: IntArray, spans: IntArray,
+    scratch: _Scratch, is_noted: bool,
+) -> None:  # fmt: skip
+    """Changes a team [R] until no robot can raise its height alone by some states.
+
+    Parameters
+    ----------
+    states : that robots may take
+    spans : [R, 2] the first of each robot's class, and the end
+    is_noted : note how high a joint state with each state is
+    """
+    before, robots, as_before = -np.inf, len(team), 0
+    for _ in range(_MOST_SWEEPS):
+        height = 0.0
+        for robot in range(robots):
+            if as_before == robots - 1 and team[robot] >= 0:
+                return  # the robot has answered the same others
+            allowed = states[spans[robot, 0] : spans[robot, 1]]
+            best, best_height = _scanned(views, floor, team, robot, allowed, scratch, is_noted)
+            as_before = as_before + 1 if best in (-1, team[robot]) else 0
+            if best >= 0:
+                team[robot], height = best, best_height
+        if height <= before + _GAIN * abs(height):
+            break
+        before = height
+
+
+@partial(compiled, kept=False)
+def _highest(highest: FloatArray, ranges: IntArray, most: int, spans: IntArray) -> IntArray:
+    """Returns the highest states of each class, and writes those of each robot's class to spans."""
+    chosen, end = np.empty(len(highest), dtype=np.int64), 0
+    for robot in range(len(ranges)):
+        first, last = ranges[robot]
+        if robot and ranges[robot - 1, 0] == first:
+            spans[robot] = spans[robot - 1]
+            continue
+        order = first + np.argsort(-highest[first:last])[:most]
+        chosen[end : end + len(order)] = np.sort(order)
+        spans[robot, 0], spans[robot, 1] = end, end + len(order)
+        end += len(order)
+    return chosen[:end]
+
+
+@compiled
+def ascend(
+    views: AscentViews, floor: float, teams: IntArray, most_full: int, most_high: int
+) -> None:
+    """Changes each team [R] until no robot can raise its height alone by the states it may take.
+
+    Robots at -1 are nowhere yet.
+
+    Parameters
+    ----------
+    floor : what the worth of a joint state less its charges must be for it to count
+    most_full : of the first teams, whose robots may take all states
+    most_high : states of a class, that the robots of later teams may take: those with which the
+        first teams were highest, had one robot gone there
+    """
+    n, faces = len(views.price), len(views.weights)
+    scratch = _Scratch(np.zeros(faces), np.zeros(faces), np.full(n, -np.inf))
+    states, spans = np.arange(n), views.ranges.copy()
+    for number in range(len(teams)):
+        is_full = number < most_full
+        if number == most_full:
+            states = _highest(scratch.highest, views.ranges, most_high, spans)
+        _raise(views, floor, teams[number], states, spans, scratch, is_full)
 
 
 def call_once() -> None:
@@ -101,4 +176,4 @@ def call_once() -> None:
         np.array([0, 1]), none, single, single, 1, np.zeros(0), single, single,
         np.array([[0, 1]]), np.zeros((1, 1), dtype=np.bool_),
     )  # fmt: skip
-    ascend(views, 0.0, np.zeros((0, 1), dtype=np.int64))
+    ascend(views, 0.0, np.zeros((0, 1), dtype=np.int64), 0, 1)

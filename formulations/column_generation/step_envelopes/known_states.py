@@ -90,7 +90,7 @@ class Known:
         return [team for team, does_count in zip(found, counts, strict=True) if does_count]
 
     def ascended(self, joint: JointStates) -> list[tuple[int, ...]]:
-        """Returns joint states that count and that no robot can raise alone."""
+        """Returns joint states that count, and are high; most, no robot can raise alone."""
         robots, known = sum(joint.sizes), self.at(joint)
         self.rng.shuffle(known)
         starts: list[Sequence[int]] = [*known[: self.parameters.known_starts]]
@@ -108,7 +108,8 @@ class Known:
                 first, end = np.searchsorted(joint.class_of, [number, number + 1])
                 changed[k] = int(self.rng.integers(first, end))
             starts.append(changed)
-        return [tuple(team) for team in _local_optima(joint, starts, self.is_thorough).tolist()]
+        compiled = self.parameters if self.is_thorough else None
+        return [tuple(team) for team in _local_optima(joint, starts, compiled).tolist()]
 
     def highest(self, joint: JointStates) -> float:
         """Returns the largest height that local search finds."""
@@ -128,21 +129,24 @@ def _named(classes: IntArray, states: IntArray) -> Iterator[tuple[int, int]]:
 
 
 def _local_optima(
-    joint: JointStates, starts: Sequence[Sequence[int]], is_compiled: bool = False
+    joint: JointStates,
+    starts: Sequence[Sequence[int]],
+    parameters: BundleParameters | None = None,
 ) -> IntArray:
-    """Returns joint states that count and that no robot can raise alone, without repetition.
+    """Returns joint states that count and that local search ends at, without repetition.
 
     Parameters
     ----------
     starts : positions of the states to start with; the greedy joint state is one more start
-    is_compiled : use the compiled search, which needs numba and may end elsewhere
+    parameters : of the compiled search, which needs numba, may end elsewhere, and does not try all
+        states; None: search is not compiled
 
     Returns
     -------
     [K, R] positions of the states.
     """
-    if is_compiled:
-        found = _compiled(joint, starts)
+    if parameters is not None:
+        found = _compiled(joint, starts, parameters)
     else:
         every = [*starts, first] if (first := _greedy(joint)) else starts
         found = _teams(joint, [_ascended(joint, start) for start in every])
@@ -171,8 +175,10 @@ def _teams(joint: JointStates, found: Sequence[Sequence[int]]) -> IntArray:
     return np.array(found, dtype=np.int64).reshape(len(found), sum(joint.sizes))
 
 
-def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
-    """Returns the local optima of compiled search above joint states and the greedy one."""
+def _compiled(
+    joint: JointStates, starts: Sequence[Sequence[int]], parameters: BundleParameters
+) -> IntArray:
+    """Returns what compiled search ends with above joint states and the greedy one."""
     from cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel import (
         AscentViews,
         ascend,
@@ -186,7 +192,9 @@ def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
         *joint.sparse, joint.weights, *joint.returns, joint.price, joint.charge, ranges,
         joint.conflict,
     )  # fmt: skip
-    ascend(views, joint.floor - joint.margin, teams)
+    is_few = teams.shape[1] <= parameters.few_robots
+    most_full = parameters.full_starts if is_few else len(teams)
+    ascend(views, joint.floor - joint.margin, teams, most_full, parameters.high_states)
     return teams[(teams >= 0).all(axis=1)]
 
 
