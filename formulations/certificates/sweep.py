@@ -103,14 +103,25 @@ def _best_moves(
     forwards : True: for states at t + 1, the moves into them; False: for states at t, those out of
         them
     """
-    turned = _plain_turns(turns, value, objective.keep_heading, graph.shape[1])
     best, room = np.full(value.shape, -np.inf), np.empty(value.shape)
+    open_ = np.flatnonzero((value > -np.inf).any(axis=0))
+    if not len(open_):
+        return best
+    # Moves to and from all other places are worth -inf: of a narrowed graph, that is most.
+    first, last = int(open_[0]), int(open_[-1]) + 1
+    turned = _plain_turns(turns, value[:, first:last], objective.keep_heading, graph.shape[1])
     for k, shift in enumerate(graph.shifts.tolist()):
-        # Of all places from which the move does not lead over an end of the numbers of places.
-        tails = slice(max(0, -shift), graph.n_places - max(0, shift))
-        heads = slice(tails.start + shift, tails.stop + shift)
-        known, wanted = (tails, heads) if forwards else (heads, tails)
-        gained = np.add(turned[:, known], rewards[k][tails], out=room[:, tails])
+        # Of the places where a move does not lead over an end of the numbers of places.
+        back = shift if forwards else -shift
+        known = slice(max(first, -back), min(last, graph.n_places - back))
+        if known.start >= known.stop:
+            continue
+        wanted = slice(known.start + back, known.stop + back)
+        tails = known if forwards else wanted
+        gained = np.add(
+            turned[:, known.start - first : known.stop - first], rewards[k][tails],
+            out=room[:, tails],
+        )  # fmt: skip
         if (t, k) in moves:
             gained -= moves[t, k][tails]
         np.maximum(best[:, wanted], gained, out=best[:, wanted])
