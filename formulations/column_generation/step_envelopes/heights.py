@@ -89,7 +89,7 @@ class Heights:
         """
         most, limit = self.searches.many_nodes(), self._parameters.first_nodes
         while limit < most:
-            yield limit, self._parameters.patience
+            yield limit, max(self._parameters.patience, self._parameters.most_in_vain / limit)
             limit = max(limit * self._parameters.next_times, limit + 1)
         yield most, math.inf
 
@@ -98,7 +98,7 @@ class Heights:
         left: list[int] = []
         for k, t in enumerate(steps):
             if len(left) >= patience:
-                return [*left, *steps[k:]]
+                return [*steps[k:], *left]
             if not self.find(t, most_nodes):
                 left.append(t)
         return left
