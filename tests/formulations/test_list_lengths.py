@@ -2,10 +2,10 @@
 
 import pytest
 
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS
+from cocap_opt.formulations.column_generation.parameters import ListParameters
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 
-LISTS = DEFAULTS.lists
+LISTS = ListParameters(of_all_steps=4_000, most_first=200)
 
 
 @pytest.mark.parametrize(("steps", "first"), [(5, 200), (20, 200), (40, 100), (60, 66), (200, 60)])
