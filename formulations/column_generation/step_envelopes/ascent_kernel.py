@@ -32,7 +32,7 @@ _return_of = partial(compiled, kept=False, forceinline=True)(return_of)
 
 
 class _Scratch(NamedTuple):
-    """What scans write: of F faces and n states."""
+    """The arrays that scans write: of F faces and n states."""
 
     seen: FloatArray  # [F] pixels of the other robots
     values: FloatArray  # [F] what these are worth, without weights

@@ -178,7 +178,7 @@ def _teams(joint: JointStates, found: Sequence[Sequence[int]]) -> IntArray:
 def _compiled(
     joint: JointStates, starts: Sequence[Sequence[int]], parameters: BundleParameters
 ) -> IntArray:
-    """Returns what compiled search ends with above joint states and the greedy one."""
+    """Returns the joint states at which compiled search ends, from some and the greedy one."""
     from cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel import (
         AscentViews,
         ascend,
