@@ -112,7 +112,7 @@ def _raise(
     spans : [R, 2] the first of each robot's class, and the end
     is_noted : note how high a joint state with each state is
     """
-    before, robots, as_before = -np.inf, len(team), 0
+    before, robots, as_before = -np.inf, len(team), -1
     for _ in range(_MOST_SWEEPS):
         height = 0.0
         for robot in range(robots):

@@ -25,20 +25,23 @@ class Root:
     relaxation : the relaxation of which the bound is taken; `solve` may replace it
     gap : relative gap at which nothing is open, as in `Search.cutoff`
     rough : share of what is open that convergence may leave, as in `Relaxation.solve`
+    at_once : try the paths of better plans as soon as there is a plan: the soonest proof, of
+        multipliers that explain less
     tried : what was open when the paths of all better plans were last tried
     """
 
     relaxation: Relaxation
     gap: float
     rough: float = 0.0
+    at_once: bool = False
     tried: float = np.inf
 
     @classmethod
-    def of(cls, search: Search, gap: float, rough: float = 0.0) -> "Root":
+    def of(cls, search: Search, gap: float, rough: float = 0.0, *, at_once: bool = False) -> "Root":
         """Returns the relaxation without decisions, not yet solved."""
         # Twice what all robots can see is more than a broken rule can mostly bring.
         master = Master(search.model, penalty=2 * search.scale)
-        return cls(Relaxation(search, master, search.alone), gap, rough)
+        return cls(Relaxation(search, master, search.alone), gap, rough, at_once)
 
     @property
     def search(self) -> Search:
@@ -66,7 +69,7 @@ class Root:
             self._solve_large()
         else:
             self._begin(self._ascend(self._parameters.enough))
-            if not by_cuts_only and self._try_paths_of_first_plan():
+            if not by_cuts_only and self.at_once and self._try_paths_of_first_plan():
                 return
         if by_cuts_only or self.search.is_large:
             self.relaxation.solve(self.cutoff, self.rough)

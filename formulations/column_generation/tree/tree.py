@@ -72,7 +72,8 @@ class Tree:
 
     def solve_root(self) -> None:
         """Solves the root and opens it, at a limit with the bound so far; raises LimitReached."""
-        root = Root.of(self.search, self._gap, self.search.parameters.tree.rough_root)
+        rough = self.search.parameters.tree.rough_root
+        root = Root.of(self.search, self._gap, rough, at_once=True)
         try:
             root.solve()
         finally:
