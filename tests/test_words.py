@@ -60,11 +60,18 @@ def test_variables_are_named_after_the_thing() -> None:
     assert found == set()
 
 
+def glossary_rows() -> dict[str, str]:
+    """The words of the glossary's rows, by the anchors that links lead to."""
+    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    table = text.partition("|---")[2].partition("## ")[0]
+    rows = re.findall(r'^\| <a id="([a-z0-9-]+)"></a>(.+?) \|', table, re.MULTILINE)
+    assert len(rows) == len(re.findall(r"^\| ", table, re.MULTILINE)) == len(dict(rows))
+    return dict(rows)
+
+
 def test_the_glossary_has_the_words_that_were_chosen() -> None:
     """Who meets one of them in code, files or pages finds it there, in a row of its own."""
-    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (.+?) \|", text, re.MULTILINE)
-    words = {word.strip() for row in rows for word in row.split(",")}
+    words = {word.strip() for row in glossary_rows().values() for word in row.split(",")}
     assert {
         "joint state", "multiplier", "price", "listed", "explored", "reduced profit",
         "reduced cost", "ceiling", "step envelope", "staged", "target", "slack", "incumbent",
@@ -73,11 +80,11 @@ def test_the_glossary_has_the_words_that_were_chosen() -> None:
 
 
 def test_each_word_stands_in_the_glossary_once() -> None:
-    """One word for one thing, and one meaning for a word."""
-    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
-    words = re.findall(r"^\| (.+?) \|", text.partition("## Letters")[0], re.MULTILINE)[2:]
+    """One word for one thing, and one meaning for a word; in the order of the alphabet."""
+    words = [*glossary_rows().values()]
     assert len(words) > 50
     assert len(set(words)) == len(words)
+    assert words == sorted(words, key=lambda word: re.sub(r"[^a-z0-9 ]", "", word.lower()))
 
 
 def test_contributing_says_where_things_are() -> None:
