@@ -16,7 +16,7 @@ from cocap_opt.plausibility import narrow_way, warnings, warnings_before_starts
 from cocap_opt.problem import Problem, SceneData
 from cocap_opt.run.no_plan import why_no_plan
 from cocap_opt.run.options import Allowance, Option, UsageError
-from cocap_opt.scenarios import NOTHING, SCENES, load_scene
+from cocap_opt.scenarios import FORMATS, NOTHING, SCENES, load_scene
 
 _log = logging.getLogger(__name__)
 
@@ -101,6 +101,13 @@ def say_doubts(scene: str, seed: int, problem: SceneData) -> None:
     has_places = isinstance(problem, Problem)
     for warning in warnings(problem) if has_places else warnings_before_starts(problem):
         _say_once(scene, seed, warning)
+
+
+def plan_with_scene(scene: str) -> tuple[Path, ...]:
+    """Returns a scene's file if it is itself the file of a plan that names its scene."""
+    path = Path(scene)
+    both = any(kind.scenes.has(path) and kind.plans.has(path) for kind in FORMATS.values())
+    return (path,) if both else ()
 
 
 def load_planned(scene: str, seed: int) -> Problem:

@@ -17,6 +17,7 @@ from cocap_opt.cli.options import (
     Whole,
     load,
     load_planned,
+    plan_with_scene,
     say_doubts,
     say_narrow_way,
     say_strains,
@@ -85,10 +86,12 @@ def _show(
     shows what the HTML file plays, and needs Chromium. PNG, PDF and SVG show one step, or several
     side by side, a GIF one after the other. Without a plan they show the map, the people and the
     drones at their starts. If drones choose their starts, or a recipe has no drones or invalid
-    starts, they show where drones may start. Without -o the file is show.html.
+    starts, they show where drones may start. Without -o the file is show.html. A
+    solution of Hughes et al. names its scene, so you need not pass one.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
+    plan = plan or plan_with_scene(scene)
     output = output or _SHOWN
     suffix = Option("-o").ending(output, SHOWN)
     is_film = suffix in FILMS and (suffix != ".gif" or bool(film.given))

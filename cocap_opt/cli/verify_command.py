@@ -18,6 +18,7 @@ from cocap_opt.cli.options import (
     Seed,
     Verbose,
     load_planned,
+    plan_with_scene,
     say_narrow_way,
 )
 from cocap_opt.console.progress import Watch
@@ -102,7 +103,7 @@ def _verify(
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
-    files = file or _plan_with_scene(scene)
+    files = file or plan_with_scene(scene)
     if not files:
         if not Path(scene).exists():
             load_planned(scene, seed)  # there may be no such file
@@ -158,13 +159,6 @@ def _verify(
 
 def _data(explained: Explained) -> Record:
     return explained.record | {"sentences": explained_sentences(explained)}
-
-
-def _plan_with_scene(scene: str) -> tuple[Path, ...]:
-    """Returns a scene's file if it is itself the file of a plan that tells which scene it is of."""
-    path = Path(scene)
-    both = any(kind.scenes.has(path) and kind.plans.has(path) for kind in FORMATS.values())
-    return (path,) if both else ()
 
 
 def _require_scene(scene: str) -> None:

@@ -17,9 +17,8 @@ def short_rows(standings: Sequence[Standing]) -> list[Row]:
         {
             "instance": found.entry.name,
             "drones": "-" if found.digest is None else f"{found.digest.drones}",
-            # Without commas, so that a line has room for all.
-            "J": _number(found.plan, found).replace(",", ""),
-            "bound": _number(found.bound, found).replace(",", ""),
+            "J": _number(found.plan, found),
+            "bound": _number(found.bound, found),
             "gap": None if found.has_no_plan or math.isinf(found.gap) else found.gap,
             "state": found.state,
         }

@@ -282,3 +282,13 @@ def test_a_sensor_at_a_face_sees_nothing_of_it() -> None:
     assert math.isfinite(check(problem, Plan(paths=((State(1, 1),) * 3,))).reward)
     best = EXACT["branch-and-price"](problem)
     assert best.value <= best.bound < math.inf
+
+
+def test_a_solution_is_shown_without_naming_its_scene(folder: Path, tmp_path: Path) -> None:
+    """As `verify` checks it, it is the plan that is played, not the scene alone."""
+    shown = tmp_path / "shown.html"
+    for name, has_plan in (("solution_greedy.json", True), ("scene.json", False)):
+        with pytest.raises(SystemExit) as caught:
+            main(["show", str(folder / name), "-o", str(shown)])
+        assert caught.value.code == 0
+        assert ("solution_greedy" in shown.read_text(encoding="utf-8")) == has_plan
