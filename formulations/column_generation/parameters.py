@@ -126,8 +126,10 @@ class RootParameters(Section):
     least_gain : share
         of what is open, that the first cuts of disaggregated robots must close, times by
         how much they make the master larger
+    at_once : of the bound
+        what is open, up to which paths are tried before there is a master
     many_states : states of all classes
-        from which on paths are tried before there is a master
+        from which on that is done
     few_joint_states : joint states of all steps
         up to which step envelopes have stages before any cuts: half of the time of cuts on
         the bottleneck, which has fewer
@@ -146,6 +148,7 @@ class RootParameters(Section):
     least_amount: float = 0.01
     most_disaggregated: int = 20_000_000
     least_gain: Share = 0.12
+    at_once: Share = 0.003
     many_states: int = 1000
     few_joint_states: float = 2e7
     far: float = 0.003

@@ -195,10 +195,13 @@ class Root:
         """Tries the paths of plans better than the first; returns True if no plan is.
 
         On the corridor the first is the best. The relaxations of smaller scenes take less time,
-        and what multipliers prove alone is the easiest to check.
+        and what multipliers prove alone is the easiest to check. Where much is open, multipliers
+        would explain little of a gap.
         """
         states = sum(group.graph.n_states for group in self.search.model.classes)
-        return states >= self._parameters.many_states and self._try_paths()
+        bound = self.relaxation.best.bound
+        is_near = bound - self.search.value <= self._parameters.at_once * abs(bound)
+        return is_near and states >= self._parameters.many_states and self._try_paths()
 
     def _try_paths(self) -> bool:
         """Tries the paths of all better plans, if less is open than when they were last tried.
