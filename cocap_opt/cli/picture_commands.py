@@ -86,8 +86,8 @@ def _show(
     shows what the HTML file plays, and needs Chromium. PNG, PDF and SVG show one step, or several
     side by side, a GIF one after the other. Without a plan they show the map, the people and the
     drones at their starts. If drones choose their starts, or a recipe has no drones or invalid
-    starts, they show where drones may start. Without -o the file is show.html. A
-    solution of Hughes et al. names its scene, so you need not pass one.
+    starts, they show where drones may start. Without -o the file is show.html. A solution of
+    Hughes et al. names its scene, so you need not pass one.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """

@@ -317,7 +317,7 @@ class EnvelopeParameters(Section):
     first_nodes: int = 1_000
     next_times: int = 3
     patience: int = 2
-    most_in_vain: int = 40000
+    most_in_vain: int = 40_000
     nodes_of_stage: int = 2_000
     least_of_stage: Share = 0.03
     responses: int = 10
