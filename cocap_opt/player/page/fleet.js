@@ -6,11 +6,10 @@ import { button, make, put } from "./dom.js";
 import { Eye } from "./eye.js";
 import { short } from "./numbers.js";
 import { COARSE, FINE } from "./pen.js";
-import { heightOf, isCrowd, isThere, present } from "./plans.js";
+import { colourOf, heightOf, isCrowd, isThere, present } from "./plans.js";
 
 const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
-export const FEW = 8; // drones, up to which all pictures are shown at first
-export const ROOM = 900; // px of a panel, from which on they are
+export const ROOM = 900; // px of a panel, from which on pictures of drones are shown at first
 
 export class Fleet {
   // `actions`: pick(drone), refresh().
@@ -39,7 +38,7 @@ export class Fleet {
 
   row(i, pick) {
     const chip = button("chip", "", `drone ${i}: pick it`, () => pick(i)), dot = make("i", "", String(i));
-    const { colour } = this.data.drones[i], canvas = make("canvas");
+    const colour = colourOf(this.data, this.plan, i), canvas = make("canvas");
     dot.style.cssText = `background: ${colour}; color: ${inkOn(colour)}`;
     canvas.dataset.drone = String(i);
     canvas.setAttribute("aria-hidden", "true");
@@ -56,7 +55,7 @@ export class Fleet {
       const [who, more] = [whom === null ? "nobody" : data.people[whom].called, plan.adds.length ? short(plan.adds[i][step]) : ""];
       put(films, height ? `${who}, ${height}` : who);
       put(adds, more);
-      chip.title = `drone ${i}${data.kinds.length > 1 ? `, ${data.kinds[data.drones[i].kind].words}` : ""}: films ${who}`
+      chip.title = `drone ${i}, ${data.drones[i].camera}: films ${who}`
         + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more} to J` : ""}`;
       chip.setAttribute("aria-pressed", String(i === picked));
     });
