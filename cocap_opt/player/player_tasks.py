@@ -54,7 +54,7 @@ def tasks(problem: Problem, pixels: FloatArray, groups: Sequence[list[int]]) -> 
 
 
 def told_group(problem: Problem, people: Sequence[int]) -> str:
-    """Returns the people of a group in words, without a comma for one."""
-    if len(people) == 1:
-        return problem.person(people[0])
-    return f"people {', '.join(map(str, people))}"
+    """Returns the numbers of a group, and of one person the name, if there is one."""
+    name = problem.actors[people[0]].name if len(people) == 1 else None
+    numbers = ", ".join(map(str, people))
+    return numbers if name is None else f"{name} ({numbers})"

@@ -67,7 +67,7 @@ export class Bodies {
 
   // Height of somebody (m) as it is drawn.
   tall(pen, j) {
-    return Math.max(this.data.people[j].height, (SMALLEST * pen.fine) / pen.metre);
+    return Math.max(this.data.people[j].height, (SMALLEST * pen.crowding * pen.fine) / pen.metre);
   }
 
   // Somebody whose shirt is coloured, all around, like the face that looks the same way.

@@ -4,6 +4,7 @@
 import { inkOn, words } from "./colours.js";
 import { button, make, put } from "./dom.js";
 import { Eye } from "./eye.js";
+import { labelOf } from "./labels.js";
 import { short } from "./numbers.js";
 import { COARSE, FINE } from "./pen.js";
 import { colourOf, heightOf, isCrowd, isThere, present } from "./plans.js";
@@ -34,6 +35,21 @@ export class Fleet {
       refresh();
     });
     this.rows.forEach(({ canvas }) => this.watcher.observe(canvas));
+    this.rove();
+  }
+
+  // The Tab key comes to one drone only; up and down lead from it to the others.
+  rove() {
+    const chips = present(this.plan).map((i) => this.rows[i].chip);
+    const reach = (chip) => chips.forEach((other) => (other.tabIndex = other === chip ? 0 : -1));
+    reach(chips[0]);
+    this.root.addEventListener("focusin", ({ target }) => chips.includes(target) && reach(target));
+    this.root.addEventListener("keydown", (event) => {
+      const way = { ArrowDown: 1, ArrowUp: -1 }[event.key], at = chips.indexOf(event.target);
+      if (!way || at < 0 || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      chips[(at + way + chips.length) % chips.length].focus();
+    });
   }
 
   row(i, pick) {
@@ -52,7 +68,8 @@ export class Fleet {
     this.rows.forEach(({ chip, films, adds }, i) => {
       if (!isThere(plan, i)) return;
       const whom = plan.films[i][step], height = data.layers > 1 ? `${heightOf(plan, i, step)} m` : "";
-      const [who, more] = [whom === null ? "nobody" : data.people[whom].called, plan.adds.length ? short(plan.adds[i][step]) : ""];
+      const who = whom === null ? "nobody" : data.people[whom].name === null ? data.people[whom].called : labelOf(data.people[whom], whom);
+      const more = plan.adds.length ? short(plan.adds[i][step]) : "";
       put(films, height ? `${who}, ${height}` : who);
       put(adds, more);
       chip.title = `drone ${i}, ${data.drones[i].camera}: films ${who}`

@@ -115,12 +115,13 @@ export class Panel {
     }
     if (!plan.waits) facts.append(...this.hovering());
     add("mean coverage of a face", `${density(plan.meanPixels)} ${data.unit}`, "by all drones together, over all faces and all steps that count").className = "mean";
+    this.now = add("J of this step", "", "what this step adds to J");
+    this.sum = add("J so far", "", "what all steps up to this one add to J");
     if (turns(plan)) add("flight", plan.knots ? "smooth" : "straight", `between the steps drones fly ${flightOf(plan)}`).className = "flight";
     const legs = plan.knots && plan.closest ? distance(plan.closest.straight) : "";
     if (legs && legs !== distance(plan.closest.apart)) add("closest on straight legs", legs, "if they flew straight from step to step").className = "legs";
-    this.now = add("J of this step", "", "what this step adds to J");
-    this.sum = add("J so far", "", "what all steps up to this one add to J");
     if (plan.gap?.losses.length) this.lost = add("cost of this move", "");
+    if (this.lost) this.lost.className = "lost";
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
@@ -147,7 +148,8 @@ export class Panel {
       const words = ` ${count} ${count > 1 ? many : one}`;
       const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
       dot.style.color = colour;
-      box.append(button(`mark ${kind}`, words, `go to the next ${one} (${key})`, go));
+      const isTouch = kind === "near" && this.plan.closest.apart < this.plan.closest.body;
+      box.append(button(`mark ${kind}${isTouch ? " touch" : ""}`, words, `go to the next ${one} (${key})`, go));
       box.lastChild.prepend(dot);
     }
     return box;
@@ -158,6 +160,9 @@ export class Panel {
     const { actions } = this, canvas = make("canvas"), bar = make("div", "bar");
     this.box = make("figure", "inset");
     this.caption = make("figcaption");
+    this.adds = make("span");
+    this.own = make("span", "alone");
+    this.caption.append(this.adds, this.own);
     this.holds = Object.fromEntries([["follow", "follow (F)"], ["alone", "alone (I)"]].map(([name, title]) => [
       name, button("hold", name, title, () => actions.toggle(name)),
     ]));
@@ -226,8 +231,9 @@ export class Panel {
     if (picked === undefined) return;
     put(this.who, `drone ${picked}`);
     this.who.style.setProperty("--own", hex(this.view.bodies.colours[picked]));
-    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} to J at this step; ` : "";
-    put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
+    const isCounted = plan.adds.length && step >= data.first;
+    put(this.adds, isCounted ? `adds ${reward(plan.adds[picked][step])} to J at this step` : "");
+    put(this.own, `${isCounted ? "; " : ""}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };
     for (const [name, hold] of Object.entries(this.holds)) {
       hold.setAttribute("aria-pressed", String(Boolean(held[name])));

@@ -4,7 +4,7 @@ import { Blocks } from "./blocks.js";
 import { Camera } from "./camera.js";
 import { marksOf } from "./chart.js";
 import { night, paint } from "./colours.js";
-import { button, find, make, NARROW, put } from "./dom.js";
+import { button, find, make, NARROW, PHONE, put } from "./dom.js";
 import { ROOM } from "./fleet.js";
 import { listenToKeys, listKeys } from "./keys.js";
 import { colourScale, legend } from "./legend.js";
@@ -264,6 +264,7 @@ const KEYS = [
   ["arrows", "↹ ←↑", "on the picture that has the focus: turn it, with shift move it", () => {}],
   ["0", "0", "fit everything into the picture", fit],
   ["x", "X", "switch plan (narrow screens)", () => choose((state.plan + 1) % panels.length)],
+  ["drones", "↹ ↑↓", "in the list of drones: the next, the previous one", () => {}],
   ["?", "?", "this help", help],
 ];
 
@@ -302,6 +303,10 @@ function lay() {
   times();
   tabs();
   choose(0);
+  if (isCrowd(data.drones) && window.innerWidth < PHONE) { // from above and without cones they can be told apart
+    look("top");
+    find("sights").checked = false;
+  }
   // Pictures of drones have room beside a plan, and below it on a narrow screen, which shows one.
   const hasRoom = window.innerWidth <= NARROW || panels.every(({ root }) => root.clientWidth >= ROOM);
   find("views").checked = hasRoom && data.plans.every((plan) => !plan.waits);
