@@ -59,7 +59,7 @@ export class Panel {
     const { data, plan } = this, { gap, conflicts, waits, besidePeople, cutShort } = plan;
     const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(plan) && !gap?.optimal;
     const isProved = gap && !conflicts.length, proof = isProved && data.certificate ? proofBox(data, plan) : null;
-    const told = [isNone ? "no drone moves" : "", this.bounded(isProved), isStopped ? cutShort : ""].filter(Boolean);
+    const told = [isNone && !isStopped ? "no drone moves" : "", this.bounded(isProved), isStopped ? cutShort : ""].filter(Boolean);
     if (!told.length) return [];
     const badge = proof ? button("badge next", "", "", () => proof.showModal()) : make("span", "badge");
     badge.textContent = told.join("; ");
