@@ -895,7 +895,7 @@ def test_axe_finds_nothing(player: Any, tmp_path: Path) -> None:
     audit = """const done = arguments[0], rules = { "target-size": { enabled: true } };
         axe.run(document, { rules, resultTypes: ["violations"] }).then((found) =>
           done(found.violations.map(({ id, impact, nodes }) => [id, impact, nodes[0].html])))"""
-    Player(*crowd()).save(tmp_path / "crowd.html")
+    Player(*many()).save(tmp_path / "crowd.html")
     for page in (before, (tmp_path / "crowd.html").as_uri()):
         player.get(page)
         press(player, "d")
@@ -913,7 +913,7 @@ def test_axe_finds_nothing(player: Any, tmp_path: Path) -> None:
     player.go_to(3)
 
 
-def crowd() -> tuple[Problem, list[tuple[str, Plan]]]:
+def many() -> tuple[Problem, list[tuple[str, Plan]]]:
     """The bottleneck with 16 drones that stay, four in each place."""
     problem = load_scene("bottleneck", 0).replace(rules=CollisionRules(vertex=False, swap=False))
     robots = tuple(problem.robots[k % 4] for k in range(16))
@@ -960,7 +960,7 @@ def test_a_crowd_has_the_colours_of_its_tasks_and_numbers_on_demand(
     The legend names those people; they stand on discs of these colours.
     """
     page, before = tmp_path / "page.html", player.current_url
-    Player(*crowd()).save(page)
+    Player(*many()).save(page)
     player.get(page.as_uri())
     player.go_to(3)
     dots = "[...document.querySelectorAll('.chip i')].map((dot) => dot.style.background)"
