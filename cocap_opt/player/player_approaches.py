@@ -54,7 +54,7 @@ class Approaches:
         ]
         touching = [moment for moment in moments if _is_less(moment["apart"], BODY)]
         least = sorted(moments, key=lambda moment: float(moment["apart"]))[:1]
-        shown = touching or [one for one in least if _is_less(one["apart"], SEPARATION)]
+        shown = touching or [moment for moment in least if _is_less(moment["apart"], SEPARATION)]
         return [moment | {"words": _words(moment)} for moment in shown]
 
     def closest(self, straight: Trajectory) -> Data | None:
@@ -115,5 +115,5 @@ def _is_less(distance: float, least: float) -> bool:
 
 
 def _words(moment: Data) -> str:
-    (one, other), apart = moment["robots"], round(moment["apart"], 2)
-    return f"drones {one} and {other} come within {apart:g} m of each other"
+    (first, second), apart = moment["robots"], round(moment["apart"], 2)
+    return f"drones {first} and {second} come within {apart:g} m of each other"

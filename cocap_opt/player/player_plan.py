@@ -85,12 +85,13 @@ class PlayerPlan:
         `rewards[t]` is the referee's view reward of a step, `seen[t][f]` the coverage of each face
         (px/m2) by all drones together, `meanPixels` its mean over faces and the steps that count,
         and `ownPixels[i][t]` the mean coverage of a face by one drone. `films[i][t]` is the person
-        of whom a drone has most pixels, None where it sees nobody. `adds[i][t]` is what a
-        step's reward would be less without a drone, empty where pixels add up over time.
-        `tasks[i]` is the group of people (of the scene) of whom it has most pixels over all steps.
-        `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
-        at which two drones nearly touch, `closest` is that at which two are nearest of all,
-        `besidePeople` says where one comes too near to somebody. `knots` are those of the smooth flight (`player_flight`), None where drones fly straight.
+        of whom a drone has most pixels, None where it sees nobody. `adds[i][t]` is what a step's
+        reward would be less without a drone, empty where pixels add up over time. `tasks[i]` is the
+        group of people (of the scene) of whom it has most pixels over all steps. `heights[i]` are
+        flight heights (m), one if it is the same at all steps. `near` are moments at which two
+        drones nearly touch, `closest` is that at which two are nearest of all, `besidePeople` says
+        where one comes too near to somebody. `knots` are those of the smooth flight
+        (`player_flight`), None where drones fly straight.
         """
         reward, moves, rewards, is_valid = self._rewards()
         flown = self._flown()

@@ -1130,8 +1130,12 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
         assert [one for one in value(browser, heights) if one[1] < 44] == []
         assert len(value(browser, heights)) > 12
         browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
-        area = "(box => box.width * box.height)(document.querySelector('%s').getBoundingClientRect())"
-        assert value(browser, area % ".inset") < 0.15 * value(browser, area % ".view")
+        area = "(({ offsetWidth, offsetHeight }) => offsetWidth * offsetHeight)"
+        covered, whole = (
+            value(browser, f"{area}(document.querySelector('{name}'))")
+            for name in (".inset", ".place")
+        )
+        assert covered < 0.15 * whole
         browser.refresh()
         wait_until(browser, "document.documentElement.dataset.ready === 'yes'")
         assert value(browser, "document.getElementById('top').ariaPressed") == "true"

@@ -85,7 +85,7 @@ def test_a_plan_whose_smooth_flight_is_unsafe_flies_straight() -> None:
 
 @pytest.mark.slow
 def test_the_closest_approach_is_that_of_the_flight_shown() -> None:
-    """As `fly` has it, smooth or straight, with the other one beside it; marked where it is near."""
+    """As `fly` has it, smooth or straight, beside that of straight legs; it is marked if near."""
     for problem, plan, smooth in flights():
         closest = shown(problem, plan)["closest"]
         if len(problem.robots) == 1:
