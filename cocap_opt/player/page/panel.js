@@ -68,7 +68,7 @@ export class Panel {
     badge.classList.toggle("mild", besidePeople.length > 0 || Boolean(isStopped) || isNone);
     badge.classList.toggle("good", Boolean(isProved && gap.optimal));
     if (proof) {
-      badge.append(" ▸");
+      badge.append(make("i", "", " ▸"));
       this.root.append(proof);
     }
     return [badge];
@@ -93,7 +93,9 @@ export class Panel {
     if (!count && !closest) return [make("span", `badge ${level}`, words)];
     const go = () => (count ? actions.next("conflict", plan) : actions.jump(closest.time));
     const title = count ? "breaks the rules; go to the next conflict (C)" : nearest(plan);
-    return [button(`badge next ${level}`, `${words} ▸`, title, go)];
+    const badge = button(`badge next ${level}`, words, title, go);
+    badge.append(make("i", "", " ▸"));
+    return [badge];
   }
 
   facts() {
