@@ -93,7 +93,9 @@ def _number_people(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
     people = np.array([actor.poses[t, :2] for actor in problem.actors]).reshape(-1, 2)
     drones = [problem.height_map.centre(path[t].x, path[t].y) for path in plan.paths]
     colours = [pictures.take_colour(int(take)) for take in problem.take_of]
-    numbers = ApartNumbers(people, colours, SMALL, np.array(drones), _DISC)
+    bases = [np.concatenate(actor.shape.faces())[:, :2] for actor in problem.actors]
+    marks = np.array([np.ptp(base, axis=0).max() for base in bases])
+    numbers = ApartNumbers(people, colours, SMALL, np.array(drones), _DISC, marks)
     numbers.set_zorder(9)
     ax.add_artist(numbers)
     return ax
