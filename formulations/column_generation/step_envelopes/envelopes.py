@@ -257,9 +257,10 @@ class _Envelopes:
         if not self._can_be_listed():
             return self._parameters.most_unlisted
         parameters = self._parameters
-        if len(self.search.model.problem.robots) <= parameters.few_robots:
-            return parameters.most_states_of_few
-        return parameters.most_states_left if self.lists_stall else parameters.few_states_left
+        if self.lists_stall:
+            return parameters.most_states_left
+        is_few = len(self.search.model.problem.robots) <= parameters.few_robots
+        return parameters.most_states_of_few if is_few else parameters.few_states_left
 
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""

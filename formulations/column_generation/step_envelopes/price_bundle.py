@@ -156,7 +156,7 @@ class PriceBundle:
         return bool(self._ceilings)
 
     def run(self, cutoff: Callable[[], float], report: Callable[[], None]) -> FloatArray | None:
-        """Returns better prices, as far as local search can tell; None if there are none.
+        """Returns prices that are clearly better, as far as local search can tell; None without.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class PriceBundle:
         LimitReached
             At a limit.
         """
-        open_ = self._narrowing.bound - cutoff()
+        least_gain = self._parameters.converged * (self._narrowing.bound - cutoff())
         latest = self._prices
         for iteration in range(
             self._parameters.most_listed_iterations
@@ -198,13 +198,12 @@ class PriceBundle:
                 self.constants = constants
             elif gained < -promised or iteration % 4 == 3:
                 self._weight *= 1.5
-            least_gain = self._parameters.converged * open_
             if not new or self._best - cutoff() < least_gain:
                 break
             if self._best - solved.value - self.rest < least_gain:
                 break
             report()
-        return self._prices if self._best < self._narrowing.bound else None
+        return self._prices if self._best < self._narrowing.bound - least_gain else None
 
     def _solved_master(self, arcs: _Gains, heights: Sequence[_Height]) -> _StepSolution:
         """Returns the solution of a master problem about the best prices so far.
@@ -228,9 +227,10 @@ class PriceBundle:
         used, near = list(columns.price_of), columns.prices
         cost, weights = bound.copy(), np.zeros(columns.size)
         cost[near], weights[near] = -self._weight * self._prices[used], self._weight
+        # Clarabel's "faer" takes supernodes from some size on, and then up to three times as long.
         solution = solve_cones(
             cost, matrix, rhs, [clarabel.NonnegativeConeT(len(rhs))], self._stop,
-            quadratic=sparse.diags(weights).tocsc(), direct_solve_method="faer",
+            quadratic=sparse.diags(weights).tocsc(), direct_solve_method="qdldl",
             tol_gap_rel=_ACCURACY, tol_feas=_ACCURACY,
         )  # fmt: skip
         found = np.nan_to_num(np.array(solution.x))
