@@ -29,7 +29,7 @@ from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
-from cocap_opt.output.answer import print_result
+from cocap_opt.output.answer import _LABELS, _WIDEST, print_pairs, print_result
 from cocap_opt.output.printing import Listing
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
@@ -359,8 +359,8 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
     few, many = (3.0, 1500.0), tuple(float(k) for k in range(100, 140))
     print_result({"reward_per_person": few, "reward_per_step": many}, False)
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[0] == ["reward_per_person", "3.00", "1,500.00"]
-    assert " ".join(lines[1]) == "reward_per_step mean 119.50 over 40; --json has all"
+    assert lines[0] == ["J", "by", "person", "3.00", "1,500.00"]
+    assert " ".join(lines[1]) == "J by step mean 119.50 over 40; --json has all"
     assert lines[2] == ["least", "100.00,", "step", "1"]
     assert lines[3] == ["most", "139.00,", "step", "40"]
     print_result({"reward_per_step": many}, True)
@@ -368,17 +368,34 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("width", [60, 80])
+def test_values_stand_beside_short_labels(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A label takes one line, in all answers; a number and its unit are not parted."""
+    labels = [*_LABELS.values()]
+    assert max(map(len, labels)) <= _WIDEST <= 60 - 30
+    monkeypatch.setenv("COLUMNS", str(width))
+    words = "two see 100 % of person-steps, three 62 %; median error 24 mm; step 4 s; width 100 px"
+    print_pairs([(label, words) for label in labels])
+    out = capsys.readouterr().out
+    assert all(len(line) <= width for line in out.splitlines())
+    begun = [line[1:].split("  ")[0] for line in out.splitlines() if line[1] != " "]
+    assert begun == labels
+    assert not any(re.match(r"\s+(%|mm|px|s)\b", line) for line in out.splitlines())
+
+
+@pytest.mark.parametrize("width", [60, 80])
 def test_names_of_files_are_not_folded(
     width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Labels give way, so that a name can be copied as long as the line has room for it."""
+    """A name that has no room beside its label stands below it, and can be copied."""
     monkeypatch.setenv("COLUMNS", str(width))
     names = [f"mission.px4.no-common-clock.drone{k}.plan" for k in (0, 17)]
     print_result({"files": [Path(name) for name in names], "delay_tolerance": 7.0}, False)
     out = capsys.readouterr().out
     assert all(name in out.split() for name in names)
     assert all(len(line) <= width for line in out.splitlines())
-    assert "delay tolerance: drones may be apart" in " ".join(out.split()).replace("7.00 ", "")
+    assert "delay tolerance less than 7.00 s between drones" in " ".join(out.split())
 
 
 def test_answers_come_first_and_internals_on_request(
@@ -395,7 +412,7 @@ def test_answers_come_first_and_internals_on_request(
     assert "more lines with --verbose" in short[-1]
     full = [line.split()[0] for line in Run(capsys, *words, "--verbose").out.splitlines()]
     assert set(keys[:-1]) < set(full) and "with --verbose" not in "".join(full)
-    for key in ("coverage_seconds", "nodes", "proof"):
+    for key in ("coverage", "nodes", "proof"):
         assert key in full and key not in keys
     answer = Run(capsys, *words, "--json").json
     assert {"reward", "coverage_seconds", "nodes", "iterations"} <= set(answer)
@@ -409,12 +426,12 @@ def test_verify_tells_rewards_by_person(capsys: pytest.CaptureFixture[str], tmp_
     Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
     answer = Run(capsys, "verify", "corridor-tight", plan, "--json").json
     text = Run(capsys, "verify", "corridor-tight", plan, "--verbose").out
-    told = next(line for line in text.splitlines() if "reward_per_person" in line)
-    first, second = (float(word.replace(",", "")) for word in told.split()[1:])
+    told = next(line for line in text.splitlines() if "J by person" in line)
+    first, second = (float(word.replace(",", "")) for word in told.split()[3:])
     faces = answer["reward_per_face"]
     assert (first, second) == pytest.approx((sum(faces[:5]), sum(faces[5:])), abs=0.01)
     assert first + second == pytest.approx(answer["reward"], abs=0.02)
-    assert "reward_per_face" not in text
+    assert "J by side" not in text
 
 
 def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:

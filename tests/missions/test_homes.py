@@ -52,17 +52,21 @@ def flight(problem: Problem) -> Flight:
 def test_fly_tells_the_time_from_take_off_to_landing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """In a table, and in JSON with the points of the ways; where batteries do not last it warns."""
+    """The tightest in a line; all in a table and in JSON, with the points of the ways.
+
+    Where batteries do not last it warns.
+    """
     plan, out = str(tmp_path / "plan.json"), str(tmp_path / "flight.csv")
     scene = str(recipe(tmp_path))
     assert run(["plan", scene, "--planner", "sequential", "-o", plan]) == 0
     capsys.readouterr()
     assert run(["fly", scene, plan, "-o", out]) == 0
     printed = capsys.readouterr().out
-    assert "from take-off to landing" in printed and "people are not looked at there" in " ".join(
-        printed.split()
-    )
-    assert "batteries do not last" not in caplog.text
+    assert re.search(r"in the air +\d+ s at most \(drone \d\), \d+ s of battery left", printed)
+    assert "people are not looked at there" in " ".join(printed.split())
+    assert "batteries do not last" not in caplog.text + printed
+    assert run(["fly", scene, plan, "-o", out, "--verbose"]) == 0
+    assert "from take-off to landing" in capsys.readouterr().out
     assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["from_home"]
     assert rows == co.trajectory(co.load(scene), co.read(plan)).attrs["from_home"]
@@ -77,6 +81,9 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert re.search(
         r"batteries do not last for the whole take: pause it at steps? \d", caplog.text
     )
+    capsys.readouterr()
+    assert run(["fly", scene, plan, "-o", out]) == 0
+    assert capsys.readouterr().out.startswith("ATTENTION: batteries do not last")
 
 
 def test_missions_do_not_hold_the_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

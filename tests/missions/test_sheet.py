@@ -266,7 +266,7 @@ def test_the_crew_is_warned_of_timing_that_its_clock_does_not_show(ahead: float)
     flight = Flight.of(problem, co.Plan(paths=paths), False)
     delay = tolerated_delay(flight)
     assert delay == pytest.approx(ahead, abs=0.02)
-    words = f"drones keep the separation 1 m only while no drone is {delay:.2f} s or more late"
+    words = f"drones keep the separation 1 m only if no drone is late by {delay:.2f} s or more"
     told = [words in line for line in framed(flight)]
     assert told == ([True] if ahead < TIGHT else [])
     rows = order_of(flight)

@@ -177,7 +177,7 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
         known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
-        yield f"{flight.geodesy_note(flight.geodesy)}."
+        yield from (f"{words}." for words in flight.axes())
     yield f"z: {_altitude(flight)}."
     yield _angles(flight)
 
