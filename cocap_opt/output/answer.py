@@ -30,7 +30,8 @@ _BREAK = "\n"
 _LABELS = {
     "reward": "J",
     "cut_short": "attention",
-    "plain": "no compiled code",
+    "message": "note",
+    "plain": "without compiled code",
     "generated": "tree: nodes made",
     "expanded": "tree: nodes expanded",
     "depth": "tree: depth of plan",
@@ -250,6 +251,8 @@ def _told_gap(row: Record) -> str:
     """Returns the meaning of a gap; J of the best plan is the bound at most."""
     if row.get("optimal") or row.get("reason") == "optimal" or row.get("state") == "solved":
         return "proved, no plan is better"
+    if row["gap"] < 0 or row.get("valid") is False:
+        return "J of a plan that breaks rules may exceed the bound"
     return "J is at most this far below the best possible"
 
 

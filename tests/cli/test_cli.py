@@ -1005,7 +1005,7 @@ def test_of_a_proved_optimum_nothing_is_left_to_explain(
     monkeypatch.setenv("COLUMNS", "300")
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
     Run(capsys, "solve", "corridor-tight", "-o", plan, "--certificate", proof)
-    said = "No plan is better: J of this one is the bound, but for rounding, and nothing is left"
+    said = "No plan is better: up to rounding, J of this plan equals the bound, and there is no gap"
     for words in ((), ("--all",)):
         out = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", *words).out
         assert out.startswith(said)
@@ -1031,11 +1031,15 @@ def test_a_gap_is_explained(
     assert {"path", "face", "stages", "rounding"} <= {term["kind"] for term in told["terms"]}
     assert {one["robot"] for one in told["replans"]} <= {0, 1}
     short = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain").out
-    first, second, third, blank, *rest = short.splitlines()
+    first, second, *others, third, blank, valid = short.partition("valid")[0].splitlines()
+    rest = short.splitlines()[len(others) + 4 :]
+    sentences = [first, second, *others, third]
+    assert 3 < len(sentences) < 6 and not any(";" in words for words in sentences)
     assert re.fullmatch(
         r"The plan is at most \d\.\d+ % of the bound \([\d.,]+\) below the best plan.", first
     )
-    assert second.startswith("The largest part of it: ") and not blank.strip()
+    assert second.startswith('The largest part of it is "') and not (blank + valid).strip()
+    assert others[0].startswith("The largest single term: ")
     assert third in told["sentences"] and "replanning" in third.lower()
     assert "valid" in rest[0] and "--all" in rest[-1] and "What the gap is" not in short
     text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--all").out
