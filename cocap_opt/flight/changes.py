@@ -171,8 +171,8 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
         return
     if delay is None:
         yield (
-            "the scene asks for no distance to people: nothing is known of how near a late drone "
-            "comes to them; `people` in [airspace] of a recipe asks for one"
+            "the scene asks for no distance to people, so how near a late drone comes to them was "
+            "not checked; a recipe asks for a distance with people in [airspace]"
         )
         return
     kept = f"drones keep {problem.airspace.told_people}"
@@ -181,7 +181,7 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
     elif delay == 0:
         yield (
             f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "
-            "`people`"
+            "distance to people"
         )
     else:
         yield (

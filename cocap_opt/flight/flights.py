@@ -215,7 +215,10 @@ class Flight(NamedTuple):
                 f"begin; in the mission {numbers}"
             )
         if not self.is_smooth:
-            yield "speeds jump at each step, and acceleration was not checked, as --smooth does"
+            yield (
+                "speeds jump at each step, so acceleration was not checked; smooth flights "
+                "(--smooth) do not jump"
+            )
         yield from self.near_without_rule()
         if any(robot.motion.corner_cutting for robot in problem.robots):
             yield "the scene lets drones cut corners: walls were checked at the steps only"

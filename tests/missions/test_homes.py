@@ -13,7 +13,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions.sheet.clock import phases_of
-from cocap_opt.missions.sheet.words import running_order, unchecked
+from cocap_opt.missions.sheet.words import running_order, to_check
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.recipe import read
@@ -114,7 +114,7 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
     for row in rows:
         assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
     assert found["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
-    assert "people on the ways from and to home" in unchecked(flown, True, Touchdowns.of(flown))
+    assert "nobody is on the ways from and to home" in [*to_check(flown, True)]
     order = running_order(flown, clock, Touchdowns.of(flown)).rows
     assert [row[2].split(",")[0] for row in order if row[1].startswith("drone ")] == [
         "takes off", "takes off", "flies home", "flies home"
