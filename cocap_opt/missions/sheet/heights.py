@@ -69,7 +69,7 @@ class Heights(NamedTuple):
         return f"{z - float(self.surfaces[drone]):.1f} m above {self.place}"
 
     def sentence(self) -> str:
-        """Returns what the heights are above."""
+        """Returns a sentence on the datum of the heights."""
         over = {
             "take-off": "; above take-off: above the surface below the drone's first place",
             "home": "; above home: above the ground at the drone's home",
