@@ -89,6 +89,12 @@ _LABELS = {
     "reward_smooth": "J of smooth flight",
     "smoothing_cost": "smooth against straight",
     "crs": "reference system",
+    "plan_who": "plan by",
+    "plan_date": "date of plan",
+    "plan_program": "program of plan",
+    "bound_who": "bound by",
+    "bound_date": "date of bound",
+    "bound_program": "program of bound",
     "accuracy": "place on the Earth",
 }
 # Values with what they are, by their keys.
@@ -101,7 +107,7 @@ _VALUES = {
     "near_people_undecided": "{} places and moves, too near to a least distance",
     "views_enclosed": "{} states at steps",
     "numbers_enclosed": "{} numbers of coverage",
-    "numbers_undecided": "{}: their enclosures are too wide",
+    "numbers_undecided": "{}, whose enclosures are too wide",
     "widest_share": "{} as a share",
     "widest_pixels": "{} px/m2",
     "step": "{} s",
@@ -221,7 +227,7 @@ def _shown(row: Record, key: str) -> str:
         return cell_text(key, grouped_conflicts(value))
     if key in _SERIES and len(value) > _FEW:
         return _summary(value, *_SERIES[key])
-    if isinstance(value, str):
+    if isinstance(value, str) and not value[:1].isdigit():  # such as "unlimited"
         return cell_text(key, value)
     return _VALUES.get(key, "{}").format(cell_text(key, value))
 

@@ -24,7 +24,7 @@ _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
 _USUAL = 80  # characters of a line of a terminal
 _BREAK = "\n"
-_FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where each begins
+_FEW_NOTES = 3  # sentences below a table; more are a list, so that one sees where each begins
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Numbers as tables have them: marks, a sign, digits, a unit; several; a share of something; a note.
 _ONE = (
@@ -143,7 +143,8 @@ class Listing(NamedTuple):
         """Prints it on standard output; where lines are too narrow for it as several tables."""
         for part in self._folded() if _has_width() else [self]:
             terminal(part._least_width).print(part._table())
-        if len(self.notes) > _FEW_NOTES:
+        is_text = all(words.endswith(".") for words in self.notes)
+        if len(self.notes) > (_FEW_NOTES if is_text else 1):
             print_list(self.notes)
         else:
             print_texts([], self.notes)
