@@ -90,7 +90,7 @@ class _Heights(NamedTuple):
             return cls("above_ground", "relativeToGround", words)
         words = (
             "altitudes are above the map's surface, which viewers take for the ground; the map "
-            "does not tell its ground from what stands on it"
+            "does not separate its ground from what is on it"
         )
         return cls("above_surface", "relativeToGround", words)
 
