@@ -63,7 +63,7 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert run(["fly", scene, plan, "-o", out]) == 0
     printed = capsys.readouterr().out
     assert re.search(r"in the air +\d+ s at most \(drone \d\), \d+ s of battery left", printed)
-    assert "people are not looked at there" in " ".join(printed.split())
+    assert "people were not considered there" in " ".join(printed.split())
     assert "batteries do not last" not in caplog.text + printed
     assert run(["fly", scene, plan, "-o", out, "--verbose"]) == 0
     assert "from take-off to landing" in capsys.readouterr().out

@@ -38,6 +38,7 @@ _CHECKS = (
     "nobody is there who is not on this sheet; everybody knows their walk and their signal",
     "airspace and its rules are clear, and the owners of the ground agree",
 )
+_FOR_RECIPES = "; a recipe"  # begins what is for whoever writes the scene
 _ONLY_FOR_SCENES = "height datum unknown"  # begins a note for whoever writes the scene
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
@@ -55,7 +56,7 @@ def sections(
         Section("Places and heights", list(_places_and_heights(flight))),
         Section(
             "Distances and limits",
-            [*_distances(flight), "The tightest moment of each drone:", _limits(flight)],
+            [*_distances(flight), *_limits(flight)],
         ),
         Section("Late drones and people", list(_delays(flight))),
         *take_off(flight, clock, grounds),
@@ -267,7 +268,7 @@ def _delays(flight: Flight) -> Iterator[str]:
         yield f"Between drones: {rules} holds while none is {delay:.2f} s or more behind another."
     to_people = tolerated_delay_of_people(flight)
     for words in people_and_delay(flight, to_people):
-        yield f"{words[0].upper()}{words[1:]}."
+        yield f"{words[0].upper()}{words[1:].partition(_FOR_RECIPES)[0]}."
     if delay is not None or to_people is not None:
         yield (
             f"The first page warns if less than {TIGHT:g} s is left: clocks show whole seconds, so "
@@ -275,8 +276,19 @@ def _delays(flight: Flight) -> Iterator[str]:
         )
 
 
-def _limits(flight: Flight) -> Table:
-    """Returns the tightest moment of each drone."""
+def _limits(flight: Flight) -> Iterator[Block]:
+    """Yields the tightest moment of each drone."""
+    found = flight.rows()
+    if all(row["limit"] is None for row in found):
+        yield "The tightest moment of each drone (limits unknown):"
+        speeds = [
+            (str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
+             f"{row['value']:.2f} {row['unit']}")
+            for row in found
+        ]  # fmt: skip
+        yield Table(("drone", "tightest", "at (s)", "value"), speeds, frozenset({0, 2, 3}))
+        return
+    yield "The tightest moment of each drone:"
     rows = [
         (
             str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
@@ -284,10 +296,10 @@ def _limits(flight: Flight) -> Table:
             "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}",
             row["of the limit"] or "-",
         )
-        for row in flight.rows()
+        for row in found
     ]  # fmt: skip
     heads = ("drone", "tightest", "at (s)", "value", "limit", "of the limit")
-    return Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
+    yield Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
 
 
 def _missions(flight: Flight) -> Iterator[Section]:
