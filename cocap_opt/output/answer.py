@@ -60,6 +60,14 @@ _LABELS = {
     "checking_seconds": "checking",
     "bound_seconds": "bounding",
     "bound_by_verify": "bound by verify",
+    "bound_claimed": "bound claimed",
+    "bound_proved": "bound proved",
+    "bound_there": "bound, file's objective",
+    "reward_there": "J, file's objective",
+    "solver_bound": "bound of the solver",
+    "solver_value": "J of the solver",
+    "chosen_starts": "starts chosen",
+    "failed_robot": "drone without a path",
     "takes": "take by take",
     "states_reached": "states reached",
     "states_that_see": "states with a view",
@@ -137,7 +145,7 @@ _FIRST = (
     "second_opinion", "second_bound", "violations", "file", "files", "certificate", "rest_scene",
     "rest_plan", "message",
 )  # fmt: skip
-_WIDEST = 24  # columns of labels; a value whose label is wider begins in the next line
+_WIDEST = 26  # columns of labels; a value whose label is wider begins in the next line
 _BETWEEN, _INDENT = 2, 3  # columns between label and value; before a value in a line of its own
 # How it was computed, which developers read.
 _INTERNAL = frozenset({

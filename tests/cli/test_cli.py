@@ -384,6 +384,19 @@ def test_values_stand_beside_short_labels(
     assert not any(re.match(r"\s+(%|mm|px|s)\b", line) for line in out.splitlines())
 
 
+def test_labels_are_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No key of JSON with underscores stands in an answer that people read, not even in all of it."""
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    for words in (
+        ("solve", "tiny-share", "-o", plan, "--certificate", proof),
+        ("plan", "tiny-share"), ("bound", "tiny-share"), ("verify", "tiny-share", plan, proof),
+        ("fly", "tiny-share", plan, "--step", 2, "--smooth", "-o", tmp_path / "flight.csv"),
+    ):  # fmt: skip
+        lines = Run(capsys, *words, "--verbose").out.splitlines()
+        labels = [re.split("  +", line[1:])[0] for line in lines if re.match(" [A-Za-z]", line)]
+        assert len(labels) > 5 and not any("_" in label for label in labels)
+
+
 @pytest.mark.parametrize("width", [60, 80])
 def test_names_of_files_are_not_folded(
     width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
