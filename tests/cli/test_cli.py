@@ -385,7 +385,7 @@ def test_values_stand_beside_short_labels(
 
 
 def test_labels_are_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No key of JSON with underscores stands in an answer that people read, not even in all of it."""
+    """No key of JSON with underscores is in an answer that people read, however long."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
     for words in (
         ("solve", "tiny-share", "-o", plan, "--certificate", proof),
