@@ -50,6 +50,7 @@ _LABELS = {
     "reward_per_face": "J by side",
     "reward_at_start": "J at the start",
     "from_step": "rest begins at step",
+    "drones": "drones that fly it",
     "flown_reward": "J flown so far",
     "whole_reward": "J of whole mission",
     "old_reward": "J of the old rest",

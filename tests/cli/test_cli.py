@@ -673,7 +673,7 @@ def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) ->
     assert "no plan obeys the rules" in run.json["message"]
     for command in ("plan", "solve"):  # said before anything else
         first = Run(capsys, command, "tiny-head-on").out.splitlines()[0]
-        assert first.split()[0] == "message" and "no plan" in first
+        assert first.split()[0] == "note" and "no plan" in first
 
 
 def test_a_proof_that_there_is_no_plan_is_verified(
