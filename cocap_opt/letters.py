@@ -1,6 +1,10 @@
 """The width of text on a terminal, and text folded into lines of a width."""
 
+import re
 import unicodedata
+
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=%|(?:px|mm|cm|m|s|deg)\b)")
+_HELD = "\0"  # a space at which no line ends
 
 
 def columns_of(text: str) -> int:
@@ -25,6 +29,8 @@ def _joins(character: str) -> bool:
 def folded(text: str, width: int, first: str = "", indent: str = "") -> str:
     """Returns text in lines of a terminal; words that are wider than a line are parted.
 
+    A number and its unit stay in one line.
+
     Parameters
     ----------
     width : columns of a line, more than those of what stands before it
@@ -32,7 +38,8 @@ def folded(text: str, width: int, first: str = "", indent: str = "") -> str:
     indent : what stands before all others
     """
     lines, before, line = list[str](), first, first
-    for word in text.split():
+    for held in _BEFORE_UNIT.sub(_HELD, text).split():
+        word = held.replace(_HELD, " ")
         if line == before:
             line += word
         elif columns_of(f"{line} {word}") <= width:

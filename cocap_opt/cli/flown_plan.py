@@ -86,8 +86,6 @@ class Order(NamedTuple):
             flight = flight._replace(start=begins, cut_short=given.cut_short)
             export = write(flight, self.every)
         _require_motion(self.plan, given.plan, given.cut_short, self.hovering)
-        for warning in export.warnings:
-            _log.warning("%s", warning)
         return FlownPlan(given, flight, export)
 
     @contextmanager

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from cocap_opt.cli.flight_answer import FlightAnswer, attention
 from cocap_opt.cli.flight_options import (
     AS_PLANNED,
     Every,
@@ -17,22 +18,18 @@ from cocap_opt.cli.flight_options import (
     Start,
 )
 from cocap_opt.cli.flown_plan import Order
-from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, Whole
-from cocap_opt.flight.changes import tight_timing
-from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.cli.options import FLAG, Json, Output, PlanPath, Scene, Seed, Whole
 from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, save_files
-from cocap_opt.output.printing import Listing, Record
-from cocap_opt.plausibility import misplaced_people
+from cocap_opt.output.printing import Record
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 
 _log = logging.getLogger(__name__)
 
 Autopilot = Literal["px4", "ardupilot"]
-_MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
 
 
 def _fly(
@@ -58,6 +55,13 @@ def _fly(
     local: Local = False,
     hovering: Hovering = False,
     json: Json = False,
+    verbose: Annotated[
+        bool,
+        FLAG(
+            name="--verbose",
+            help="also print all numbers, tables of all drones, and how to read the file",
+        ),
+    ] = False,
 ) -> int:
     """Export a plan as a flight, checked against rules, obstacles and limits.
 
@@ -68,10 +72,10 @@ def _fly(
     file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
     for the crew.
 
-    Not checked: wind, deviations from the planned flight, the ways up and down; notes below the
-    answer warn of drones that take off from or land on roofs, obstacles or water, or too near to
+    Not checked: wind, deviations from the planned flight, the ways up and down. The answer begins
+    with warnings: of drones that take off from or land on roofs, obstacles or water, or too near to
     each other, of people who walk through obstacles, off the map or in the air, and of timing that
-    is too tight to see on a clock, and list what else was not checked.
+    is too tight to see on a clock. It ends with what the crew must do, and what was not checked.
 
     A plan in which no drone moves is rejected unless you pass --hovering.
 
@@ -102,26 +106,32 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    grounds, people = Touchdowns.of(flight).warnings(), misplaced_people(problem)
-    watched = [*grounds, *people, *tight_timing(flight)]
-    notes = [*(f"ATTENTION: {words}" for words in watched), *flight.notes(), *mission.notes]
-    notes += _of_homes(parts, suffix)
+    watched = [f"ATTENTION: {words}" for words in attention(flight, parts)]
+    notes = [*flight.notes(), *mission.notes, *_of_homes(parts, suffix)]
     notes += _strays(output, suffix, files)
-    if words := pauses_of(parts):
-        _log.warning("%s: %s", plan, words)
+    if json:
+        for words in (*mission.warnings, *filter(None, [pauses_of(parts)])):
+            _log.warning("%s: %s", plan, words)
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:
-            rows = {"drones": flight.rows(), "notes": notes}
+            rows = {"drones": flight.rows(), "notes": [*watched, *notes]}
             if parts:
                 rows["from_home"] = records_of(parts)
             print_result({**answer, **rows, "files": [*files]}, json)
+            return 0
+        details = [*flight.axes(), *mission.details]
+        urgent = [*watched, *mission.warnings]
+        if cut_short:
+            urgent.insert(0, f"ATTENTION: {cut_short}")
+        known = [words for words in notes if words not in (*details, *mission.warnings, cut_short)]
+        found = FlightAnswer(
+            flight, parts, [*files], answer | {"cut_short": None}, urgent, known, details
+        )
+        if verbose:
+            found.print_all()
         else:
-            print_result({**answer, "file": [*files]}, json)
-            shown = [words for words in notes if words != cut_short]  # which stands at the top
-            if parts:
-                _in_the_air(parts).print()
-            _tightest(flight.rows(), shown).print()
+            found.print()
     return 0
 
 
@@ -134,21 +144,6 @@ def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[str]:
                 f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
                 "missions take off and land straight below their first and last places"
             )
-
-
-def _in_the_air(parts: Sequence[Part]) -> Listing:
-    """Returns the table of each drone's time in the air in each part, and of its battery."""
-    rows = [
-        {
-            **({"steps": part.words} if len(parts) > 1 else {}),
-            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.filming,
-            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
-            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
-        }
-        for part in parts
-        for drone in part.drones
-    ]  # fmt: skip
-    return Listing("from take-off to landing", rows)
 
 
 def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:
@@ -166,19 +161,6 @@ def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:
     if items is not None and not items > 0:
         raise UsageError("--items: must be more than 0")
     return FORMATS[suffix].writer(autopilot, items)
-
-
-def _tightest(rows: Sequence[Record], notes: Sequence[str]) -> Listing:
-    """Returns the table of the drones' tightest moments; of many drones it has a few."""
-    table = Listing("tightest moment of each drone", rows, notes)
-    if len(rows) <= _MANY:
-        return table
-    ranked = sorted(rows, key=_tightness, reverse=True)
-    return table._replace(rows=ranked).first(_FEW, "the drones nearest to a limit, or the fastest")
-
-
-def _tightness(row: Record) -> tuple[float, float]:
-    return (row["value"] / row["limit"] if row["limit"] else 0.0, row["value"])
 
 
 def _named(output: Path, suffix: str, part: str) -> Path:

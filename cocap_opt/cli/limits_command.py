@@ -66,14 +66,15 @@ def _limits(
             notes.append(f"the search for the bound was stopped by the {limit} limit")
         if reward > bound:
             notes.append(
-                f"the limits cost nothing: the plan, with J {reward:,.2f}, moves by parts of "
-                f"cells; certified: none that moves by whole cells has more than J {bound:,.2f}"
+                f"the limits cost nothing: this plan moves by parts of cells and has J "
+                f"{reward:,.2f}; certified: no plan that moves by whole cells has a J above "
+                f"{bound:,.2f}"
             )
         elif math.isfinite(bound):
             notes.append(
-                f"certified: with all moves of the recipe no plan has more than J {bound:,.2f}; "
-                f"this one, with J {reward:,.2f}, has at most "
-                f"{rounded_up(100 * lost / bound if bound else 0.0, 2)} % less"
+                f"certified: with all moves of the recipe no plan has a J above {bound:,.2f}; "
+                f"this one, with J {reward:,.2f}, is at most "
+                f"{rounded_up(100 * lost / bound if bound else 0.0, 2)} % below"
             )
         else:
             notes.append("no bound was found in time; a longer --time-limit may give one")

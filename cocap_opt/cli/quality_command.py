@@ -223,11 +223,12 @@ def _people(found: Quality) -> Listing:
     if len(people) > _MOST_PEOPLE:
         people = sorted(people, key=lambda person: (person.by_two, person.by_three))
     notes = [
-        "two, three: % of steps at which so many drones or more see the person; apart: two at "
-        "least 30 degrees apart; mm: RMS error that half of the steps do not exceed"
+        "two, three: % of steps at which at least so many drones see the person",
+        "apart: % of steps at which two drones see the person from at least 30 degrees apart",
+        "mm: RMS error of a point, which half of the steps do not exceed",
     ]
     listing = Listing("person by person", [_shown(person) for person in people], notes)
-    return listing.first(_MOST_PEOPLE, "those whom two drones see least")
+    return listing.first(_MOST_PEOPLE, "people whom two drones see least often")
 
 
 def _shown(person: OfPerson) -> Record:

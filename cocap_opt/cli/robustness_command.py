@@ -112,8 +112,8 @@ def _robustness(
 def _losses(found: WhatIf) -> Listing:
     """Returns the table of lost drones below the plan, with who is no longer seen by two."""
     notes = [
-        "a drone that is lost at a step contributes nothing from there on, and has left the scene: "
-        "what becomes of it is not looked at; its worst step is the last one at which it costs as "
+        "a lost drone films nothing from that step on and has left the scene; where it comes down "
+        "was not checked. The table shows its worst step: the last one at which its loss costs as "
         "much as if it had never flown"
     ]
     lost = sorted(found.losses, key=lambda row: row.left.reward)
@@ -150,11 +150,10 @@ def _shown(row: ChangeRow) -> Record:
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
     """Yields sentences on what the numbers mean."""
     problem = flight.flown.problem
-    yield (
-        "J is computed between the steps, too; distances are the least at any moment, those to "
-        "people seen from above; people are moved to their own left or right, as they walk; where "
-        "any drone may be late, each column has the worst of them"
-    )
+    yield "J includes the time between steps"
+    yield "distances are the smallest at any moment, those to people seen from above"
+    yield "left and right are those of the person, as they walk"
+    yield "any drone late: each column shows the drone for which it is worst"
     yield from flight.nearer_to_people()
     if delay is not None and math.isinf(delay):
         yield f"the {problem.rules} between drones holds for any delay of any drone"
@@ -170,8 +169,8 @@ def _asking(found: WhatIf) -> Iterator[str]:
     rows = [*found.changes, *(row.left for row in found.losses)]
     if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
         yield (
-            "distances to plan with are those of the scene plus the shortfall; they lead to a "
-            "different plan: evaluate it again, with --margin larger by the shortfall to people"
+            "the distance to plan with is the scene's plus the shortfall; it leads to a different "
+            "plan: evaluate that one again, with --margin increased by the shortfall to people"
         )
 
 

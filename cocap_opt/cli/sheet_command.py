@@ -1,5 +1,6 @@
 """The command `sheet`, which writes what the crew of a flight carries."""
 
+import logging
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -12,6 +13,8 @@ from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import save_files
 from cocap_opt.output.printing import Record
 from cocap_opt.run.options import Option
+
+_log = logging.getLogger(__name__)
 
 _SUFFIX = ".pdf"
 
@@ -47,6 +50,8 @@ def _sheet(
     Option("-o").ending(output, (_SUFFIX,))
     order = Order(scene, seed, plan, output, _SUFFIX, flown, start, every, local, hovering)
     given, _, found = order.carried_out(FORMATS[_SUFFIX].writer())
+    for warning in found.warnings:
+        _log.warning("%s", warning)
     save_files(dict.fromkeys([output], found.files[""]))
     answer: Record = {"file": output, **found.facts, "scene": given.problem.name, "seed": seed}
     print_result(answer | ({"cut_short": given.cut_short} if given.cut_short else {}), json)

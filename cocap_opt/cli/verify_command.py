@@ -34,7 +34,7 @@ from cocap_opt.output.printing import Record, line_width, print_texts
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.run.explained import Explained
 from cocap_opt.run.explained_tables import explained_tables
-from cocap_opt.run.explained_words import explained_sentences, in_three_sentences
+from cocap_opt.run.explained_words import explained_sentences, in_few_sentences
 from cocap_opt.run.forecast import warn_of_checking
 from cocap_opt.run.judged import Judged, finite
 from cocap_opt.run.opinions import Opinions, require_small
@@ -48,7 +48,7 @@ from cocap_opt.text import printable
 _USUAL_LIMIT = 600.0  # s
 _NO_PLAN = "proved: there is no plan"
 _OPTIMISTIC = (
-    "a limit left this bound open: it was computed as if nothing hid anybody at some steps"
+    "a limit stopped the search for this bound; at some steps it assumes that nothing hides anybody"
 )
 
 
@@ -62,7 +62,7 @@ def _verify(
     free: Free = False,
     explain: Annotated[
         bool,
-        FLAG(name="--explain", help="say in three sentences what the gap is made of"),
+        FLAG(name="--explain", help="say in a few sentences what the gap is made of"),
     ] = False,
     all_terms: Annotated[
         bool,
@@ -145,10 +145,10 @@ def _verify(
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None
     if explained and not json:
-        print_texts([], [*in_three_sentences(explained), ""])
+        print_texts([], [*in_few_sentences(explained), ""])
     print_result(answer if json else answer | claims.by_person(verified), json, verbose)
     if explained and not json and not explained.is_closed:
-        more = ["--all adds the other sentences, and tables that add up to the gap."]
+        more = ["For all sentences, and tables that add up to the gap, add --all."]
         tables = explained_tables(explained, line_width()) if all_terms else []
         print_texts(tables, explained_sentences(explained) if all_terms else more)
     if verified.violations:

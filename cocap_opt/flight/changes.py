@@ -171,8 +171,8 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
         return
     if delay is None:
         yield (
-            "the scene asks for no distance to people: nothing is known of how near a late drone "
-            "comes to them; `people` in [airspace] of a recipe asks for one"
+            "the scene asks for no distance to people, so how near a late drone comes to them was "
+            "not checked; a recipe asks for a distance with people in [airspace]"
         )
         return
     kept = f"drones keep {problem.airspace.told_people}"
@@ -181,7 +181,7 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
     elif delay == 0:
         yield (
             f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "
-            "`people`"
+            "distance to people"
         )
     else:
         yield (
@@ -195,17 +195,13 @@ def tight_timing(flight: Flight) -> Iterator[str]:
     problem = flight.flown.problem
     for kept, delay, nobody in (
         (f"drones keep the {problem.rules}", tolerated_delay(flight),
-         "no drone is {} or more late"),
+         "no drone is late by {} or more"),
         (f"drones keep {problem.airspace.told_people}", tolerated_delay_of_people(flight),
-         "nobody, drone or person, is {} or more early or late"),
+         "no drone or person is early or late by {} or more"),
     ):  # fmt: skip
         if delay is not None and delay < TIGHT:
-            only = (
-                f"while {nobody.format(f'{delay:.2f} s')}"
-                if delay
-                else "if all are exactly on time"
-            )
-            yield f"{kept} only {only}: less than the {TIGHT:g} s that a crew's clock shows"
+            only = nobody.format(f"{delay:.2f} s") if delay else "all are exactly on time"
+            yield f"{kept} only if {only}; a crew's clock shows whole seconds only"
 
 
 def written_delay(delay: float | None) -> float | str | None:

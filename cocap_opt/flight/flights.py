@@ -187,13 +187,10 @@ class Flight(NamedTuple):
         return rows
 
     def notes(self) -> Iterable[str]:
-        """Yields sentences on what the numbers mean, and what was not checked."""
-        yield (
-            "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
-            "below is negative (degrees)"
-        )
+        """Yields sentences on what was not checked, and then on the axes."""
         yield from self.nearer_to_people()
         yield from self.warnings()
+        yield from self.axes()
 
     def nearer_to_people(self) -> Iterable[str]:
         """Yields how near to people drones may come, if that is nearer than the scene says."""
@@ -219,7 +216,8 @@ class Flight(NamedTuple):
             )
         if not self.is_smooth:
             yield (
-                "speed is discontinuous at each step and acceleration was not checked; use --smooth"
+                "speeds jump at each step, so acceleration was not checked; smooth flights "
+                "(--smooth) do not jump"
             )
         yield from self.near_without_rule()
         if any(robot.motion.corner_cutting for robot in problem.robots):
@@ -228,8 +226,6 @@ class Flight(NamedTuple):
             most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
             asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
             yield f"the limits of these drones are unknown and were not checked{asked}"
-        if self.geodesy is not None:
-            yield self.geodesy_note(self.geodesy)
         if problem.earth is not None and problem.earth.heights is None:
             yield "height datum unknown; set `heights` under [earth] of a recipe"
 
@@ -243,13 +239,15 @@ class Flight(NamedTuple):
                 f"{kind} flight they come within {least:.2f} m of each other"
             )
 
-    def geodesy_note(self, geodesy: Geodesy) -> str:
-        """Says that y goes to the grid's north, and how far that is from the true one."""
-        turned = geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
+    def axes(self) -> Iterator[str]:
+        """Yields that y goes to the grid's north, and how far that is from the true one."""
+        if self.geodesy is None:
+            return
+        turned = self.geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
         side = "clockwise" if turned > 0 else "counter-clockwise"
-        return (
-            f"x goes to the east and y to the north of {geodesy.name}, {abs(turned):.2f} degrees "
-            f"{side} of true north here"
+        yield (
+            f"x points to the east and y to the north of {self.geodesy.name}; this north is "
+            f"{abs(turned):.2f} degrees {side} of true north here"
         )
 
     def _moments(self, every: float | None) -> FloatArray:

@@ -151,12 +151,18 @@ class Touchdowns(NamedTuple):
         """Yields the warnings of one drone, without its name."""
         for words in _of_ground([each for each in self.found if each.drone == drone]):
             yield words.removeprefix(f"drone {drone} ")
-        for pair in self.near:
-            if drone in (pair.first, pair.second):
-                other = pair.second if drone == pair.first else pair.first
-                deed = _DEEDS[pair.kind]
-                how = f"on the same spot as drone {other}" if pair.is_above else (
-                    f"{pair.distance:.2f} m from drone {other}, less than {self.separation:g} m"
+        for kind, deed in _DEEDS.items():
+            pairs = [pair for pair in self.near if pair.kind == kind and drone in pair[:2]]
+            others = [pair.second if drone == pair.first else pair.first for pair in pairs]
+            if len(pairs) > 1:
+                yield (
+                    f"{deed.does} less than {self.separation:g} m from drones "
+                    f"{in_ranges(sorted(others))}; {deed.instead} some of them elsewhere"
+                )
+            elif pairs:
+                how = f"on the same spot as drone {others[0]}" if pairs[0].is_above else (
+                    f"{pairs[0].distance:.2f} m from drone {others[0]}, less than "
+                    f"{self.separation:g} m"
                 )  # fmt: skip
                 yield f"{deed.does} {how}; {deed.instead} one of them elsewhere"
 

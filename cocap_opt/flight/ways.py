@@ -133,7 +133,7 @@ def sinking(robot: Robot) -> float:
 
 NOTE = (
     "ways from and to home keep away from obstacles, no-fly zones and other drones, which hover at "
-    "their places while one after the other flies; people are not looked at there, and must stay "
+    "their places while one after the other flies; people were not considered there, and must stay "
     "away"
 )
 

@@ -13,7 +13,7 @@ from cocap_opt.footage.summary import Summary, share
 from cocap_opt.letters import folded
 
 USUAL_WIDTH = 80  # characters of a line
-_LABEL = 32  # characters before a number
+_LABEL = 24  # characters before a number
 _SHARP = 0.5  # px of blur
 
 
@@ -38,18 +38,18 @@ def quality_words(
     width : characters of a line at most
     """
     if not found.person_steps:
-        return "Quality of a plan: nobody has any weight, so that no person-step counts"
+        return "Quality of the plan: no person has a weight, so no person-step counts"
     line = partial(_line, width=min(width, USUAL_WIDTH))
     lines = [
-        f"Quality of a plan: {_counted(found.person_steps, 'person-step')} that "
+        f"Quality of the plan: {_counted(found.person_steps, 'person-step')} that "
         f"{'counts' if found.person_steps == 1 else 'count'}, "
         f"{_counted(len(has_pictures), 'drone')}",
-        line("seen by two drones or more", _percent(found.by_two)),
+        line("seen by two or more", _percent(found.by_two)),
         line("seen by three or more", _percent(found.by_three)),
-        line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
-        line("error of a point, RMS", _told_errors(found, has_pictures)),
+        line(f"two, {APART:g} degrees apart", _percent(found.apart)),
+        line("RMS error of a point", _told_errors(found, has_pictures)),
         line("blur", _told_blur(blur)),
-        line("drones in others' pictures", _told_intruders(found)),
+        line("drones in pictures", _told_intruders(found)),
         *(
             line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
             for k, (name, of) in enumerate(takes)
@@ -106,13 +106,13 @@ def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterato
         if had.position_error or had.attitude_error
         else "exactly known poses"
     )
-    exposure = f", {_told_seconds(had.exposure)} of exposure" if is_timed else ""
+    exposure = f", an exposure of {_told_seconds(had.exposure)}" if is_timed else ""
     yield (
-        f"With {had.pixel_error:g} px of error in a picture, {pose}{exposure}. A drone sees a "
-        f"person if at least {100 * had.at_least:g} % of the solid angle that they have with "
-        "nothing in the way is in its picture. An error is infinite where fewer than two "
-        "drones see the person, or all of them along one line. A drone is in the picture of "
-        f"another if {had.drone_size:g} m of it cover {had.drone_pixels:g} px there or more."
+        f"Assumed: an error of {had.pixel_error:g} px in a picture{exposure}, and {pose}. A drone "
+        f"sees a person if its picture has at least {100 * had.at_least:g} % of the person's "
+        "solid angle without obstacles. The error is infinite where fewer than two drones see the "
+        "person, or all of them look along one line. A drone counts as in the picture of another "
+        f"if its {had.drone_size:g} m cover at least {had.drone_pixels:g} px there."
     )
     if not has_pictures.all():
         yield (

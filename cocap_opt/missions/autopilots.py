@@ -122,7 +122,7 @@ class Autopilot(NamedTuple):
 
     def holding(self, most: int) -> Self:
         """Returns the autopilot on a board that holds so many items."""
-        return self if most == self.most else self._replace(most=most, holds="as it was told")
+        return self if most == self.most else self._replace(most=most, holds="as --items says")
 
     def items(self, route: Route) -> list[Item]:
         """Returns the items of a drone's mission."""

@@ -38,7 +38,7 @@ def write(flight: Flight, every: float | None) -> Export:
         "times.csv": ["frame,t", *times],
     }  # fmt: skip
     contents = {name: "\n".join(lines) + "\n" for name, lines in files.items()}
-    return Export({"": zipped(contents)}, (*planned.notes, _NOTE))
+    return Export({"": zipped(contents)}, (*planned.notes, _NOTE), details=planned.details)
 
 
 def _cameras(planned: PlannedCameras) -> Iterator[str]:

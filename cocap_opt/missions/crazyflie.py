@@ -29,8 +29,8 @@ _AXES = "x", "y", "z", "yaw"
 _HEADER = ("duration", *(f"{axis}^{k}" for axis in _AXES for k in range(_COEFFICIENTS)))
 _NOTES = (
     "upload each file to its drone and start all at once: they then fly by one clock, each its own",
-    "x and y are from the map's corner; take-off to the first point and landing are not in it, "
-    "nor the camera's pitch",
+    "the way up to the first point, the landing and the camera's pitch are not in the files",
+    "x and y are from the map's corner; yaw is in radians, 0 along x, and grows counter-clockwise",
 )
 
 
@@ -55,7 +55,7 @@ def write(flight: Flight, every: float | None) -> Export:
                 f"{_HOLDS}; a plan of {_HOLDS} longer steps would do"
             )
         files[f"drone{i}"] = _table(rows)
-    return Export(files, _NOTES)
+    return Export(files, _NOTES, details=_NOTES[-1:])
 
 
 def _runs(pieces: FloatArray) -> Iterator[tuple[FloatArray, int]]:

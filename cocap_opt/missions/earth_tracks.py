@@ -243,9 +243,14 @@ def colour_of(drone: int) -> str:
     return to_hex(DRONE_COLOURS[drone % len(DRONE_COLOURS)])
 
 
-def caveats(flight: Flight, every: float | None) -> Iterator[str]:
+ANGLES = (
+    "angles in the file are in degrees: yaw is clockwise from true north; pitch is that of the "
+    "camera, 0 where it is level and negative where it looks down"
+)
+
+
+def caveats(flight: Flight) -> Iterator[str]:
     """Yields sentences on what tracks, times and footprints mean."""
-    yield from flight.between_rows(every)
     if flight.start is None:
         yield "times begin at 1970-01-01T00:00:00Z; --start says when the flight does"
     problem = flight.flown.problem

@@ -17,13 +17,15 @@ class Export(NamedTuple):
         its ending: "" is that name itself, "drone0" makes `flight.drone0.plan` of `flight.plan`
     notes : sentences on what the files cannot say
     facts : numbers on them, which are printed with those of the flights
-    warnings : those of the notes that people must know before the files are written
+    warnings : those of the notes that people must know before all else
+    details : those of the notes that say how to read the files, which nobody needs to fly them
     """
 
     files: dict[str, bytes]
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float | str | None] = MappingProxyType({})
     warnings: tuple[str, ...] = ()
+    details: tuple[str, ...] = ()
 
 
 # Takes the flights and the seconds between rows or points, None for what is usual. It raises

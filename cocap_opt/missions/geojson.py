@@ -15,6 +15,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
+    ANGLES,
     EarthTrack,
     FlightClock,
     caveats,
@@ -42,10 +43,11 @@ def write(flight: Flight, every: float | None) -> Export:
     writer = _Features(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
-    notes = (*writer.notes(), *caveats(flight, every))
+    details = (*writer.notes(), *caveats(flight))
+    notes = (*flight.between_rows(every), *details)
     head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
     text = head % (name, msgspec.json.encode("; ".join(notes)))
-    return Export({"": text + features + b"\n]}\n"}, notes)
+    return Export({"": text + features + b"\n]}\n"}, notes, details=details)
 
 
 class _Features:
@@ -64,10 +66,10 @@ class _Features:
             yield "third coordinates are metres above the ellipsoid of WGS 84"
         else:
             yield (
-                "positions have no third coordinate, for RFC 7946 wants metres above the ellipsoid "
-                "of WGS 84 there; heights are properties, by what they are above"
+                "positions have no third coordinate, for RFC 7946 defines it as metres above the "
+                "ellipsoid of WGS 84; heights are properties, by what they are above"
             )
-        yield "yaw of the file is clockwise from true north"
+        yield ANGLES
 
     def features(self, every: float | None) -> Iterator[_Feature]:
         flight = self._flight

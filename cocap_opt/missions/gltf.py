@@ -47,7 +47,8 @@ def write(flight: Flight, every: float | None) -> Export:
     scene.add_solids()
     scene.add_drones()
     scene.add_people()
-    return Export({"": scene.content()}, tuple(scene.notes()))
+    notes = tuple(scene.notes())
+    return Export({"": scene.content()}, notes, details=notes)
 
 
 class _Animation:

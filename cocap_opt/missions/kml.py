@@ -15,6 +15,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
+    ANGLES,
     EarthTrack,
     FlightClock,
     Footprint,
@@ -44,7 +45,8 @@ def write(flight: Flight, every: float | None) -> Export:
     """Returns the tracks of drones and people and the cameras' footprints, with their times."""
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
-    notes = (mode.words, "yaw of the file is clockwise from true north", *caveats(flight, every))
+    details = (mode.words, ANGLES, *caveats(flight))
+    notes = (*flight.between_rows(every), *details)
     writer = _Placemarks(FlightClock.of(flight), mode, flight.flown.step)
     root = ElementTree.Element(f"{{{_KML}}}kml")
     document = _add(root, "Document")
@@ -69,7 +71,7 @@ def write(flight: Flight, every: float | None) -> Export:
         _add_end(folder, end)
     ElementTree.indent(root, "")
     text = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
-    return Export({"": text + b"\n"}, notes)
+    return Export({"": text + b"\n"}, notes, details=details)
 
 
 class _Heights(NamedTuple):
@@ -88,7 +90,7 @@ class _Heights(NamedTuple):
             return cls("above_ground", "relativeToGround", words)
         words = (
             "altitudes are above the map's surface, which viewers take for the ground; the map "
-            "does not tell its ground from what stands on it"
+            "does not separate its ground from what is on it"
         )
         return cls("above_surface", "relativeToGround", words)
 

@@ -157,12 +157,14 @@ class PlannedCameras(NamedTuple):
     cameras : of all drones, in their order
     world : that they are in
     notes : sentences on all that
+    details : those of the notes that say how to read it
     """
 
     times: FloatArray
     cameras: tuple[PlannedCamera, ...]
     world: World
     notes: tuple[str, ...]
+    details: tuple[str, ...]
 
     @classmethod
     def of(cls, flight: Flight, every: float | None) -> Self:
@@ -183,8 +185,9 @@ class PlannedCameras(NamedTuple):
             PlannedCamera.of(i, lens, samples, world.origin) for i, lens in enumerate(lenses)
         ]
         times = samples.t[samples.drone == 0]
-        notes = *world.notes(), _moments(times, flight.is_smooth), *flight.between_rows(every)
-        return cls(times, tuple(cameras), world, (*notes, _PLANNED))
+        details = *world.notes(), _moments(times, flight.is_smooth)
+        notes = *details, *flight.between_rows(every), _PLANNED
+        return cls(times, tuple(cameras), world, notes, details)
 
 
 _PLANNED = (

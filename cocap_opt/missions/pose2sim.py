@@ -21,7 +21,11 @@ def write(flight: Flight, every: float | None) -> Export:
     """Returns a calibration with a camera for each drone and moment."""
     planned = PlannedCameras.of(flight, every)
     lines = ["[metadata]", "adjusted = false", "error = 0.0", *planned.world.lines, *_all(planned)]
-    return Export({"": ("\n".join(lines) + "\n").encode()}, (*planned.notes, _note(planned)))
+    return Export(
+        {"": ("\n".join(lines) + "\n").encode()},
+        (*planned.notes, _note(planned)),
+        details=planned.details,
+    )
 
 
 def _all(planned: PlannedCameras) -> Iterator[str]:

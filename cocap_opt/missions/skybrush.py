@@ -56,9 +56,14 @@ def write(flight: Flight, every: float | None) -> Export:
         "settings": _settings(problem),
         "swarm": {"drones": drones},
     }
+    axes = (
+        f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off; "
+        "yaw is 0 along x and grows clockwise (degrees)"
+    )
     return Export(
         {"": zipped({"show.json": json.dumps(show, allow_nan=False)})},
-        tuple(_notes(flight, grounds)),
+        (*_notes(flight, grounds), axes),
+        details=(axes,),
     )
 
 
@@ -149,10 +154,10 @@ def _rounded(point: FloatArray) -> list[float]:
 
 
 def _notes(flight: Flight, grounds: list[float]) -> Iterator[str]:
-    yield "the show begins and ends in the air: take-off and landing are not in it, nor the pitch"
+    yield "all drones share one clock"
     yield (
-        f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off; "
-        "yaw is clockwise from x, and all drones share one clock"
+        "the show begins and ends in the air: take-off, landing and the camera's pitch are not in "
+        "it"
     )
     if max(grounds) > min(grounds):
         yield "drones take off at different heights: let Skybrush control altitudes above the sea"

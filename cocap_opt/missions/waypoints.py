@@ -92,14 +92,14 @@ def waypoint_mission(
     late = lateness(autopilot, found)
     behind = max(map(autopilot.behind, found))
     warnings = (*late, *_too_late(behind, delay, to_people))
+    details = (*_waits(behind, autopilot), *_axes(found))
     words = (
-        *warnings, *_waits(behind, autopilot), *_clock(flight, delay),
-        *people_and_delay(flight, to_people), *_ends(flight, found, autopilot),
-        *_fences(flight, autopilot, has_fence, known, fence),
+        *warnings, *_ends(flight, autopilot), *_fences(flight, autopilot, has_fence, known, fence),
+        autopilot.note, *_clock(flight, delay), *people_and_delay(flight, to_people), *details,
     )  # fmt: skip
     return Export(
         {f"{autopilot.name}.{_PART}{i}": content for i, content in enumerate(contents)},
-        (*words, autopilot.note),
+        words,
         {
             "autopilot": autopilot.title,
             "items": max(map(len, items)),
@@ -108,6 +108,7 @@ def waypoint_mission(
             "delay_tolerance_to_people": written_delay(to_people),
         },
         warnings,
+        details,
     )
 
 
@@ -187,14 +188,14 @@ def _fences(
         )
     if fence:
         yield (
-            "no-fly zones are the geofence of these files, from the ground up, whatever their "
-            "heights are; upload it with the mission"
+            "upload the geofence with the mission: it holds the no-fly zones, from the ground up, "
+            "whatever their heights are"
         )
     corners = sum(len(zone.corners) for zone in fence)
     if corners > _CORNERS:
         yield (
             f"the geofence has {corners} corners, and autopilots may hold no more than {_CORNERS}: "
-            "see that yours has taken it whole"
+            "check that yours has loaded all of them"
         )
     for zone in known if has_fence else ():
         if zone not in fence:
@@ -233,7 +234,8 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
     owner = "the scene's" if flight.flown.problem.rules.separation else "a"
     asked = f"{owner} {_asked(flight)}"
     yield (
-        "waypoint missions are not synchronised after take-off: nothing holds drones to their times"
+        "waypoint missions are not synchronised after take-off: nothing holds drones to their "
+        "times; offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
     )
     if math.isinf(delay):
         yield f"between drones, {asked} holds for any delay of any drone"
@@ -242,23 +244,30 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
     else:
         held = f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
         yield f"delay tolerance: {held}"
-    yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
 
 
-def _ends(flight: Flight, found: list[Route], autopilot: Autopilot) -> Iterator[str]:
+def _ends(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
     """Yields what happens before and after the plan, and at its corners."""
     at = f"{seconds_to_step_0(flight):.3g} s"
     yield (
-        f"start all missions at once: each waits at its start until {at}, if it rises at "
-        f"{autopilot.rise:g} m/s ({autopilot.rises_by}); at the end it hovers, without a way "
-        "home"
+        f"start all missions at once: each drone rises at {autopilot.rise:g} m/s "
+        f"({autopilot.rises_by}), waits at its first place until {at} after the start, and hovers "
+        "at its last place; no way home is in the missions"
     )
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"
     yield (
-        "autopilots round corners and speeds; clearance was checked on the straight legs, and not "
+        "autopilots round corners and speeds; clearance was checked on the straight legs only, not "
         "on the way up"
     )
-    yield "in these files yaw is clockwise from true north, and altitudes are above the take-off"
+
+
+def _axes(found: list[Route]) -> Iterator[str]:
+    """Yields what angles and altitudes of the files mean."""
+    yield (
+        "angles in the files are in degrees: yaw is clockwise from true north; pitch is that of "
+        "the camera, 0 where it is level and negative where it looks down"
+    )
+    yield "altitudes in the files are above the take-off"
     if any(route.sea is None for route in found):
         yield "the home's height above the sea is unknown"

@@ -10,67 +10,129 @@ from math import fsum
 from typing import Any
 
 import msgspec
-from rich.markup import escape
-from rich.table import Table
 
-from cocap_opt.letters import columns_of
+from cocap_opt.letters import columns_of, folded
 from cocap_opt.output.conflicts import grouped_conflicts
-from cocap_opt.output.printing import Record, cell_text, counted, path_text, rounded, terminal
+from cocap_opt.output.printing import (
+    Record,
+    cell_text,
+    counted,
+    path_text,
+    print_line,
+    rounded,
+    terminal,
+)
 from cocap_opt.stop import NO_LIMIT
 
 _BREAK = "\n"
-# Names of statistics, as people read them; JSON has the keys.
+# Names of keys, as people read them, short enough to stand beside their values in 60 columns; JSON
+# has the keys.
 _LABELS = {
     "reward": "J",
     "cut_short": "attention",
-    "plain": "checked without compiled code",
+    "message": "note",
+    "plain": "without compiled code",
     "generated": "tree: nodes made",
     "expanded": "tree: nodes expanded",
-    "depth": "tree: depth of the plan",
+    "depth": "tree: depth of plan",
     "evaluated": "single views evaluated",
     "leaves": "leaves of the proof",
     "iterations": "pricing rounds",
     "columns": "columns (paths) made",
     "rows": "collision rows",
     "cuts": "envelope cuts",
-    "stages": "stages of step envelopes",
-    "paths_above": "J above which all plans were tried",
-    "step": "seconds of a step",
-    "duration": "seconds of the flight",
-    "deviation": "most from the straight flight at any moment (m)",
-    "least_distance": "least distance of two drones at any moment (m)",
-    "people_distance": "least distance to a person at any moment, from above (m)",
-    "delay_tolerance": "delay tolerance: drones may be apart in time by less than (s)",
-    "delay_tolerance_to_people": "delay tolerance to people: drones may be ahead or behind by (s)",
-    "reward_rendered": "J of the rendered pixels",
-    "from_step": "the rest begins at step",
+    "stages": "envelope stages",
+    "paths_above": "all plans tried",
+    "reward_of_views": "J from views",
+    "reward_rendered": "J of rendered pixels",
+    "reward_per_step": "J by step",
+    "reward_per_person": "J by person",
+    "reward_per_face": "J by side",
+    "reward_at_start": "J at the start",
+    "from_step": "rest begins at step",
     "drones": "drones that fly it",
-    "flown_reward": "J of what was flown",
-    "whole_reward": "J of the whole mission",
+    "flown_reward": "J flown so far",
+    "whole_reward": "J of whole mission",
     "old_reward": "J of the old rest",
-    "bound_seconds": "seconds of the bound",
-    "items": "items of the longest mission",
-    "late": "late at the end at most, for legs that cannot be flown in time (s)",
-    "slowed": "steps at which a drone passes more slowly, to be safe",
-    "shortened": "steps at which a drone changes speed in less time, to be safe",
-    "reward_straight": "J of the straight flight, also between steps",
-    "reward_smooth": "J of the smooth flight, also between steps",
+    "rest_scene": "scene of the rest",
+    "rest_plan": "plan of the rest",
+    "seconds": "time",
+    "coverage_seconds": "coverage",
+    "checking_seconds": "checking",
+    "bound_seconds": "bounding",
+    "bound_by_verify": "bound by verify",
+    "bound_claimed": "bound claimed",
+    "bound_proved": "bound proved",
+    "bound_there": "bound, file's objective",
+    "reward_there": "J, file's objective",
+    "solver_bound": "bound of the solver",
+    "solver_value": "J of the solver",
+    "chosen_starts": "starts chosen",
+    "failed_robot": "drone without a path",
     "takes": "take by take",
-    "smoothing_cost": "J of the smooth flight against that of the straight one",
-    "states_reached": "states at steps that drones reach",
-    "states_that_see": "of these, states that see anything",
-    "near_people_undecided": "places and moves too near to a least distance to be decided",
-    "draw": "seed of what is drawn (--draw)",
-    "views_enclosed": "states at steps whose coverage is enclosed",
-    "numbers_enclosed": "numbers of them that are not 0 on both sides",
-    "numbers_undecided": "numbers whose enclosure is too wide to decide",
-    "widest_share": "widest of the other enclosures, as a share",
-    "widest_pixels": "widest of the other enclosures (px/m2)",
-    "rewards_enclosed": "J of each plan, by the scene alone",
-    "agrees": "the instance is the scene's",
+    "states_reached": "states reached",
+    "states_that_see": "states with a view",
+    "near_people_undecided": "undecided near people",
+    "draw": "seed of --draw",
+    "views_enclosed": "coverage enclosed",
+    "numbers_enclosed": "not 0 on both sides",
+    "numbers_undecided": "undecided numbers",
+    "widest_share": "widest enclosure",
+    "widest_pixels": "widest enclosure",
+    "rewards_enclosed": "J by the scene alone",
+    "agrees": "agrees with scene",
     "second_opinion": "second opinion",
-    "second_bound": "bound by the second opinion",
-    "accuracy": "latitudes and longitudes may be off by (m)",
+    "second_bound": "its bound",
+    "delay_tolerance": "delay tolerance",
+    "delay_tolerance_to_people": "delay to people",
+    "step": "step",
+    "duration": "duration",
+    "deviation": "off the straight flight",
+    "least_distance": "between drones",
+    "people_distance": "to people",
+    "items": "longest mission",
+    "late": "late at the end",
+    "slowed": "passed more slowly",
+    "shortened": "speed changed faster",
+    "reward_straight": "J of straight flight",
+    "reward_smooth": "J of smooth flight",
+    "smoothing_cost": "smooth against straight",
+    "crs": "reference system",
+    "plan_who": "plan by",
+    "plan_date": "date of plan",
+    "plan_program": "program of plan",
+    "bound_who": "bound by",
+    "bound_date": "date of bound",
+    "bound_program": "program of bound",
+    "accuracy": "place on the Earth",
+}
+# Values with what they are, by their keys.
+_VALUES = {
+    "seconds": "{} s",
+    "coverage_seconds": "{} s",
+    "checking_seconds": "{} s",
+    "bound_seconds": "{} s",
+    "paths_above": "above a J of {}",
+    "near_people_undecided": "{} places and moves, too near to a least distance",
+    "views_enclosed": "{} states at steps",
+    "numbers_enclosed": "{} numbers of coverage",
+    "numbers_undecided": "{}, whose enclosures are too wide",
+    "widest_share": "{} as a share",
+    "widest_pixels": "{} px/m2",
+    "step": "{} s",
+    "duration": "{} s",
+    "deviation": "{} m at most, at any moment",
+    "least_distance": "{} m at least, at any moment",
+    "people_distance": "{} m at least, at any moment, seen from above",
+    "delay_tolerance": "less than {} s between drones",
+    "delay_tolerance_to_people": "less than {} s",
+    "items": "{} items",
+    "late": "{} s at most: some legs cannot be flown in time",
+    "slowed": "at {} steps, to be safe",
+    "shortened": "at {} steps, to be safe",
+    "reward_straight": "{}, also between steps",
+    "reward_smooth": "{}, also between steps",
+    "accuracy": "off by {} m at most",
 }
 # Lists of rewards: what each is of, and the number of the first.
 _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
@@ -84,10 +146,8 @@ _FIRST = (
     "second_opinion", "second_bound", "violations", "file", "files", "certificate", "rest_scene",
     "rest_plan", "message",
 )  # fmt: skip
-# Names of files, which are copied: labels are folded so that names need not be.
-_NAMES = frozenset({"file", "files", "certificate", "rest_scene", "rest_plan"})
-_NARROW = 12  # characters of a label at least
-_PADDING = 4  # characters beside a label and a value
+_WIDEST = 26  # columns of labels; a value whose label is wider begins in the next line
+_BETWEEN, _INDENT = 2, 3  # columns between label and value; before a value in a line of its own
 # How it was computed, which developers read.
 _INTERNAL = frozenset({
     "method", "seconds", "coverage_seconds", "checking_seconds", "bound_seconds", "views",
@@ -112,7 +172,7 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
         sys.stdout.write(harmless(msgspec.json.encode(row, enc_hook=path_text).decode()) + "\n")
         return
     shown: list[tuple[str, str]] = []
-    hidden = longest = 0
+    hidden = 0
     for key in _in_order(row):
         value = row[key]
         silent = value is None or value == "" or _SILENT.get(key) == value
@@ -122,19 +182,32 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
         if is_internal and not verbose:
             hidden += 1
             continue
-        shown.append((_LABELS.get(key, key), text := _shown(row, key)))
-        if key in _NAMES:
-            longest = max(longest, *map(columns_of, text.splitlines()))
-    console = terminal()
-    room = console.width - longest - _PADDING
-    table = Table(show_header=False, box=None)
-    table.add_column(max_width=room if room >= _NARROW else None)
-    table.add_column(overflow="fold")  # nothing is cut off: names of files are to be copied
-    for label, text in shown:
-        table.add_row(label, escape(text))
-    console.print(table)
+        shown.append((_LABELS.get(key, key), _shown(row, key)))
+    print_pairs(shown)
     if hidden:
-        console.print(f" ({counted(hidden, 'more line')} with --verbose)", highlight=False)
+        print_line(f" ({counted(hidden, 'more line')} with --verbose)")
+
+
+def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
+    """Prints labels with their values beside them, whose lines are folded.
+
+    A value stands in lines of its own, below its label, if the label is long or if a name in the
+    value has no room beside it: names of files are copied.
+    """
+    pairs, width = [*pairs], terminal().width
+    labels = [columns_of(label) for label, _ in pairs if columns_of(label) <= _WIDEST]
+    left = 1 + max(labels, default=0) + _BETWEEN
+    for label, value in pairs:
+        longest = max(map(columns_of, value.split()), default=0)
+        is_beside = columns_of(label) <= _WIDEST and left + longest <= width
+        first = f" {label}{' ' * (left - 1 - columns_of(label))}" if is_beside else " " * _INDENT
+        if not is_beside:
+            print_line(folded(label, width, " ", " "))
+        indent = " " * (left if is_beside else _INDENT)
+        for line in value.splitlines() or [""]:
+            fits = columns_of(first + line) <= width
+            print_line(first + line if fits else folded(line, width, first, indent))
+            first = indent
 
 
 def _in_order(row: Record) -> Iterable[str]:
@@ -156,14 +229,16 @@ def _shown(row: Record, key: str) -> str:
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
-        return f"{-100 * value:+.3f} %"
+        return f"{-100 * value:+.3f} % of J"
     if key == "takes":
         return told_takes(value)
     if key == "violations":
         return cell_text(key, grouped_conflicts(value))
     if key in _SERIES and len(value) > _FEW:
         return _summary(value, *_SERIES[key])
-    return cell_text(key, value)
+    if isinstance(value, str) and not value[:1].isdigit():  # such as "unlimited"
+        return cell_text(key, value)
+    return _VALUES.get(key, "{}").format(cell_text(key, value))
 
 
 def told_takes(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -191,6 +266,8 @@ def _told_gap(row: Record) -> str:
     """Returns the meaning of a gap; J of the best plan is the bound at most."""
     if row.get("optimal") or row.get("reason") == "optimal" or row.get("state") == "solved":
         return "proved, no plan is better"
+    if row["gap"] < 0 or row.get("valid") is False:
+        return "J of a plan that breaks rules may exceed the bound"
     return "J is at most this far below the best possible"
 
 

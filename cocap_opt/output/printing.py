@@ -12,9 +12,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from rich.text import Text
 
-from cocap_opt.letters import columns_of
+from cocap_opt.letters import columns_of, folded
 from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
@@ -25,7 +24,7 @@ _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
 _USUAL = 80  # characters of a line of a terminal
 _BREAK = "\n"
-_FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where each begins
+_FEW_NOTES = 3  # sentences below a table; more are a list, so that one sees where each begins
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Numbers as tables have them: marks, a sign, digits, a unit; several; a share of something; a note.
 _ONE = (
@@ -70,15 +69,33 @@ def rounded(amount: float) -> str:
     return f"{round(amount, 2) + 0.0:,.2f}"
 
 
+def print_line(text: str) -> None:
+    """Prints a line as it is."""
+    terminal().print(text, markup=False, highlight=False, soft_wrap=True)
+
+
 def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
     """Prints tables as they are, and below them sentences, each on a line of its own."""
-    console = terminal()
     for text in tables:
-        console.print(f"\n{printable(text, _BREAK)}", markup=False, highlight=False, soft_wrap=True)
+        print_line(f"\n{printable(text, _BREAK)}")
     if tables:
-        console.print()
+        print_line("")
     for text in sentences:
-        console.print(printable(text, _BREAK), markup=False, highlight=False)
+        _print_folded(text)
+
+
+def print_list(sentences: Iterable[str]) -> None:
+    """Prints sentences, each after a hyphen."""
+    for text in sentences:
+        _print_folded(text, "- ", "  ")
+
+
+def _print_folded(text: str, first: str = "", indent: str = "") -> None:
+    """Prints text whose lines are folded, with something before the first and all others."""
+    width = terminal().width
+    for line in printable(text, _BREAK).split(_BREAK):
+        print_line(folded(line, width, first, indent))
+        first = indent
 
 
 def line_width() -> int:
@@ -126,15 +143,11 @@ class Listing(NamedTuple):
         """Prints it on standard output; where lines are too narrow for it as several tables."""
         for part in self._folded() if _has_width() else [self]:
             terminal(part._least_width).print(part._table())
-        console = terminal()
-        if len(self.notes) <= _FEW_NOTES:
-            for words in self.notes:
-                console.print(printable(words, _BREAK), markup=False)
-            return
-        listed = Table.grid(padding=(0, 1))
-        for words in self.notes:
-            listed.add_row("-", Text(printable(words, _BREAK)))
-        console.print(listed)
+        is_text = all(words.endswith(".") for words in self.notes)
+        if len(self.notes) > (_FEW_NOTES if is_text else 1):
+            print_list(self.notes)
+        else:
+            print_texts([], self.notes)
 
     def first(self, number: int, what: str) -> "Listing":
         """Returns it with its first rows only, and a note that says so.

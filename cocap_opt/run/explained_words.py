@@ -23,7 +23,7 @@ def explained_sentences(explained: Explained) -> list[str]:
     Of a proved optimum there is one: that nothing is left. Its terms cancel, and cause nothing.
     """
     if explained.is_closed:
-        return [_sentence(_told_gap(explained))]
+        return [*map(_sentence, _told_gap(explained))]
     broken = _broken(explained)
     costly = _costly(explained)
     nothing = f"no single term is above {100 * SHOWN:g} % of the bound"
@@ -41,21 +41,21 @@ def explained_sentences(explained: Explained) -> list[str]:
     return [*map(_sentence, told)]
 
 
-def in_three_sentences(explained: Explained) -> list[str]:
-    """Returns the gap, its largest part, and the largest gain by planning a drone again.
+def in_few_sentences(explained: Explained) -> list[str]:
+    """Returns the gap, its largest part and term, and the largest gain by planning a drone again.
 
     Of a proved optimum there is one sentence: that nothing is left.
     """
     if explained.is_closed:
-        return [_sentence(_told_gap(explained))]
+        return [*map(_sentence, _told_gap(explained))]
     costliest_term = next(iter(_broken(explained) or _costly(explained)), None)
     name, amount = max(explained.parts().items(), key=lambda part: part[1])
-    largest = f"the largest part of it: {name}, {_amount(explained, amount)}"
+    largest = [f'the largest part of it is "{name}", {_amount(explained, amount)}']
     if costliest_term is not None:
-        largest += f"; the largest single term: {_told(explained, costliest_term)}"
+        largest.append(f"the largest single term: {_told(explained, costliest_term)}")
     if off := _told_off(explained):
-        largest = off if explained.is_blurred else f"{largest}; {off}"
-    told = [_told_gap(explained), largest, next(iter(_told_replans(explained)))]
+        largest = [off] if explained.is_blurred else [*largest, off]
+    told = [*_told_gap(explained), *largest, next(iter(_told_replans(explained)))]
     return [*map(_sentence, told)]
 
 
@@ -68,27 +68,26 @@ def _told_off(explained: Explained) -> str:
     off = explained.taken_off
     if explained.explanation.share(off) < SHOWN:
         return ""
-    words = f"stages and path search take {_amount(explained, off)} off again"
+    words = f"stages and path search reduce it again by {_amount(explained, off)}"
     if not explained.is_blurred:
         return words
-    return f"{words}, far more than is left: no single term can be named as the cause of the gap"
+    return f"{words}, far more than is left, so no single term is the cause of the gap"
 
 
-def _told_gap(explained: Explained) -> str:
-    """Returns the difference between the bound and J, and its meaning."""
+def _told_gap(explained: Explained) -> Iterable[str]:
+    """Yields the difference between the bound and J, and its meaning."""
     found = explained.explanation
     conflicts = [*explained.plan.conflicts(explained.problem)]
     if conflicts:
-        return (
-            f"the plan has {counted(len(conflicts), 'conflict')}, so that its J may exceed the "
-            f"bound; bound - J is {_amount(explained, found.gap)}"
+        yield f"the plan has {counted(len(conflicts), 'conflict')}, so its J may exceed the bound"
+        yield f"bound - J is {_amount(explained, found.gap)}"
+    elif found.share(found.gap) <= OPTIMALITY:
+        yield (
+            "no plan is better: up to rounding, J of this plan equals the bound, and there is no "
+            "gap to explain"
         )
-    if found.share(found.gap) <= OPTIMALITY:
-        return (
-            "no plan is better: J of this one is the bound, but for rounding, and nothing is left "
-            "to explain"
-        )
-    return f"the plan is at most {_amount(explained, found.gap)} below the best plan"
+    else:
+        yield f"the plan is at most {_amount(explained, found.gap)} below the best plan"
 
 
 def _broken(explained: Explained) -> list[Term]:
@@ -125,14 +124,14 @@ def _told(explained: Explained, term: Term) -> str:
         return f"drone {term.robot}'s move from step {term.step} costs {amount}"
     if term.actor is not None and term.face is not None:
         name = explained.problem.actors[term.actor].shape.face_names[term.face]
-        when = "all steps" if term.step is None else f"step {term.step}"
-        return f"{when}, person {term.actor}, {name}: {_OVER} the reward by {amount}"
+        when = "over all steps" if term.step is None else f"at step {term.step}"
+        return f"{when} {_OVER} the reward of person {term.actor}, side {name}, by {amount}"
     if term.kind == "views" and term.actor is not None:
         drones = {0: "no drone", 1: "one drone"}.get(term.robots or 0, f"{term.robots} drones")
         person = explained.problem.person(term.actor)
         return (
-            f"step {term.step}, {person}, seen by {drones}: {_OVER} the value of the views by "
-            f"{amount}"
+            f"at step {term.step} {_OVER} the views of {person}, whom {drones} "
+            f"{'sees' if term.robots in (0, 1) else 'see'}, by {amount}"
         )
     at = "at" if isinstance(term.resource, Cells | Visit) else "from"
     where = f"{explained.named(term.resource)} {at} step {term.step}"

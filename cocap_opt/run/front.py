@@ -370,19 +370,19 @@ class Front:
             yield none if self.no_plan else found
             return
         yield (
-            f"views: drones that see a person, at most {self.views.cameras} counted, over all "
-            f"people and steps; {self.most_views:g} if all were seen so"
+            f"views: drones that see each person at each step, at most {self.views.cameras} "
+            f"counted; their sum is {self.most_views:g} at most"
         )
         if self.views_bound < self.most_views:
             most = rounded_up(100 * self.share(self.views_bound), 1)
-            yield f"no plan of these drones has more than {most} % of them"
+            yield f"proved: no plan of these drones reaches more than {most} % of that sum"
         if self.settled:
-            words = "no weights of J and views have a better plan"
+            words = "no weighting of J and views has a better plan"
             if len(self.plans) == 1:
-                words = "one plan is the best of both"
+                words = "one plan is best for both"
             yield f"the trade-off is settled: {words}"
         elif math.isfinite(self.gap):
-            yield f"between plans and proofs there is at most {rounded_up(100 * self.gap, 2)} %"
+            yield f"plans and proofs are at most {rounded_up(100 * self.gap, 2)} % apart"
         if self.views.share is not None:
             kept = views_to_keep(self.problem, self.views)
             best = self.best_with(kept)

@@ -135,26 +135,27 @@ class Hedging(NamedTuple):
             worst = max(others, key=lambda i: _loss(row.rewards[i], self.plans[i].rewards[i]))
             lost = _loss(row.rewards[worst], self.plans[worst].rewards[worst])
             yield (
-                f'the plan for "{takes[k].name}" loses {100 * lost:.1f} % in "{takes[worst].name}" '
-                f"against the plan for that, and {100 * _loss(row.mean, hedged.mean):.1f} % on "
-                f"average against the plan for {HEDGED}"
+                f'the plan for "{takes[k].name}" loses {100 * lost:.1f} % of J in '
+                f'"{takes[worst].name}" compared with the plan made for it, and '
+                f"{100 * _loss(row.mean, hedged.mean):.1f} % on average compared with the plan for "
+                f"{HEDGED}"
             )
         for k, row in enumerate(self.plans):
             if row.plan is None or not takes[k].probability:
                 continue
             cost = 100 * _loss(hedged.rewards[k], row.rewards[k])
             proved = _at_most(hedged.rewards[k], row.bound, 1)
-            yield f'hedging costs {cost:.1f} % in "{takes[k].name}", {proved}'
+            yield f'hedging costs {cost:.1f} % of J in "{takes[k].name}" ({proved})'
         cut_short = [row.made_for for row in (*self.plans, hedged) if row.limit is not None]
         if cut_short:
             yield (
-                f"searches that did not come to their end: {', '.join(cut_short)}; there a plan "
-                "may be better than what is shown, up to what is proved"
+                f"unfinished searches: {', '.join(cut_short)}; better plans may exist there, up to "
+                "what is proved"
             )
         yield (
-            f"on average the plan for {HEDGED} has less than the best plan, "
-            f"{_at_most(hedged.mean, hedged.bound, 2)}, and less than whoever knew the take, "
-            f"{_at_most(hedged.mean, self.foreknowledge, 1)}"
+            f"on average the plan for {HEDGED} is below the best such plan "
+            f"({_at_most(hedged.mean, hedged.bound, 2)}), and below plans made for the take if it "
+            f"were known ({_at_most(hedged.mean, self.foreknowledge, 1)})"
         )
 
     def __str__(self) -> str:
@@ -177,7 +178,7 @@ def _loss(reward: float, of: float) -> float:
 def _at_most(reward: float, bound: float, digits: int) -> str:
     """Returns in words how large a share of J is missing at most, by a bound."""
     if not math.isfinite(bound):
-        return "at most how much is not proved"
+        return "not proved by how much at most"
     return f"proved: at most {rounded_up(100 * _loss(reward, bound), digits)} %"
 
 

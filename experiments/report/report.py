@@ -47,8 +47,8 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.text import printable
 
 _TOO_LARGE = (
-    "What the gaps are made of is not told here, since the scene has too many states for a page; "
-    "<code>cocap-opt verify SCENE PLAN CERTIFICATE --explain</code> tells it."
+    "The scene has too many states for a page to show what the gaps are made of; run "
+    "<code>cocap-opt verify SCENE PLAN CERTIFICATE --explain</code>."
 )
 
 
@@ -217,9 +217,9 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     costly = {planner: costliest(told) for planner, told in explained.items()}
     most = [f"{planner}: {words}." for planner, words in costly.items() if words]
     about = (
-        "Drones lose by their paths, the bound pays for faces beyond what the drones get, it "
-        "charges for rules that nobody uses, and other leaves of a proof may have larger bounds. "
-        "The largest single terms are these."
+        "A gap has four causes: drones leave the best paths of the bound, the bound overestimates "
+        "the reward of faces, rules with a price are not used, and other leaves of a proof may "
+        "have larger bounds. The largest single terms are these."
     )
     listed = f"<p>{about}</p>{_list(most)}" if most else ""
     return drawn + Tables(table).html(level=4) + listed

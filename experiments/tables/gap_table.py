@@ -33,9 +33,9 @@ _SPARE = (
 _SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
 _SPARE_CAMERAS = ("plans", "by three (%)", "median error (mm)")
 _SEEN = (
-    "By two, by three: share of person-steps at which so many drones or more see the person; "
-    "median error: that of a point which half of all person-steps do not exceed, the median over "
-    "plans. `cocap-opt quality` tells more.",
+    "By two, by three: share of person-steps at which at least two or three drones see the person. "
+    "Median error: at half of the person-steps, a point in space is located to within this error "
+    "(median over plans). For details of one plan, run `cocap-opt quality`.",
 )
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
@@ -98,15 +98,15 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
         yield f"{_LATE} Longer than the time limit allows: {_first(late)}."
     if any("coverage_seconds" in shown for shown in table):
         yield (
-            "Coverage was computed once per scene and seed before any time limit began, and is "
-            "charged to nobody."
+            "Coverage was computed once per scene and seed, before any time limit began; the "
+            "planners' seconds do not include it."
         )
     yield from _missing_bounds(rows)
     sampled = [_name(row) for row in rows if row.coverage == SAMPLED_COVERAGE]
     if sampled:
         yield (
-            f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
-            "the gaps leave the error of that out."
+            f"Coverage behind the meshes of {_first(list(dict.fromkeys(sampled)))} is sampled "
+            "with rays; the gaps do not include the error of sampling."
         )
     yield from _cut_short(rows)
     remarked = [row for row in rows if row.reason in _UNFINISHED and row.message]
@@ -127,7 +127,7 @@ def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
         yield f"{_CUT} {row.planner} on {_case(row)}: {row.cut_short}."
     if len(cut) > _NAMED:
         others = counted(len(cut) - _NAMED, "more plan")
-        yield f"{_CUT} Cut short, too: {others}; --json or --out DIR has all."
+        yield f"{_CUT} A limit has cut short {others}; --json or --out DIR lists all."
 
 
 def _shown(row: GapRow, key: str) -> object:

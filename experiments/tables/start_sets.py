@@ -9,8 +9,9 @@ from cocap_opt.output.printing import Listing, Record
 
 _Groups = Mapping[tuple[str, int], Mapping[str, Sequence[tuple[str, int]]]]
 _NOTE = (
-    "best J: of all plans that were found, by planners and by the search for the bound; bound: no "
-    "plan from any of these starts has more; of the best: best J of the largest in this table."
+    "Best J: the best plan found, by a planner or by the search for the bound. Bound: no plan from "
+    "any of these starts has a higher J. Of the best: best J as a share of the highest in this "
+    "table."
 )
 
 

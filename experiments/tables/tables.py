@@ -51,12 +51,12 @@ _NOTES = {
                   "many seeds it is better, equal or worse. Both plans must obey the rules.",
     _PRICE: "By how many % the rules of collision lower the best J that a scene allows, proved "
             "from both sides. Optimum known: seeds on which the best plan is proved.",
-    CAMERAS: "The share of person-steps at which so many cameras or more see the person, and the "
-             "error with which half of the points of a person can be measured. Of plans that obey "
-             "the rules.",
+    CAMERAS: "The share of person-steps at which at least so many cameras see the person, and the "
+             "error that half of the measured points of a person do not exceed. Only plans that "
+             "obey the rules count.",
     _TIME: "Time of planning; the shift of geometric means is 10 s. A run without a valid plan "
-           "counts with its limit; planners some of whose plans break rules have no mean. Times "
-           "the fastest: the ratio of means over what all planners were run on.",
+           "counts as its time limit; a planner with plans that break rules has no mean. Times "
+           "the fastest: the ratio of means over the scenes that all planners were run on.",
 }  # fmt: skip
 # A number, with its spread or interval, of how many it is, or a unit; or that there is none.
 _NUMBER = re.compile(

@@ -158,10 +158,12 @@ def teams_table(rows: Sequence[TeamRow]) -> Listing:
         }
         table.append(record)
     notes = [
-        f"J, {cameras}, apart and mm: of the plan of most J; at most: no plan has more J; gain: J "
-        f"over one drone fewer. {cameras}: % of person-steps that {cameras} drones or more see; "
-        "best: in the plan made for that; none above: no plan exceeds it. apart: % that two see "
-        "from 30 degrees apart or more; mm: RMS error that half of person-steps do not exceed."
+        f"J, {cameras}, apart and mm describe the plan with the highest J",
+        "at most: no plan has a higher J; gain: J compared with one drone fewer",
+        f"{cameras}: % of person-steps that at least {cameras} drones see",
+        "best: the same in the plan made for it; none above: no plan exceeds this",
+        "apart: % of person-steps that two drones see from at least 30 degrees apart",
+        "mm: RMS error of a point, which half of the person-steps do not exceed",
     ]
     refused = [row.message for row in rows if row.message]
     return Listing("teams", table, [*notes, *dict.fromkeys(refused)])
@@ -190,10 +192,10 @@ def _best_of_all(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
     enough = [row for row in rows if row.reached >= share - _ROUNDING]
     if enough:
         best = min(enough, key=lambda row: (row.drones, -row.reached))
-        words = "Of all, the fewest drones that were found to do"
+        words = "The smallest of all these teams"
     else:
         best = max(rows, key=lambda row: (row.reached, -row.drones))
-        words = "Of all, the most that was found"
+        words = "The best of all teams"
     if best.reached >= 0:
         team = f"{counted(best.drones, 'drone')}, {kind_words(best)}"
         yield f"{words}: {team} ({percent(best.reached)} %)."
@@ -222,16 +224,16 @@ def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float)
     asked_for : all teams of the kind, those for which there is no room among them
     """
     cameras = group[0].cameras
-    asked = f"{100 * share:g} % of person-steps be seen by {number_in_words(cameras)}"
+    asked = f"{100 * share:g} % of person-steps by {number_in_words(cameras)} drones"
     enough = [row for row in group if row.reached >= share - _ROUNDING]
     if enough:
         fewest, reached = enough[0].drones, percent(enough[0].reached)
-        yield f"The fewest drones found to let {asked}: {fewest} ({reached} %)."
+        yield f"The smallest team found to film {asked}: {counted(fewest, 'drone')} ({reached} %)."
     else:
         fewest, best = group[-1].drones + 1, max(group, key=lambda row: row.reached)
-        yield f"No team was found that lets {asked}."
+        yield f"No team was found that films {asked}."
         if best.reached >= 0:
-            yield f"The most is {percent(best.reached)} %, by {counted(best.drones, 'drone')}."
+            yield f"The most is {percent(best.reached)} %, with {counted(best.drones, 'drone')}."
     fewer = [row for row in group if cameras <= row.drones < fewest]
     missing = sorted(set(range(cameras, fewest)) - {row.drones for row in group})
     if fewer:
@@ -252,9 +254,9 @@ def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:
         words = f"{' or '.join(filter(None, (', '.join(numbers[:-1]), numbers[-1])))} drones"
     most = max(group, key=lambda row: row.most)
     if most.most >= 1:
-        return f"It is not ruled out that {words} let all of them be so seen."
-    told = f"No plan of {words} exceeds {most.told_bound} %: proved"
-    return f"{told}." if most.most < share else f"{told}, which does not rule them out."
+        return f"Open: {words} may be able to film all of them like this."
+    told = f"Proved: no plan of {words} exceeds {most.told_bound} %"
+    return f"{told}." if most.most < share else f"{told}, which does not rule out such a team."
 
 
 def percent(part: float | None) -> str | None:

@@ -29,7 +29,7 @@ from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
-from cocap_opt.output.answer import print_result
+from cocap_opt.output.answer import _LABELS, _WIDEST, print_pairs, print_result
 from cocap_opt.output.printing import Listing
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
@@ -359,8 +359,8 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
     few, many = (3.0, 1500.0), tuple(float(k) for k in range(100, 140))
     print_result({"reward_per_person": few, "reward_per_step": many}, False)
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[0] == ["reward_per_person", "3.00", "1,500.00"]
-    assert " ".join(lines[1]) == "reward_per_step mean 119.50 over 40; --json has all"
+    assert lines[0] == ["J", "by", "person", "3.00", "1,500.00"]
+    assert " ".join(lines[1]) == "J by step mean 119.50 over 40; --json has all"
     assert lines[2] == ["least", "100.00,", "step", "1"]
     assert lines[3] == ["most", "139.00,", "step", "40"]
     print_result({"reward_per_step": many}, True)
@@ -368,17 +368,47 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("width", [60, 80])
+def test_values_stand_beside_short_labels(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A label takes one line, in all answers; a number and its unit are not parted."""
+    labels = [*_LABELS.values()]
+    assert max(map(len, labels)) <= _WIDEST <= 60 - 30
+    monkeypatch.setenv("COLUMNS", str(width))
+    words = "two see 100 % of person-steps, three 62 %; median error 24 mm; step 4 s; width 100 px"
+    print_pairs([(label, words) for label in labels])
+    out = capsys.readouterr().out
+    assert all(len(line) <= width for line in out.splitlines())
+    begun = [line[1:].split("  ")[0] for line in out.splitlines() if line[1] != " "]
+    assert begun == labels
+    assert not any(re.match(r"\s+(%|mm|px|s)\b", line) for line in out.splitlines())
+
+
+def test_labels_are_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No key of JSON with underscores is in an answer that people read, however long."""
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    for words in (
+        ("solve", "tiny-share", "-o", plan, "--certificate", proof),
+        ("plan", "tiny-share"), ("bound", "tiny-share"), ("verify", "tiny-share", plan, proof),
+        ("fly", "tiny-share", plan, "--step", 2, "--smooth", "-o", tmp_path / "flight.csv"),
+    ):  # fmt: skip
+        lines = Run(capsys, *words, "--verbose").out.splitlines()
+        labels = [re.split("  +", line[1:])[0] for line in lines if re.match(" [A-Za-z]", line)]
+        assert len(labels) > 5 and not any("_" in label for label in labels)
+
+
+@pytest.mark.parametrize("width", [60, 80])
 def test_names_of_files_are_not_folded(
     width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Labels give way, so that a name can be copied as long as the line has room for it."""
+    """A name that has no room beside its label stands below it, and can be copied."""
     monkeypatch.setenv("COLUMNS", str(width))
     names = [f"mission.px4.no-common-clock.drone{k}.plan" for k in (0, 17)]
     print_result({"files": [Path(name) for name in names], "delay_tolerance": 7.0}, False)
     out = capsys.readouterr().out
     assert all(name in out.split() for name in names)
     assert all(len(line) <= width for line in out.splitlines())
-    assert "delay tolerance: drones may be apart" in " ".join(out.split()).replace("7.00 ", "")
+    assert "delay tolerance less than 7.00 s between drones" in " ".join(out.split())
 
 
 def test_answers_come_first_and_internals_on_request(
@@ -395,7 +425,7 @@ def test_answers_come_first_and_internals_on_request(
     assert "more lines with --verbose" in short[-1]
     full = [line.split()[0] for line in Run(capsys, *words, "--verbose").out.splitlines()]
     assert set(keys[:-1]) < set(full) and "with --verbose" not in "".join(full)
-    for key in ("coverage_seconds", "nodes", "proof"):
+    for key in ("coverage", "nodes", "proof"):
         assert key in full and key not in keys
     answer = Run(capsys, *words, "--json").json
     assert {"reward", "coverage_seconds", "nodes", "iterations"} <= set(answer)
@@ -409,12 +439,12 @@ def test_verify_tells_rewards_by_person(capsys: pytest.CaptureFixture[str], tmp_
     Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
     answer = Run(capsys, "verify", "corridor-tight", plan, "--json").json
     text = Run(capsys, "verify", "corridor-tight", plan, "--verbose").out
-    told = next(line for line in text.splitlines() if "reward_per_person" in line)
-    first, second = (float(word.replace(",", "")) for word in told.split()[1:])
+    told = next(line for line in text.splitlines() if "J by person" in line)
+    first, second = (float(word.replace(",", "")) for word in told.split()[3:])
     faces = answer["reward_per_face"]
     assert (first, second) == pytest.approx((sum(faces[:5]), sum(faces[5:])), abs=0.01)
     assert first + second == pytest.approx(answer["reward"], abs=0.02)
-    assert "reward_per_face" not in text
+    assert "J by side" not in text
 
 
 def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:
@@ -643,7 +673,7 @@ def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) ->
     assert "no plan obeys the rules" in run.json["message"]
     for command in ("plan", "solve"):  # said before anything else
         first = Run(capsys, command, "tiny-head-on").out.splitlines()[0]
-        assert first.split()[0] == "message" and "no plan" in first
+        assert first.split()[0] == "note" and "no plan" in first
 
 
 def test_a_proof_that_there_is_no_plan_is_verified(
@@ -988,7 +1018,7 @@ def test_of_a_proved_optimum_nothing_is_left_to_explain(
     monkeypatch.setenv("COLUMNS", "300")
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
     Run(capsys, "solve", "corridor-tight", "-o", plan, "--certificate", proof)
-    said = "No plan is better: J of this one is the bound, but for rounding, and nothing is left"
+    said = "No plan is better: up to rounding, J of this plan equals the bound, and there is no gap"
     for words in ((), ("--all",)):
         out = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", *words).out
         assert out.startswith(said)
@@ -1014,11 +1044,15 @@ def test_a_gap_is_explained(
     assert {"path", "face", "stages", "rounding"} <= {term["kind"] for term in told["terms"]}
     assert {one["robot"] for one in told["replans"]} <= {0, 1}
     short = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain").out
-    first, second, third, blank, *rest = short.splitlines()
+    first, second, *others, third, blank, valid = short.partition("valid")[0].splitlines()
+    rest = short.splitlines()[len(others) + 4 :]
+    sentences = [first, second, *others, third]
+    assert 3 < len(sentences) < 6 and not any(";" in words for words in sentences)
     assert re.fullmatch(
         r"The plan is at most \d\.\d+ % of the bound \([\d.,]+\) below the best plan.", first
     )
-    assert second.startswith("The largest part of it: ") and not blank.strip()
+    assert second.startswith('The largest part of it is "') and not (blank + valid).strip()
+    assert others[0].startswith("The largest single term: ")
     assert third in told["sentences"] and "replanning" in third.lower()
     assert "valid" in rest[0] and "--all" in rest[-1] and "What the gap is" not in short
     text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--all").out

@@ -38,13 +38,13 @@ def test_a_folder_is_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert not was and done and last[1]
     assert (folder / "front.csv").read_text().startswith("kind,")
     code, out, _ = said(capsys, scene, "--directions", 0, "-o", folder)
-    assert code == 0 and "the trade-off is settled: no weights" in " ".join(out.split())
+    assert code == 0 and "the trade-off is settled: no weighting" in " ".join(out.split())
 
 
 def test_one_plan_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing else is tried where it is the best of both."""
     code, out, _ = said(capsys, "tiny-share", "--seconds", 2)
-    assert code == 0 and "one plan is the best of both" in out
+    assert code == 0 and "one plan is best for both" in out
 
 
 def test_a_lower_bound_than_is_proved_is_refused(

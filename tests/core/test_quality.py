@@ -219,7 +219,7 @@ def test_a_scene_without_people_has_a_quality() -> None:
     found = Quality.of(problem, plan)
     assert found.summary.person_steps == len(found.table) == 0
     assert math.isnan(found.summary.by_two) and math.isnan(found.summary.median)
-    assert "nobody" in str(found)
+    assert "no person has a weight" in str(found)
 
 
 def test_a_cone_with_nobody_to_see() -> None:
@@ -347,7 +347,7 @@ def test_words_fit_a_terminal() -> None:
     found = Quality.of(problem, plan, shares)
     text = str(found)
     assert max(map(len, text.splitlines())) <= 80
-    assert "seen by two drones or more" in text and "50.0 %" in text
+    assert "seen by two or more" in text and "50.0 %" in text
     assert "one camera from 0.5 to 1 s" in " ".join(text.split())
     assert "&lt;xxx" in found._repr_html_() and "<xxx" not in found._repr_html_()
 

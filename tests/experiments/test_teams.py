@@ -116,30 +116,30 @@ def test_words_say_what_is_proved_and_what_is_not() -> None:
     proved = [row(1, 0.0, 0.0), row(2, 0.88, 0.91), row(3, 0.97, 1.0)]
     (words,) = sentences(proved, 0.95)
     assert words == (
-        "The fewest drones found to let 95 % of person-steps be seen by two: 3 (97.0 %). "
-        "No plan of 2 drones exceeds 91.0 %: proved."
+        "The smallest team found to film 95 % of person-steps by two drones: 3 drones (97.0 %). "
+        "Proved: no plan of 2 drones exceeds 91.0 %."
     )
     (words,) = sentences([*proved[:1], row(2, 0.88, 0.96), proved[2]], 0.95)
     assert words.endswith(
-        "No plan of 2 drones exceeds 96.0 %: proved, which does not rule them out."
+        "Proved: no plan of 2 drones exceeds 96.0 %, which does not rule out such a team."
     )
     (words,) = sentences([*proved[:1], row(2, 0.88, 1.0), proved[2]], 0.95)
-    assert words.endswith("It is not ruled out that 2 drones let all of them be so seen.")
+    assert words.endswith("Open: 2 drones may be able to film all of them like this.")
     (words,) = sentences([row(2, 0.88, 0.91), row(5, 0.97, 1.0)], 0.95)
-    assert words.endswith("No plan of 2 drones exceeds 91.0 %: proved. Not asked about: 3-4.")
+    assert words.endswith("Proved: no plan of 2 drones exceeds 91.0 %. Not asked about: 3-4.")
     (words,) = sentences([*proved[:2], row(3, 0.9, 0.92)], 0.95)
     assert words == (
-        "No team was found that lets 95 % of person-steps be seen by two. The most is 90.0 %, by "
-        "3 drones. No plan of 3 drones or fewer exceeds 92.0 %: proved."
+        "No team was found that films 95 % of person-steps by two drones. The most is 90.0 %, "
+        "with 3 drones. Proved: no plan of 3 drones or fewer exceeds 92.0 %."
     )
     (words,) = sentences([row(2, 0.9541, 0.9541)], 0.95)
-    assert words.endswith("2 (95.4 %).")
+    assert words.endswith("2 drones (95.4 %).")
     two = [row(2, 0.5, 0.5, "airsim"), row(2, 1.0, 1.0, "skydio-2")]
     *each, best = sentences(two, 0.95)
     assert [words.split(":")[0] for words in each] == ["airsim", "skydio-2"]
-    assert best == "Of all, the fewest drones that were found to do: 2 drones, skydio-2 (100 %)."
+    assert best == "The smallest of all these teams: 2 drones, skydio-2 (100 %)."
     *_, best = sentences([two[0], row(2, 0.6, 0.6, "skydio-2")], 0.95)
-    assert best == "Of all, the most that was found: 2 drones, skydio-2 (60.0 %)."
+    assert best == "The best of all teams: 2 drones, skydio-2 (60.0 %)."
     (words,) = sentences([row(2, 0.5, 0.6), row(9, 0.97, 1.0)], 0.95)
     assert words.endswith("Not asked about: 3-8.")
     refused = TeamRow(scene="s", seed=0, camera="", height=None, drones=9, message="no room")
@@ -170,7 +170,7 @@ def test_the_command_keeps_what_it_found(
     """A second call computes nothing; certificates prove the rows; the figure is drawn of them."""
     words = ("team", "tiny-doorway", "--drones", "1-2", "--time-limit", 10, "--out", tmp_path)
     code, out, _ = said(capsys, *words)
-    assert code == 0 and "seen by two: 2 (100 %)" in out
+    assert code == 0 and "by two drones: 2 drones (100 %)" in " ".join(out.split())
     cells = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()}
     code, out, err = said(capsys, *words, "--json")
     assert code == 0 and "are in" in err

@@ -12,7 +12,7 @@ import pytest
 from test_cli import Run
 
 import cocap_opt as co
-from cocap_opt.cli import fly_command
+from cocap_opt.cli import flight_answer
 from cocap_opt.data import FieldError
 from cocap_opt.flight import flights
 from cocap_opt.flight.flights import Flight
@@ -175,8 +175,38 @@ def test_bad_ground_and_tight_timing_are_told_first(
     ground, timing, *others = run.json["notes"]
     lands = "drone 0 lands on an obstacle 2.0 m above the ground; land it elsewhere"
     assert ground == f"ATTENTION: {lands}"
-    assert timing.startswith("ATTENTION: drones keep 2.99 m from people only while nobody, ")
+    assert timing.startswith("ATTENTION: drones keep 2.99 m from people only if no drone or ")
     assert not any("ATTENTION" in note for note in others)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".plan", ".kml", ".skyc", ".opencv.json"])
+def test_warnings_come_before_a_few_lines_of_answer(
+    ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Then come notes for the crew; how to read the file, and each drone, come with --verbose.
+
+    Each note of JSON is among all of them, and the file's yaw is told once.
+    """
+    pytest.importorskip("pyproj")
+    monkeypatch.setenv("COLUMNS", "400")  # a note is a line
+    problem, plan = beside_somebody()
+    problem = problem.replace(earth=co.Earth(crs="EPSG:25830", heights="sea"))
+    corner = co.HeightMap(heights=np.zeros((12, 9)), origin=(500_000.0, 4_790_000.0))
+    walker = problem.actors[0]
+    walk = walker.poses + np.array([*corner.origin, 0.0, 0.0])
+    problem = problem.replace(height_map=corner, actors=(walker.replace(poses=walk),))
+    words = ("fly", *saved(tmp_path, problem, plan)[:2], "-o", tmp_path / f"f{ending}")
+    told = Run(capsys, *words, "--json").json["notes"]
+    short, full = Run(capsys, *words).out, Run(capsys, *words, "--verbose").out
+    for out in (short, full):
+        assert out.splitlines()[0] == f"{told[0]}." and told[0].startswith("ATTENTION")
+    answer, notes = short.split("Before you fly:")
+    assert len(answer.strip().splitlines()) <= 10 and "yaw" not in notes
+    assert all(note in full for note in told)
+    assert len(re.findall("yaw is", full)) == (ending != ".opencv.json")
+    assert "tightest moment" in full and "tightest moment" not in short
+    assert {note for note in told if note in short} > {told[0]}
 
 
 @pytest.mark.parametrize(("height", "words"), [
@@ -365,10 +395,10 @@ def test_of_many_drones_the_tightest_are_shown(
     scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
     scene.write_text(RECIPE.format(step="", limits="limits = { speed = 30 }"))
     co.save(plan, co.plan(co.load(scene), "sequential"))
-    every = ("fly", scene, plan, "-o", tmp_path / "f.csv")
+    every = ("fly", scene, plan, "-o", tmp_path / "f.csv", "--verbose")
     assert "--json has all" not in Run(capsys, *every).out
-    monkeypatch.setattr(fly_command, "_MANY", 1)
-    monkeypatch.setattr(fly_command, "_FEW", 1)
+    monkeypatch.setattr(flight_answer, "_MANY", 1)
+    monkeypatch.setattr(flight_answer, "_FEW", 1)
     rows = Run(capsys, *every, "--json").json["drones"]
     assert len(rows) == 2
     first = max(rows, key=lambda row: row["value"])

@@ -13,7 +13,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions.sheet.clock import phases_of
-from cocap_opt.missions.sheet.words import running_order, unchecked
+from cocap_opt.missions.sheet.words import running_order, to_check
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.recipe import read
@@ -52,17 +52,21 @@ def flight(problem: Problem) -> Flight:
 def test_fly_tells_the_time_from_take_off_to_landing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """In a table, and in JSON with the points of the ways; where batteries do not last it warns."""
+    """The tightest in a line; all in a table and in JSON, with the points of the ways.
+
+    Where batteries do not last it warns.
+    """
     plan, out = str(tmp_path / "plan.json"), str(tmp_path / "flight.csv")
     scene = str(recipe(tmp_path))
     assert run(["plan", scene, "--planner", "sequential", "-o", plan]) == 0
     capsys.readouterr()
     assert run(["fly", scene, plan, "-o", out]) == 0
     printed = capsys.readouterr().out
-    assert "from take-off to landing" in printed and "people are not looked at there" in " ".join(
-        printed.split()
-    )
-    assert "batteries do not last" not in caplog.text
+    assert re.search(r"in the air +\d+ s at most \(drone \d\), \d+ s of battery left", printed)
+    assert "people were not considered there" in " ".join(printed.split())
+    assert "batteries do not last" not in caplog.text + printed
+    assert run(["fly", scene, plan, "-o", out, "--verbose"]) == 0
+    assert "from take-off to landing" in capsys.readouterr().out
     assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["from_home"]
     assert rows == co.trajectory(co.load(scene), co.read(plan)).attrs["from_home"]
@@ -77,6 +81,9 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert re.search(
         r"batteries do not last for the whole take: pause it at steps? \d", caplog.text
     )
+    capsys.readouterr()
+    assert run(["fly", scene, plan, "-o", out]) == 0
+    assert capsys.readouterr().out.startswith("ATTENTION: batteries do not last")
 
 
 def test_missions_do_not_hold_the_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,7 +114,7 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
     for row in rows:
         assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
     assert found["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
-    assert "people on the ways from and to home" in unchecked(flown, True, Touchdowns.of(flown))
+    assert "nobody is on the ways from and to home" in [*to_check(flown, True)]
     order = running_order(flown, clock, Touchdowns.of(flown)).rows
     assert [row[2].split(",")[0] for row in order if row[1].startswith("drone ")] == [
         "takes off", "takes off", "flies home", "flies home"

@@ -151,7 +151,7 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
             "unlimited",
         ),
         (2.05, "delay tolerance to people: drones keep 2.05 m from people while none is ", None),
-        (0.0, "the scene asks for no distance to people: nothing is known", None),
+        (0.0, "the scene asks for no distance to people, so how near", None),
     ):
         airspace = co.Airspace(people_aside=aside)
         problem, plan = scene(actors=(co.Actor(poses=walk),), airspace=airspace)

@@ -31,7 +31,13 @@ from cocap_opt.missions.sheet.kinds import KINDS
 from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
 from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
-from cocap_opt.missions.sheet.words import attention, running_order, sections, unchecked
+from cocap_opt.missions.sheet.words import (
+    attention,
+    running_order,
+    sections,
+    to_check,
+    unchecked,
+)
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Limits
 from cocap_opt.problem.labels import placed
@@ -65,8 +71,8 @@ def framed(flight: Flight) -> list[str]:
 
 
 def left_open(flight: Flight) -> list[str]:
-    """What was not checked, without homes."""
-    return [*unchecked(flight, False, Touchdowns.of(flight))]
+    """What is to be checked on the spot, without homes, and what the program did not check."""
+    return [*to_check(flight, False), *unchecked(flight, Touchdowns.of(flight))]
 
 
 def order_of(flight: Flight) -> list[str]:
@@ -79,7 +85,7 @@ def order_of(flight: Flight) -> list[str]:
 def cards_of(flight: Flight) -> list[dict[str, str]]:
     """The facts of the drones' cards."""
     cards = drone_cards(flight, clock_of(flight), quality_of(flight), Touchdowns.of(flight))
-    return [dict(card.facts) for card in cards]
+    return [dict([card.beside, *card.facts]) for card in cards]
 
 
 def numbers(line: str) -> list[float]:
@@ -104,13 +110,13 @@ def test_a_card_has_what_the_scene_knows_of_its_drone() -> None:
     assert (unknown["camera"], unknown["airframe"], unknown["pilot"]) == ("", "", "")
     # 5 m up at 1 m/s, 10 s for all to wait, and 1.5 s, rounded up; the reserve is rounded down.
     assert known["battery"] == (
-        "23:00 min (manufacturer's figure); in the air 0:17 min, plus the way down; "
+        "23:00 min (manufacturer's figure); in the air 0:17 min plus landing; "
         "reserve 22:43 min (98 %)"
     )
     assert unknown["battery"].startswith("20:00 min (manufacturer's figure); ")
     bare = robots[0].replace(limits=None)
     flight = Flight.of(problem.replace(robots=(bare, robots[1])), plan, False)
-    assert cards_of(flight)[0]["battery"].startswith("__________ min; in the air 0:17 min")
+    assert cards_of(flight)[0]["battery"].startswith("________ min; in the air 0:17 min")
 
 
 def test_a_plan_that_was_cut_short_says_so_first() -> None:
@@ -218,7 +224,7 @@ def _apart(
         (((9, 0), (10, 1), (9, 2)),
          "drones 0-2 land less than 3 m from each other, 0 and 2 on the same spot; land some of "
          "them elsewhere",
-         "lands 1.00 m from drone 2, less than 3 m; land one of them elsewhere"),
+         "lands less than 3 m from drones 0, 2; land some of them elsewhere"),
     ],
 )  # fmt: skip
 def test_the_crew_is_warned_of_drones_that_meet_as_they_land(
@@ -266,7 +272,7 @@ def test_the_crew_is_warned_of_timing_that_its_clock_does_not_show(ahead: float)
     flight = Flight.of(problem, co.Plan(paths=paths), False)
     delay = tolerated_delay(flight)
     assert delay == pytest.approx(ahead, abs=0.02)
-    words = f"drones keep the separation 1 m only while no drone is {delay:.2f} s or more late"
+    words = f"drones keep the separation 1 m only if no drone is late by {delay:.2f} s or more"
     told = [words in line for line in framed(flight)]
     assert told == ([True] if ahead < TIGHT else [])
     rows = order_of(flight)
@@ -443,8 +449,8 @@ def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:
     flight = Flight.of(problem.replace(earth=earth, airspace=airspace), plan, False)
     sections = text_of(flight)
     lines = "\n".join(sections["Waypoint missions"])
-    assert "*.px4.*.plan: for PX4" in lines
-    assert "*.ardupilot.*.waypoints or *.ardupilot.*.plan: for ArduPilot" in lines
+    assert "*.px4.*.plan PX4 for PX4" in lines
+    assert "*.ardupilot.*.waypoints\n*.ardupilot.*.plan ArduPilot for ArduPilot" in lines
     limits = "\n".join(sections["Distances and limits"])
     assert "The ceiling is 50 m above " in limits
     assert re.search(r"No-fly zone 0, .*, with corners x \d+\.\d y \d+\.\d, ", limits)
@@ -749,7 +755,77 @@ def test_the_pages_of_delft_are_full() -> None:
     require_apart(pages)
     assert len(pages.figures) == 4
     last = [text.get_text() for text in pages.figures[-1].texts]
-    assert "Places and heights" in last and "Not checked" in last
+    assert "Places and heights" in last and "Not checked by the program" in last
+
+
+@pytest.mark.parametrize(("earth", "top", "heads", "first"), [
+    (None, 0.0, ["m above take-off"], ["5.0"]),
+    (None, 2.0, ["z of map (m)", "m above take-off"], ["5.0", "5.0"]),
+    (co.Earth(crs="EPSG:25830", heights="sea", base=12.0), 0.0,
+     ["m above sea", "m above take-off"], ["17.0", "5.0"]),
+    (co.Earth(crs="EPSG:25830", heights="ellipsoid"), 2.0,
+     ["m above ellipsoid", "m above take-off"], ["5.0", "5.0"]),
+])  # fmt: skip
+def test_heights_say_what_they_are_above(
+    earth: co.Earth | None, top: float, heads: list[str], first: list[str]
+) -> None:
+    """No column is called z alone; one column is enough where the map's z is above take-off."""
+    flight = _over(None, top)
+    flown = replace(flight.flown, problem=flight.flown.problem.replace(earth=earth))
+    flight = flight._replace(flown=flown)
+    card, _ = drone_cards(flight, clock_of(flight), None, Touchdowns.of(flight))
+    assert card.table is not None
+    words = [head.replace("\n", " ") for head in card.table.heads]
+    assert words[3:-2] == heads and list(card.table.rows[0][3:-2]) == first
+    facts = dict(card.facts)
+    assert facts["first place"].endswith("; 5.0 m above take-off")
+    told = text_of(flight)
+    assert sum(line.startswith("Heights") for line in told["Places and heights"]) == 1
+    assert not any(re.search(r"\bz [(\d]", line) for lines in told.values() for line in lines) or (
+        earth is None
+    )
+
+
+def test_the_sheet_has_no_marks_of_other_papers() -> None:
+    """No hyphens or backticks of Markdown; a box is beside what somebody checks, and nothing else.
+
+    What the program did not check is a list of its own.
+    """
+    flight = Flight.of(*scene(), False)
+    grounds = Touchdowns.of(flight)
+    lines = [line for lines in text_of(flight).values() for line in lines]
+    assert not any(line.startswith("- ") or "`" in line for line in lines)
+    checks, others = {*to_check(flight, False)}, {*unchecked(flight, grounds)}
+    assert checks and others and not checks & others
+    assert not any("not checked" in words for words in checks)
+    pages = pages_of(flight, None, [USUAL])
+    texts = [text.get_text() for figure in pages.figures for text in figure.texts]
+    assert texts.count("\N{BALLOT BOX}") == len(checks)
+    assert texts.count("\N{BULLET}") == len(others)
+
+
+@pytest.mark.slow
+def test_no_half_page_is_empty_with_many_drones() -> None:
+    """Maps that do not fit on the first page leave it to others; long tables go on in the next."""
+    problem = load_scene("field-large", 0)
+    few = problem.replace(
+        robots=problem.robots[:18], actors=problem.actors[:6], step=2.0, horizon=9
+    )
+    few = few.replace(actors=[actor.replace(poses=actor.poses[:10]) for actor in few.actors])
+    plan = co.Plan(paths=tuple((robot.start,) * 10 for robot in few.robots))
+    pages = pages_of(Flight.of(few, plan, False), None, [USUAL])
+    require_apart(pages)
+    for figure in pages.figures[:-1]:
+        boxes = [ax.get_position(original=True).y0 for ax in figure.axes]
+        lowest = min([*boxes, *(box[1] / HEIGHT for box in extents(figure)[:-1])])
+        assert lowest < 0.4
+    cards = [
+        text.get_text() for figure in pages.figures for text in figure.texts
+        if re.fullmatch(r"Drone \d+", text.get_text())
+    ]  # fmt: skip
+    assert sorted(cards, key=lambda words: int(words.split()[1])) == [
+        f"Drone {k}" for k in range(18)
+    ]
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 300])
@@ -795,7 +871,10 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     page = (tmp_path / "sheet.pdf").read_bytes()
     flight = Flight.of(problem, plan, False)
     start = datetime(2026, 5, 1, 10, tzinfo=timezone(timedelta(hours=2)))
-    for base, told in ((0.0, "z: height above the sea"), (-7.5, "z + -7.5 m is the height")):
+    for base, told in (
+        (0.0, "Heights: above the sea; "),
+        (-7.5, "(z = 0 of the map is 7.5 m below the sea)"),
+    ):
         above = problem.replace(earth=co.Earth(crs="EPSG:2154", heights="sea", base=base))
         other = flight._replace(flown=replace(flight.flown, problem=above))
         assert any(told in line for line in text_of(other)["Places and heights"])

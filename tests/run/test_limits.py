@@ -532,7 +532,7 @@ def test_plans_in_which_no_drone_moves_are_not_flown(
     assert not flight.exists()
     code, out, err = run(capsys, *words, "--hovering")
     assert code == 0
-    assert out.split()[0] == "attention" and out.count("no plan: ") == 1
+    assert out.split()[0] == "ATTENTION:" and out.count("no plan: ") == 1
     assert f"{plan}: no plan: the time limit" in caplog.text
     assert flight.exists()
 

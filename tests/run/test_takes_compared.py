@@ -69,11 +69,12 @@ def test_sentences_say_shares_of_what_could_be_had() -> None:
         return list(Hedging(problem, (rows[0], rows[1]), rows[2]).sentences())
 
     assert told(2.0)[-1] == (
-        "on average the plan for all takes has less than the best plan, proved: at most 50.00 %, "
-        "and less than whoever knew the take, proved: at most 50.0 %"
+        "on average the plan for all takes is below the best such plan (proved: at most 50.00 %), "
+        "and below plans made for the take if it were known (proved: at most 50.0 %)"
     )
-    assert 'hedging costs 0.0 % in "rare", proved: at most 50.0 %' in told(2.0)
-    assert 'hedging costs 0.0 % in "rare", at most how much is not proved' in told(math.inf)
+    assert 'hedging costs 0.0 % of J in "rare" (proved: at most 50.0 %)' in told(2.0)
+    unproved = 'hedging costs 0.0 % of J in "rare" (not proved by how much at most)'
+    assert unproved in told(math.inf)
     assert "nan" not in " ".join(told(math.inf)).lower()
 
 

@@ -20,7 +20,7 @@ from cocap_opt.flight.ways import has_homes, parts_of_take, pauses_of
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
-from cocap_opt.missions.sheet.clock import Clock, phases_of
+from cocap_opt.missions.sheet.clock import Clock, Phase, phases_of
 from cocap_opt.missions.sheet.filmed import (
     STRIP,
     quality_notes,
@@ -39,11 +39,13 @@ from cocap_opt.missions.sheet.words import (
     label_of,
     running_order,
     sections,
+    to_check,
     unchecked,
 )
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEGEND, _TITLE = 120.0, 14.0, 6.0  # mm
+_MAP, _LEAST_MAP = 120.0, 90.0  # mm, of a map, and of one that fills a page
+_LEGEND, _TITLE, _HEADING = 14.0, 6.0, 16.0  # mm
 
 
 def write(flight: Flight, every: float | None) -> Export:
@@ -77,16 +79,31 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     clock, found = Clock(flight.start, parts, flight.flown.step), quality_of(flight)
     grounds, pages = Touchdowns.of(flight), Pages(families)
     _write_head(pages, flight, clock, grounds)
-    _draw_maps(pages, flight, clock, found)
+    phases = phases_of(flight, clock.parts)
+    parts_of_page = [
+        partial(_draw_maps, pages, flight, clock, phases),
+        partial(_write_filmed, pages, flight, clock, phases, found),
+    ]
+    # What is shorter fills the first page, where the maps do not.
+    for write_part in parts_of_page if _has_room_for_maps(pages) else reversed(parts_of_page):
+        write_part()
+    checks = [*map(_begun, to_check(flight, bool(parts)))]
+    pages.checklist("Check on the spot", checks, "\N{BALLOT BOX}")
     # One row of cards after the other: that of an odd drone has the first person's, too.
     title = "Drones, and people with their cues" if problem.actors else "Drones"
     drones = drone_cards(flight, clock, found, grounds)
     pages.cards(title, [*drones, *people_cards(flight, clock)])
     for title, blocks in sections(flight, clock, grounds, every):
         pages.section(title, blocks)
-    pages.checklist("Not checked", [*unchecked(flight, bool(parts), grounds)], "\N{BALLOT BOX}")
+    others = [*map(_begun, unchecked(flight, grounds))]
+    pages.checklist("Not checked by the program", others, "\N{BULLET}")
     pages.foot(shortened(printable(problem.name)))
     return pages
+
+
+def _begun(words: str) -> str:
+    """Returns a sentence, which begins with a capital letter."""
+    return f"{words[0].upper()}{words[1:]}."
 
 
 def _names(flight: Flight) -> Iterator[str]:
@@ -121,10 +138,15 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         pages.sentence("T is the time of step 0, when people get their signal.", SMALL)
 
 
-def _draw_maps(pages: Pages, flight: Flight, clock: Clock, found: Quality | None) -> None:
-    """Draws a map for each phase, with who is filmed by whom after those of the take."""
-    phases, ground = phases_of(flight, clock.parts), ground_of(flight)
-    pages.heading("Maps", _LEGEND + _MAP + _TITLE)
+def _has_room_for_maps(pages: Pages) -> bool:
+    return pages.room - _HEADING - _LEGEND - _TITLE >= _LEAST_MAP
+
+
+def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phase]) -> None:
+    """Draws a map for each phase."""
+    ground = ground_of(flight)
+    height = _map_height(pages.room - _HEADING - _LEGEND - _TITLE)
+    pages.heading("Maps", _LEGEND + height + _TITLE)
     legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
     pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
     if any(actor.name for actor in flight.flown.problem.actors):
@@ -132,20 +154,32 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, found: Quality | None
         names = [label_of(flight.flown.problem, person) for person in people]
         pages.sentence(f"People: {', '.join(names)}.", SMALL)
     for phase in phases:
-        pages.need(_MAP + _TITLE)
+        height = _map_height(pages.room - _TITLE)
+        pages.need(height + _TITLE)
         pages.sentence(phase.title(clock), STRONG)
-        pages.picture(_MAP, partial(draw, flight=flight, phase=phase, ground=ground))
+        pages.picture(height, partial(draw, flight=flight, phase=phase, ground=ground))
+
+
+def _write_filmed(
+    pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phase], found: Quality | None
+) -> None:
+    """Writes who is filmed by whom in the take, and how well; nothing if nobody counts."""
     if found is None:
         return
     names = [label_of(flight.flown.problem, person.actor) for person in found.by_person]
     pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
     pages.sentence("Drones that see the person at half of the steps or more; in brackets: drones "
-                   "that see them less often.", SMALL)  # fmt: skip
+                   "that see the person less often.", SMALL)  # fmt: skip
     pages.section("How people are filmed", [quality_table(found, names)], BODY)
     for words in quality_notes(found):
         pages.sentence(words, SMALL)
     for height, draw_strips in strips(found):
         pages.picture(height, draw_strips, STRIP)
+
+
+def _map_height(room: float) -> float:
+    """Returns the height (mm) of a map: less than usual where that saves a page."""
+    return min(_MAP, room) if room >= _LEAST_MAP else _MAP
 
 
 def _printed(pages: Pages) -> bytes:

@@ -12,6 +12,7 @@ from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.routes import seconds_in_the_air
 from cocap_opt.missions.sheet.clock import Clock
 from cocap_opt.missions.sheet.filmed import filmed_by
+from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Card, Table
 from cocap_opt.missions.sheet.places import degrees
 from cocap_opt.missions.sheet.words import label_of
@@ -28,8 +29,8 @@ def drone_cards(
     flight: Flight, clock: Clock, found: Quality | None, grounds: Touchdowns
 ) -> list[Card]:
     """Returns a card for each drone."""
-    count = len(flight.flown.problem.robots)
-    return [_drone_card(flight, clock, found, grounds, drone) for drone in range(count)]
+    count, heights = len(flight.flown.problem.robots), Heights.of(flight)
+    return [_drone_card(flight, clock, found, grounds, heights, drone) for drone in range(count)]
 
 
 def people_cards(flight: Flight, clock: Clock) -> list[Card]:
@@ -76,14 +77,14 @@ def _in_the_air(flight: Flight, clock: Clock, drone: int) -> float:
 
 
 def _drone_card(
-    flight: Flight, clock: Clock, found: Quality | None, grounds: Touchdowns, drone: int
-) -> Card:
+    flight: Flight, clock: Clock, found: Quality | None, grounds: Touchdowns, heights: Heights,
+    drone: int,
+) -> Card:  # fmt: skip
     problem = flight.flown.problem
     robot = problem.robots[drone]
     ends = flight.flown.at(np.array([0.0, flight.flown.seconds]))
     start, end = ends.place[ends.drone == drone].tolist()
     facts = [
-        ("pilot", ""),
         ("camera", camera_name(robot.camera) or ""),
         ("airframe", airframe_name(robot.limits) or ""),
         ("battery", _battery(flight, clock, drone)),
@@ -91,28 +92,28 @@ def _drone_card(
     if robot.home is not None:
         facts.append(("home", _place(flight, *problem.height_map.centre(*robot.home))))
     facts += [
-        ("first place", _place(flight, *start)),
-        ("last place", _place(flight, *end)),
+        ("first place", _end(flight, heights, drone, *start)),
+        ("last place", _end(flight, heights, drone, *end)),
         *(("ATTENTION", words) for words in grounds.of_drone(drone)),
         ("films", filmed_by(found, drone, problem)),
     ]
-    return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, drone))
+    return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, heights, drone), ("pilot", ""))
 
 
 def _battery(flight: Flight, clock: Clock, drone: int) -> str:
     """Returns the time that a battery lasts, the part that is needed, and the reserve."""
     robot, needed = flight.flown.problem.robots[drone], _in_the_air(flight, clock, drone)
-    down = "" if clock.parts else ", plus the way down"
+    down = "" if clock.parts else " plus landing"
     air = f"in the air {_minutes(math.ceil(needed))}{down}"
     lasts = _endurance(robot)
     if lasts is None:
-        return f"__________ min; {air}"
+        return f"________ min; {air}"
     left = lasts - needed
     reserve = f"reserve {_minutes(left)} ({_percent(left / lasts)})" if left >= 0 else "TOO SHORT"
     return f"{_minutes(lasts)} (manufacturer's figure); {air}; {reserve}"
 
 
-def _drone_cues(flight: Flight, clock: Clock, drone: int) -> Table:
+def _drone_cues(flight: Flight, clock: Clock, heights: Heights, drone: int) -> Table:
     """Returns a drone's places and the directions in which it looks, by the clock."""
     samples = flight.flown.at(_moments(flight))
     is_its = samples.drone == drone
@@ -122,12 +123,13 @@ def _drone_cues(flight: Flight, clock: Clock, drone: int) -> Table:
     if flight.geodesy is not None:
         looks = flight.geodesy.compass(place[:, 0], place[:, 1], yaw)
     rows = [
-        (_time(clock, t), *(f"{metres:.1f}" for metres in (x, y, z)), f"{round(look) % 360}",
-         f"{down:.0f}")
+        (_time(clock, t), *(f"{metres:.1f}" for metres in (x, y, *heights.columns(z, drone))),
+         f"{round(look) % 360}", f"{down:.0f}")
         for t, x, y, z, look, down in np.column_stack([times, place, looks, pitch]).tolist()
     ]  # fmt: skip
-    heads = ("time", "x (m)", "y (m)", "z (m)", _direction(flight), "pitch")
-    return Table(heads, rows, frozenset(range(1, 6)))
+    looks = "yaw" if flight.geodesy is None else "looks\nto"
+    heads = ("time", "x (m)", "y (m)", *heights.heads(), looks, "pitch")
+    return Table(heads, rows, frozenset(range(1, len(heads))))
 
 
 def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
@@ -137,11 +139,9 @@ def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
     walk = actor.poses[: len(steps), :2]
     times = _moments(flight)
     x, y = (np.interp(times, steps, axis) for axis in walk.T)
-    facts = [
-        ("stands by at", _place(flight, float(x[0]), float(y[0]))),
-        ("signal", f"{_time(clock, 0.0)}, step 0"),
-    ]
-    return Card(label_of(problem, person), facts, _person_cues(flight, clock, times, x, y))
+    facts = [("stands by at", _place(flight, float(x[0]), float(y[0])))]
+    cues, signal = _person_cues(flight, clock, times, x, y), ("signal", _time(clock, 0.0))
+    return Card(label_of(problem, person), facts, cues, signal)
 
 
 def _person_cues(
@@ -187,10 +187,15 @@ def _direction(flight: Flight) -> str:
     return "yaw" if flight.geodesy is None else "compass"
 
 
-def _place(flight: Flight, x: float, y: float, z: float | None = None) -> str:
-    high = "" if z is None else f", z {z:.1f}"
+def _end(flight: Flight, heights: Heights, drone: int, x: float, y: float, z: float) -> str:
+    """Returns a place that the cues have, too: where on the Earth, and how high."""
+    where = ", ".join(degrees(flight, x, y, _DIGITS)) or f"x {x:.1f}, y {y:.1f}"
+    return f"{where}; {heights.told(z, drone)}"
+
+
+def _place(flight: Flight, x: float, y: float) -> str:
     on_earth = ", ".join(degrees(flight, x, y, _DIGITS))
-    return f"x {x:.1f}, y {y:.1f}{high}" + (f"; {on_earth}" if on_earth else "")
+    return f"x {x:.1f}, y {y:.1f}" + (f"; {on_earth}" if on_earth else "")
 
 
 def _minutes(seconds: float) -> str:

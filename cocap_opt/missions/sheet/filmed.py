@@ -92,19 +92,24 @@ def quality_table(found: Quality, names: Sequence[str]) -> Table:
         )
         for person, name in zip(found.by_person, names, strict=True)
     ]  # fmt: skip
-    heads = ("person", "by two", "by three", "half within", "worst moment")
+    if len(rows) > 1:
+        all_people = found.summary
+        shares = whole_percent(all_people.by_two), whole_percent(all_people.by_three)
+        rows.append(("all", *shares, _millimetres(all_people.median), ""))
+    heads = ("person", "two cameras", "three cameras", "typical error", "worst moment")
     return Table(heads, rows, frozenset({1, 2, 3}))
 
 
 def quality_notes(found: Quality) -> list[str]:
     """Returns sentences below the table."""
-    had = found.assumptions
+    had, number = found.assumptions, found.summary.in_pictures
     return [
-        f"All: {found.summary.line}. Drones that are {had.drone_pixels:g} px wide or more in the "
-        f"picture of another: {found.summary.in_pictures}, counted at each step.",
-        "By two, by three: share of steps at which two or three cameras, or more, see at least "
-        f"{100 * had.at_least:g} % of the person. Half within: at half of the steps the error of a "
-        f"point in space is no larger, with {had.pixel_error:g} px of error in a picture.",
+        f"Drones in shot: {f'{number} times in the take' if number else 'none'} (a drone at least "
+        f"{had.drone_pixels:g} px wide in the picture of another, counted at each step).",
+        "Two cameras, three cameras: share of the take in which at least so many see at least "
+        f"{100 * had.at_least:g} % of the person. Typical error: for half of the take, a point on "
+        f"the person is located to within this distance, if found in each picture to within "
+        f"{had.pixel_error:g} px.",
     ]
 
 

@@ -6,6 +6,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import CRUISE, NOTE, RISE, Part, Way
 from cocap_opt.missions.sheet.clock import Clock
+from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Block, Section, Table
 from cocap_opt.missions.sheet.places import degree_heads, degrees
 from cocap_opt.problem import Problem
@@ -21,6 +22,7 @@ def take_off(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[Sect
     if not clock.parts:
         yield Section("Take-off and landing (a suggestion)", list(_legs(flight, grounds)))
         return
+    heights = Heights.of(flight)
     yield Section("From home and back", list(_homeward(clock.parts)))
     for part in clock.parts:
         steps = f" of steps {part.words}" if len(clock.parts) > 1 else ""
@@ -28,9 +30,9 @@ def take_off(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[Sect
             row
             for drone in part.drones
             for words, way in (("out", drone.out), ("back", drone.back))
-            for row in _points(drone.drone, words, way)
+            for row in _points(drone.drone, words, way, heights)
         ]
-        heads = ("drone", "way", "x (m)", "y (m)", "z (m)")
+        heads = ("drone", "way", "x (m)", "y (m)", heights.head)
         yield Section(f"Ways{steps}", [Table(heads, rows, frozenset({0, 2, 3, 4}))])
 
 
@@ -61,11 +63,11 @@ def _homeward(parts: Sequence[Part]) -> Iterator[Block]:
     yield Table(heads, rows, frozenset(range(1, len(heads))))
 
 
-def _points(drone: int, words: str, way: Way) -> Iterator[tuple[str, ...]]:
+def _points(drone: int, words: str, way: Way, heights: Heights) -> Iterator[tuple[str, ...]]:
     """Yields the points at which a way turns."""
-    for k, point in enumerate(way.points.tolist()):
+    for k, (x, y, z) in enumerate(way.points.tolist()):
         names = (str(drone), words) if k == 0 else ("", "")
-        yield (*names, *(f"{metres:.1f}" for metres in point))
+        yield (*names, *(f"{metres:.1f}" for metres in (x, y, heights.above_datum(z))))
 
 
 def _legs(flight: Flight, grounds: Touchdowns) -> Iterator[Block]:
@@ -73,13 +75,15 @@ def _legs(flight: Flight, grounds: Touchdowns) -> Iterator[Block]:
     if not flight.flown.problem.begins_in_the_air:
         yield "Straight up from the surface below the first place."
     yield "Straight down at the last place, one drone after the other."
-    heads = ("drone", "leg", "x (m)", "y (m)", "surface z (m)", "place z (m)", "leg (m)",
-             *degree_heads(flight), "surface")  # fmt: skip
+    heights = Heights.of(flight)
+    heads = ("drone", "leg", "x (m)", "y (m)", f"surface,\n{heights.head.replace(chr(10), ' ')}",
+             f"place,\n{heights.head.replace(chr(10), ' ')}", "leg (m)", *degree_heads(flight),
+             "surface")  # fmt: skip
     rows = [
         (
-            str(each.drone), each.kind, f"{each.x:.1f}", f"{each.y:.1f}", f"{each.surface:.2f}",
-            f"{each.z:.2f}", f"{each.z - each.surface:.2f}", *degrees(flight, each.x, each.y),
-            each.ground,
+            str(each.drone), each.kind, f"{each.x:.1f}", f"{each.y:.1f}",
+            f"{heights.above_datum(each.surface):.2f}", f"{heights.above_datum(each.z):.2f}",
+            f"{each.z - each.surface:.2f}", *degrees(flight, each.x, each.y), each.ground,
         )
         for each in grounds.found
     ]  # fmt: skip

@@ -34,13 +34,16 @@ HEAD, TITLE = Text(10.0, bold=True), Text(16.0, bold=True)
 
 
 def wrapped(words: str, width: float, look: Text, families: tuple[str, ...]) -> list[str]:
-    """Returns the lines of a text; words that are wider than a line are parted.
+    """Returns the lines of a text, which ends lines; words that are wider than one are parted.
 
     Parameters
     ----------
     width : mm, of a line
     families : of fonts
     """
+    if "\n" in words:
+        parts = (wrapped(part, width, look, families) for part in words.split("\n"))
+        return [line for lines in parts for line in lines]
     lines, line = list[str](), ""
     for word in words.split(" "):
         longer = f"{line} {word}" if line else word

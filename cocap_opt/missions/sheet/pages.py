@@ -26,10 +26,11 @@ SIDE, TOP, BOTTOM = 14.0, 14.0, 14.0  # mm, margins
 INNER = WIDTH - 2 * SIDE
 _WHOLE = HEIGHT - TOP - BOTTOM  # mm, of a page
 _MM = 25.4  # of an inch
-_GAP = 3.0  # mm between columns of a table
+_GAP, _LEAST_GAP = 3.0, 1.5  # mm between columns of a table, and where it needs all the width
 _PAD, _BETWEEN = 2.0, 3.0  # mm, inside of a card, and between two of them
 _AFTER_LINES, _AFTER_TABLE = 0.8, 2.0  # mm, below a sentence and below a table
 _LABEL = 19.0  # mm, of the names of a card's facts
+_LONG, _LEAST = 120.0, 50.0  # mm: longer sections go on on the next page; so much is on the first
 _RULE, _PALE = "#000000", "#999999"
 
 
@@ -46,6 +47,18 @@ class Table(NamedTuple):
     right: frozenset[int] = frozenset()
 
 
+class _Widths(NamedTuple):
+    """The widths of a table's columns, and the gap between two of them (mm)."""
+
+    each: Sequence[float]
+    gap: float
+
+    @property
+    def sum(self) -> float:
+        """The width of the table (mm)."""
+        return sum(self.each) + self.gap * (len(self.each) - 1)
+
+
 Block = str | Table  # a sentence or a table
 
 
@@ -57,11 +70,17 @@ class Section(NamedTuple):
 
 
 class Card(NamedTuple):
-    """A box that no page break parts: a title, facts with their names, and a table."""
+    """A box that no page break parts: a title, facts with their names, and a table.
+
+    Attributes
+    ----------
+    beside : a fact in the line of the title; its name is empty if there is none
+    """
 
     title: str
     facts: Sequence[tuple[str, str]]
     table: Table | None = None
+    beside: tuple[str, str] = ("", "")
 
 
 class Inset(NamedTuple):
@@ -178,13 +197,14 @@ class Pages:
             self.skip(_PAD + 2.0)
 
     def section(self, words: str, blocks: Sequence[Block], look: Text = SMALL) -> None:
-        """Writes a heading, and sentences and tables below it; parted only if no page holds all.
+        """Writes a heading, and sentences and tables below it; parted only if they are long.
 
         Parameters
         ----------
         look : of tables
         """
-        self.heading(words, sum(self._height(block, look) for block in blocks))
+        height = sum(self._height(block, look) for block in blocks)
+        self.heading(words, height if height <= _LONG else _LEAST)
         for block in blocks:
             if isinstance(block, Table):
                 self.table(block, look)
@@ -209,7 +229,7 @@ class Pages:
             if k == 0 or height > self.room:
                 self.need(height + before)
                 self._row(head, widths, table, SIDE, look.in_bold)
-                self._line(SIDE, self._y, SIDE + sum(widths) + _GAP * (len(widths) - 1), _PALE)
+                self._line(SIDE, self._y, SIDE + widths.sum, _PALE)
                 self.skip(1.0)
             self._row(cells, widths, table, SIDE, look)
         self.skip(_AFTER_TABLE)
@@ -217,20 +237,23 @@ class Pages:
     def cards(self, title: str, cards: Sequence[Card]) -> None:
         """Draws cards below a heading in two columns, none of them on two pages.
 
-        Each card goes into the column that ends higher, so that low cards leave no gaps.
+        They are read line by line: every other one is on the right, if the page has room there.
         """
         wide = (INNER - _BETWEEN) / 2
         self.heading(title, max(self._card_height(card, wide) for card in cards[:2]))
-        ends = [self._y, self._y]  # of the columns, mm from the top
+        ends, side = [self._y, self._y], 0  # mm from the top, of the columns
         for card in cards:
             height = self._card_height(card, wide)
-            self._y = min(ends)
-            if height > self.room and self._y > TOP:
+            bottom = HEIGHT - BOTTOM - height
+            if ends[side] > bottom >= ends[1 - side]:
+                side = 1 - side
+            if ends[side] > bottom and max(ends) > TOP:
                 self.begin_page()
-                ends = [self._y, self._y]
-            side = ends.index(self._y)
+                ends, side = [self._y, self._y], 0
+            self._y = ends[side]
             self._draw_card(card, SIDE + side * (wide + _BETWEEN), wide, height)
             ends[side] += height + _BETWEEN
+            side = 1 - side
         self._y = max(ends)
 
     def fields(self, fields: Sequence[tuple[str, str]], columns: int) -> None:
@@ -278,7 +301,7 @@ class Pages:
 
     def _card_height(self, card: Card, wide: float) -> float:
         inner = wide - 2 * _PAD
-        lines = len(self._wrapped(card.title, inner, STRONG))
+        lines = len(self._wrapped(card.title, self._title_width(card, inner), STRONG))
         height = lines * STRONG.line + 1.0 + 2 * _PAD
         for _, value in card.facts:
             height += len(self._wrapped(value, inner - _LABEL, SMALL)) * SMALL.line + 0.4
@@ -288,11 +311,23 @@ class Pages:
             height += 1.5 + sum(self._high(self._cells(r, widths, SMALL), SMALL) for r in rows)
         return height
 
+    @staticmethod
+    def _title_width(card: Card, inner: float) -> float:
+        return inner / 2 - _GAP if card.beside[0] else inner
+
     def _draw_card(self, card: Card, left: float, wide: float, height: float) -> None:
         self._frame(left, self._y, wide, height, 0.8)
         self.skip(_PAD)
         inner = wide - 2 * _PAD
-        self._lines(left + _PAD, self._wrapped(card.title, inner, STRONG), STRONG)
+        if name := card.beside[0]:
+            half = left + _PAD + inner / 2
+            self._put(half, self._y, name, SMALL_STRONG)
+            start = half + self._wide(f"{name}  ", SMALL_STRONG)
+            self._put(start, self._y, card.beside[1], SMALL)
+            if not card.beside[1]:
+                self._line(start, self._y + STRONG.line - 0.5, left + _PAD + inner, _PALE)
+        title = self._wrapped(card.title, self._title_width(card, inner), STRONG)
+        self._lines(left + _PAD, title, STRONG)
         self.skip(1.0)
         for name, value in card.facts:
             self._put(left + _PAD, self._y, name, SMALL_STRONG)
@@ -313,39 +348,42 @@ class Pages:
                 cells = self._cells(row, widths, SMALL)
                 self._row(cells, widths, card.table, left + _PAD, SMALL)
 
-    def _widths(self, table: Table, inner: float, look: Text) -> list[float]:
-        """Returns the widths (mm) of columns: what they need; less of the widest if too much."""
+    def _widths(self, table: Table, inner: float, look: Text) -> "_Widths":
+        """Returns the widths of columns: what they need; less of the widest if too much."""
         bold = look.in_bold
         needs = [
             max([self._wide(head, bold), *(self._wide(row[k], look) for row in table.rows)])
             for k, head in enumerate(table.heads)
         ]
-        room, most = inner - _GAP * (len(needs) - 1), max(needs)
-        rest, left = room, len(needs)
+        spare = inner - sum(needs)
+        gaps = max(len(needs) - 1, 1)
+        if spare >= _LEAST_GAP * gaps:
+            return _Widths(needs, min(_GAP, spare / gaps))
+        rest, left, most = inner - _GAP * gaps, len(needs), max(needs)
         for need in sorted(needs):  # the narrow ones have what they need
             if need * left > rest:
                 most = rest / left
                 break
             rest, left = rest - need, left - 1
-        return [min(need, most) for need in needs]
+        return _Widths([min(need, most) for need in needs], _GAP)
 
-    def _cells(self, row: Sequence[str], widths: Sequence[float], look: Text) -> list[list[str]]:
-        return [self._wrapped(text, w, look) for text, w in zip(row, widths, strict=True)]
+    def _cells(self, row: Sequence[str], widths: "_Widths", look: Text) -> list[list[str]]:
+        return [self._wrapped(text, w, look) for text, w in zip(row, widths.each, strict=True)]
 
     @staticmethod
     def _high(cells: Sequence[Sequence[str]], look: Text) -> float:
         return max(len(lines) for lines in cells) * look.line
 
     def _row(
-        self, cells: Sequence[Sequence[str]], widths: Sequence[float], table: Table, left: float,
+        self, cells: Sequence[Sequence[str]], widths: "_Widths", table: Table, left: float,
         look: Text,
     ) -> None:  # fmt: skip
-        for k, (lines, width) in enumerate(zip(cells, widths, strict=True)):
+        for k, (lines, width) in enumerate(zip(cells, widths.each, strict=True)):
             is_right = k in table.right
             for n, words in enumerate(lines):
                 at = left + width if is_right else left
                 self._put(at, self._y + n * look.line, words, look, "right" if is_right else "left")
-            left += width + _GAP
+            left += width + widths.gap
         self.skip(self._high(cells, look))
 
     def _write(self, left: float, top: float, words: str, look: Text, wide: float) -> None:
@@ -378,7 +416,7 @@ class Pages:
         ))  # fmt: skip
 
     def _wide(self, words: str, look: Text) -> float:
-        return wide(words, look, self._families)
+        return max(wide(line, look, self._families) for line in words.split("\n"))
 
     def _wrapped(self, words: str, width: float, look: Text) -> list[str]:
         return wrapped(words, width, look, self._families)

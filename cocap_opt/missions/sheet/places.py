@@ -6,8 +6,10 @@ import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Section, Table
 
+_OVER = {"above_ground": "ground", "above_takeoff": "take-off"}
 _MOST_ROWS = 10_000
 
 
@@ -36,10 +38,11 @@ def places(flight: Flight, every: float) -> Iterator[Section]:
     """Yields a table of times and places for each drone."""
     columns = _columns(flight, every)
     over = "above_ground" if "above_ground" in columns else "above_takeoff"
+    heights = Heights.of(flight)
     yaw = columns["yaw"] % 360
     if flight.geodesy is not None:
         yaw = flight.geodesy.compass(columns["x"], columns["y"], np.radians(yaw))
-    heads = ("t (s)", "x (m)", "y (m)", "z (m)", f"{over.replace('_', ' ')} (m)",
+    heads = ("t (s)", "x (m)", "y (m)", heights.head, f"m above\n{_OVER[over]}",
              "yaw" if flight.geodesy is None else "compass", "pitch",
              *degree_heads(flight))  # fmt: skip
     for drone in range(len(flight.flown.pieces)):
@@ -47,7 +50,8 @@ def places(flight: Flight, every: float) -> Iterator[Section]:
         for k in np.flatnonzero(columns["drone"] == drone).tolist():
             x, y = float(columns["x"][k]), float(columns["y"][k])
             rows.append((
-                f"{columns['t'][k]:.2f}", f"{x:.2f}", f"{y:.2f}", f"{columns['z'][k]:.2f}",
+                f"{columns['t'][k]:.2f}", f"{x:.2f}", f"{y:.2f}",
+                f"{heights.above_datum(float(columns['z'][k])):.2f}",
                 f"{columns[over][k]:.2f}", f"{yaw[k] % 360:.1f}", f"{columns['pitch'][k]:.1f}",
                 *degrees(flight, x, y),
             ))  # fmt: skip

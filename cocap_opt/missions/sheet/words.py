@@ -18,6 +18,7 @@ from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import routes, seconds_to_step_0
 from cocap_opt.missions.sheet.clock import Clock
 from cocap_opt.missions.sheet.ground import take_off
+from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Block, Section, Table
 from cocap_opt.missions.sheet.places import places, walks
 from cocap_opt.missions.waypoints import lateness
@@ -28,15 +29,17 @@ from cocap_opt.problem import SEPARATION, Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
 
-_LEGS = "take-off and landing legs, against anything"
-_UNCHECKED = (
-    "wind, and deviations of drones: distances hold for flights flown exactly",
+_LEGS = "take-off and landing spots, and the air above them, are clear"
+_CHECKS = (
+    "wind and gusts are within the drones' limits",
     _LEGS,
-    "batteries, radio links and satellite reception",
-    "obstacles that are not on the map, people who are not in the scene, and people who leave "
-    "their planned walks",
-    "airspace and its rules, and permission of the owners of the ground",
+    "batteries are charged; radio links and satellite reception are good",
+    "no obstacles that the map lacks, such as cranes, cables or trees",
+    "nobody is there who is not on this sheet; everybody knows their walk and their signal",
+    "airspace and its rules are clear, and the owners of the ground agree",
 )
+_FOR_RECIPES = "; a recipe"  # begins what is for whoever writes the scene
+_ONLY_FOR_SCENES = "height datum unknown"  # begins a note for whoever writes the scene
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
 
@@ -51,7 +54,10 @@ def sections(
     """
     return [
         Section("Places and heights", list(_places_and_heights(flight))),
-        Section("Distances and limits", [*_distances(flight), _limits(flight)]),
+        Section(
+            "Distances and limits",
+            [*_distances(flight), *_limits(flight)],
+        ),
         Section("Late drones and people", list(_delays(flight))),
         *take_off(flight, clock, grounds),
         *_missions(flight),
@@ -87,24 +93,32 @@ def running_order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Table:
     return Table(("time", "who", "what"), list(_order(flight, clock, grounds)))
 
 
-def unchecked(flight: Flight, has_homes: bool, grounds: Touchdowns) -> Iterator[str]:
-    """Yields what was not checked or is not known."""
-    yield from (
-        "people on the ways from and to home" if has_homes and words == _LEGS else words
-        for words in _UNCHECKED
-    )
-    yield from _ground_unknown(flight)
-    told = {*_urgent(flight, grounds)}
-    yield from (words for words in flight.warnings() if words not in told)
-
-
-def _ground_unknown(flight: Flight) -> Iterator[str]:
-    """Yields what the scene does not tell of the ground on which drones take off and land."""
+def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
+    """Yields what somebody checks on the spot and ticks, as it should be."""
     problem = flight.flown.problem
+    yield from (
+        "nobody is on the ways from and to home" if has_homes and words == _LEGS else words
+        for words in _CHECKS
+    )
     if not problem.height_map.knows_ground:
-        yield "roofs and obstacles below take-offs and landings: the map has no ground heights"
+        yield (
+            "no roofs or obstacles are below take-offs and landings: the map has no ground heights"
+        )
     if not problem.land_cover:
-        yield "water below take-offs and landings: the scene has no land cover"
+        yield "no water is below take-offs and landings: the scene has no land cover"
+    if problem.airspace.no_fly:
+        yield "drones have the no-fly zones as a geofence"
+    if (ceiling := problem.airspace.ceiling) is not None:
+        yield f"drones have the ceiling, {ceiling:g} m {over_datum(problem)}, as a limit"
+
+
+def unchecked(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
+    """Yields what the program did not check or does not know."""
+    yield "distances hold for drones and people that keep exactly to the plan"
+    told = {*_urgent(flight, grounds)}
+    for words in flight.warnings():
+        if words not in told and not words.startswith(_ONLY_FOR_SCENES):
+            yield words
 
 
 def _order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[tuple[str, str, str]]:
@@ -169,7 +183,10 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
     )
     yield from _tracks(problem)
     if flight.is_smooth:
-        yield "Waypoint missions fly straight: export their sheet without --smooth."
+        yield (
+            "This sheet is for a smooth flight: waypoint missions fly straight, and need a sheet "
+            "that is made without --smooth."
+        )
     if flight.geodesy is None:
         yield "Places: x and y of the map (m); its location on the Earth is unknown or left out."
     else:
@@ -177,8 +194,8 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
         known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
-        yield f"{flight.geodesy_note(flight.geodesy)}."
-    yield f"z: {_altitude(flight)}."
+        yield from (f"{words}." for words in flight.axes())
+    yield Heights.of(flight).sentence()
     yield _angles(flight)
 
 
@@ -194,20 +211,10 @@ def _tracks(problem: Problem) -> Iterator[str]:
         yield f"Step 0 is at {begin:.6g} s of the tracks of {who}."
 
 
-def _altitude(flight: Flight) -> str:
-    earth = flight.flown.problem.earth
-    if earth is None or earth.heights is None:
-        return "map height (m), datum unknown"
-    above = "the sea" if earth.heights == "sea" else "the ellipsoid"
-    if not earth.base:
-        return f"height above {above} (m)"
-    return f"map height (m); z + {earth.base:g} m is the height above {above}"
-
-
 def _angles(flight: Flight) -> str:
     yaw = "yaw is 0 along x, counter-clockwise"
     if flight.geodesy is not None:
-        yaw = "compass is clockwise from true north"
+        yaw = "'looks to' and 'compass' are clockwise from true north"
     return f"Degrees: {yaw}; pitch is the camera's, 0 is level, below is negative."
 
 
@@ -215,15 +222,15 @@ def _distances(flight: Flight) -> Iterator[str]:
     """Yields how near drones come to each other and to people, and the rules for it."""
     problem = flight.flown.problem
     near = Nearest.of_drones(flight.flown)
-    rules = str(problem.rules)
+    rules, heights = str(problem.rules), Heights.of(flight)
     if near is None:
         yield "Between drones: there is only one."
     else:
         x, y, z = near.place.tolist()
         yield (
             f"Minimum distance between drones: {near.distance:.2f} m (drones {near.first} and "
-            f"{near.second}, at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f}); rules: "
-            f"{rules}."
+            f"{near.second}, at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, {heights.told(z)}); "
+            f"rules: {rules}."
         )
     close = Nearest.of_people(flight.flown)
     if close is not None:
@@ -231,7 +238,7 @@ def _distances(flight: Flight) -> Iterator[str]:
         yield (
             f"Minimum distance to people, seen from above: {close.distance:.2f} m (drone "
             f"{close.first} and {problem.person(close.second)}, at {close.t:.2f} s near "
-            f"x {x:.1f}, y {y:.1f}, z {z:.1f})."
+            f"x {x:.1f}, y {y:.1f}, {heights.told(z)})."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
     if problem.airspace.ceiling is not None:
@@ -261,7 +268,7 @@ def _delays(flight: Flight) -> Iterator[str]:
         yield f"Between drones: {rules} holds while none is {delay:.2f} s or more behind another."
     to_people = tolerated_delay_of_people(flight)
     for words in people_and_delay(flight, to_people):
-        yield f"{words[0].upper()}{words[1:]}."
+        yield f"{words[0].upper()}{words[1:].partition(_FOR_RECIPES)[0]}."
     if delay is not None or to_people is not None:
         yield (
             f"The first page warns if less than {TIGHT:g} s is left: clocks show whole seconds, so "
@@ -269,8 +276,19 @@ def _delays(flight: Flight) -> Iterator[str]:
         )
 
 
-def _limits(flight: Flight) -> Table:
-    """Returns the tightest moment of each drone."""
+def _limits(flight: Flight) -> Iterator[Block]:
+    """Yields the tightest moment of each drone."""
+    found = flight.rows()
+    if all(row["limit"] is None for row in found):
+        yield "The tightest moment of each drone (limits unknown):"
+        speeds = [
+            (str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
+             f"{row['value']:.2f} {row['unit']}")
+            for row in found
+        ]  # fmt: skip
+        yield Table(("drone", "tightest", "at (s)", "value"), speeds, frozenset({0, 2, 3}))
+        return
+    yield "The tightest moment of each drone:"
     rows = [
         (
             str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
@@ -278,23 +296,29 @@ def _limits(flight: Flight) -> Table:
             "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}",
             row["of the limit"] or "-",
         )
-        for row in flight.rows()
+        for row in found
     ]  # fmt: skip
     heads = ("drone", "tightest", "at (s)", "value", "limit", "of the limit")
-    return Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
+    yield Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
 
 
 def _missions(flight: Flight) -> Iterator[Section]:
     """Yields what the crew must know of each autopilot's missions of this flight."""
     if flight.is_smooth or flight.geodesy is None or flight.flown.problem.begins_in_the_air:
         return
-    blocks: list[Block] = ["A mission flies on the autopilot that its file names, and on no other:"]
+    rows = list[tuple[str, ...]]()
     found = routes(flight, flight.geodesy)
     for autopilot in AUTOPILOTS.values():
         known = {ending: kind.autopilots for ending, kind in FORMATS.items()}
         endings = [ending for ending, pilots in known.items() if autopilot.name in pilots]
         endings.sort(key=lambda ending: known[ending].index(autopilot.name))  # usual ones first
-        names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in endings)
+        names = "\n".join(f"*.{autopilot.name}.*{ending}" for ending in endings)
         late = "".join(f" {words}." for words in lateness(autopilot, found))
-        blocks.append(f"- {names}: {autopilot.note}.{late}")
-    yield Section("Waypoint missions", blocks)
+        rows.append((names, autopilot.title, f"{autopilot.note}.{late}"))
+    yield Section(
+        "Waypoint missions",
+        [
+            "A mission flies on the autopilot that its file names, and on no other.",
+            Table(("files", "autopilot", "note"), rows),
+        ],
+    )

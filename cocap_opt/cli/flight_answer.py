@@ -1,0 +1,159 @@
+"""The answer of `fly` as people read it: what needs attention, what was written, what to do."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from cocap_opt.flight.changes import tight_timing
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.ways import Part, pauses_of
+from cocap_opt.output.answer import print_pairs, print_result
+from cocap_opt.output.printing import (
+    Listing,
+    Record,
+    path_text,
+    print_line,
+    print_list,
+    print_texts,
+    rounded,
+)
+from cocap_opt.plausibility import misplaced_people
+
+_MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
+
+
+class FlightAnswer(NamedTuple):
+    """The answer of `fly`.
+
+    Attributes
+    ----------
+    flight : that is written
+    parts : of the take between which batteries are changed; none without homes
+    files : that hold the flight
+    whole : all numbers
+    urgent : warnings of the files, which come before all else
+    notes : all other sentences that the crew must know
+    details : sentences on how to read the files
+    """
+
+    flight: Flight
+    parts: Sequence[Part]
+    files: Sequence[Path]
+    whole: Record
+    urgent: Sequence[str]
+    notes: Sequence[str]
+    details: Sequence[str]
+
+    def print(self) -> None:
+        """Prints warnings, the answer in a few lines, and what the crew must know."""
+        self._print_urgent()
+        print_pairs(self._in_short())
+        told = {*self.flight.near_without_rule()}
+        if notes := [words for words in self.notes if words not in told]:
+            print_texts([], ["", "Before you fly:"])
+            print_list(notes)
+        print_line(" (--verbose: all numbers, each drone, how to read the file)")
+
+    def print_all(self) -> None:
+        """Prints warnings, all numbers, tables of drones, and all notes."""
+        self._print_urgent()
+        print_result({**self.whole, "file": [*self.files]}, json=False)
+        if self.parts:
+            _in_the_air(self.parts).print()
+        _tightest(self.flight.rows()).print()
+        print_texts([], ["Before you fly:"] if self.notes else [])
+        print_list(self.notes)
+        print_texts([], ["", "How to read the file:"] if self.details else [])
+        print_list(self.details)
+
+    def _print_urgent(self) -> None:
+        if self.urgent:
+            print_texts([], [*(f"{words}." for words in self.urgent), ""])
+
+    def _in_short(self) -> Iterator[tuple[str, str]]:
+        """Yields labels and values."""
+        flown, found = self.flight.flown, self.flight.record()
+        rules, asked = flown.problem.rules, self.flight.asked or flown.problem.airspace
+        yield "file", "\n".join(map(path_text, self.files))
+        way = "smooth" if self.flight.is_smooth else "straight"
+        steps = f"{flown.problem.horizon} steps of {flown.step:g} s"
+        yield "flight", f"{way}, {flown.seconds:g} s: {steps}"
+        reward = rounded(found[f"reward_{way}"])
+        yield "J", f"{reward} in flight, {rounded(found['reward'])} at the steps of the plan"
+        if found["least_distance"] is not None:
+            rule = _rule(rules.separation)
+            yield "between drones", f"{found['least_distance']:.2f} m at least; {rule}"
+        if found["people_distance"] is not None:
+            rule = _rule(asked.people_aside)
+            yield "to people", f"{found['people_distance']:.2f} m at least, from above; {rule}"
+        tightest = max(self.flight.rows(), key=_tightness)
+        if tightest["limit"] is not None:
+            yield "nearest to a limit", _told_demand(tightest)
+        if self.parts:
+            yield "in the air", _told_air(self.parts)
+        if "crs" in found:
+            off = found["accuracy"]
+            known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
+            yield "on the Earth", f"{found['crs']}, {known}"
+
+
+def attention(flight: Flight, parts: Sequence[Part]) -> Iterator[str]:
+    """Yields what nobody must overlook.
+
+    Touchdowns, people out of place, tight timing, and pauses for new batteries.
+    """
+    yield from Touchdowns.of(flight).warnings()
+    yield from misplaced_people(flight.flown.problem)
+    yield from tight_timing(flight)
+    if pause := pauses_of(parts):
+        yield pause
+
+
+def _rule(least: float) -> str:
+    return f"the scene's rule is {least:g} m" if least else "the scene has no rule"
+
+
+def _told_demand(row: Record) -> str:
+    """Returns words for the tightest moment of a drone."""
+    asked = f"drone {row['drone']}, {row['tightest']} {row['value']:.2f} {row['unit']}"
+    return f"{asked}, {row['of the limit']} of its limit"
+
+
+def _told_air(parts: Sequence[Part]) -> str:
+    """Returns words for the drone with the least left in its battery; else for the longest time."""
+    drones = [drone for part in parts for drone in part.drones]
+    known = [(each.endurance - each.seconds, each) for each in drones if each.endurance is not None]
+    if known:
+        left, drone = min(known, key=lambda pair: pair[0])
+        return f"{drone.seconds:.0f} s at most (drone {drone.drone}), {left:.0f} s of battery left"
+    drone = max(drones, key=lambda each: each.seconds)
+    return f"{drone.seconds:.0f} s at most (drone {drone.drone}); endurance of batteries unknown"
+
+
+def _in_the_air(parts: Sequence[Part]) -> Listing:
+    """Returns the table of each drone's time in the air in each part, and of its battery."""
+    rows = [
+        {
+            **({"steps": part.words} if len(parts) > 1 else {}),
+            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.filming,
+            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
+            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
+        }
+        for part in parts
+        for drone in part.drones
+    ]  # fmt: skip
+    return Listing("from take-off to landing", rows)
+
+
+def _tightest(rows: Sequence[Record]) -> Listing:
+    """Returns the table of the drones' tightest moments; of many drones it has a few."""
+    table = Listing("tightest moment of each drone", rows)
+    if len(rows) <= _MANY:
+        return table
+    ranked = sorted(rows, key=_tightness, reverse=True)
+    return table._replace(rows=ranked).first(_FEW, "the drones nearest to a limit, or the fastest")
+
+
+def _tightness(row: Record) -> tuple[float, float]:
+    return (row["value"] / row["limit"] if row["limit"] else 0.0, row["value"])
