@@ -171,7 +171,7 @@ class QualityBound:
 
         Parameters
         ----------
-        found : the quality of a plan, which is told beside it
+        found : the quality of a plan, to print beside the bound
         obeys_rules : the plan obeys all rules
         """
         if not self.person_steps:

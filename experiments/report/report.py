@@ -217,7 +217,7 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     costly = {planner: costliest(told) for planner, told in explained.items()}
     most = [f"{planner}: {words}." for planner, words in costly.items() if words]
     about = (
-        "Drones lose by their paths, the bound pays for faces beyond what the drones get, it "
+        "Drones lose by their paths, the bound overestimates the rewards of faces, it "
         "charges for rules that nobody uses, and other leaves of a proof may have larger bounds. "
         "The largest single terms are these."
     )

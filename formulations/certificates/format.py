@@ -228,7 +228,7 @@ def _table(values: FloatArray) -> Table:
 
 
 class StepPrices(_Part, frozen=True, omit_defaults=True):
-    """Prices of some states at a step: the unconditional pay of a class's robots for being there.
+    """Prices of some states at a step: credits of a class's robots for being there.
 
     Attributes
     ----------

@@ -249,11 +249,11 @@ class EnvelopeParameters(Section):
     Attributes
     ----------
     few_states_left : states of all steps
-        up to which all are paid; beyond it, lists close more in the same time
+        up to which all have prices; beyond it, lists close more in the same time
     most_states_left : states of all steps
         likewise, once a round of lists has closed little
     most_states_of_few : states of all steps
-        up to which all are paid, of few robots: a tenth of a millisecond each to search
+        up to which all have prices, of few robots: a tenth of a millisecond each to search
     few_robots : robots
         of teams that are few
     most_unlisted : states of all steps

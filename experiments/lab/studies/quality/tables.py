@@ -145,7 +145,7 @@ def _on_accuracy(steps: Sequence[PersonStep]) -> list[str]:
     far = "at most" if abs(middle[1] - 1) <= _NEAR else "more than"
     said = [
         f"Over {counted(len(fine), 'person-step')} least squares have {_told(middle)} times the "
-        f"error that is told, that of the middle: the median is off by {far} "
+        f"reported error, that of the middle: the median is off by {far} "
         f"{100 * _NEAR:g} %. Of the joints' own it is {_told(ratio)} times, and "
         f"{_told(posed)} times with errors of the poses.",
     ]
@@ -201,7 +201,7 @@ def _ratios(steps: Sequence[PersonStep]) -> Record:
         "person-steps": len(steps),
         "predicted": f"{np.median([step.predicted for step in steps]):.3g} mm",
         "measured / predicted": _told(_spread(s.measured / s.predicted for s in steps)),
-        "measured / told": _told(_spread(s.measured / s.middle for s in steps)),
+        "measured / reported": _told(_spread(s.measured / s.middle for s in steps)),
         "library / least squares": _told(_spread(s.library / s.measured for s in steps)),
         "with pose errors": _told(_spread(s.measured_posed / s.predicted_posed for s in steps)),
         "joints kept": f"{100 * fmean(step.kept for step in steps):.0f} %",
