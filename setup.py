@@ -15,7 +15,7 @@ from setuptools import setup
 ROOT = Path(__file__).resolve().parent
 _FILE = r"\((?![a-z]+:|#)([^)\s]+)\)"  # the address of a link to a file
 _PICTURE = re.compile(rf"!\[([^\]]*)\]{_FILE}")
-_LINK = re.compile(rf"\[((?:[^\[\]]|!\[[^\]]*\]\([^)]*\))+)\]{_FILE}")
+_LINK = re.compile(rf"(?<!!)\[((?:[^\[\]]|!\[[^\]]*\]\([^)]*\))+)\]{_FILE}")
 
 
 def described(readme: str, repository: str | None, version: str) -> str:

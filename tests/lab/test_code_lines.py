@@ -8,7 +8,8 @@ from pages import DOCS
 from cocap_opt.experiments.lab.manual.code_lines import with_lines
 from cocap_opt.experiments.lab.studies.pictures import Browser
 
-WIDTH = 390  # px of a phone
+PHONE = (390, 844)  # px
+LOADED = "document.readyState === 'complete'"
 OVERFLOWING = """
 return [...document.querySelectorAll("pre")].map(box => box.scrollWidth > box.clientWidth);
 """
@@ -54,7 +55,7 @@ def test_code_does_not_scroll_on_a_phone(tmp_path: Path) -> None:
         "<!doctype html><meta name=viewport content='width=device-width'>"
         f"<style>pre {{ overflow: auto; }} {style}</style>{''.join(blocks)}"
     )
-    with Browser.opened(page.as_uri(), WIDTH, 844) as browser:
+    with Browser.opened(page, PHONE, ready=LOADED) as browser:
         assert browser.execute_script(OVERFLOWING) == [False, False, True]
         wide = browser.execute_script("return document.documentElement.scrollWidth > innerWidth")
         assert not wide

@@ -258,7 +258,7 @@ def seen_from(actor: int) -> FloatArray:
 
 
 def overestimates() -> FloatArray:
-    """Returns how much the bottleneck's bound overestimates the reward of each person [A, T+1]."""
+    """Returns the excess of the bottleneck's bound over the reward of each person [A, T+1]."""
     problem = bottleneck().problem
     excess = np.zeros((len(problem.actors), problem.horizon + 1))
     for term in explained().explanation.of_kind("face"):
