@@ -100,7 +100,7 @@ def quality_bound(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     cameras : the largest number of drones for which a bound is proved. None: the cameras of the
         problem's objective, or 2
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to

@@ -34,7 +34,7 @@ def team(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     drones : numbers of drones, or a single number
     camera : names of cameras, as listed by `cocap-opt scenes`; each is tried in teams of its own.
         None: the camera of the problem's drones

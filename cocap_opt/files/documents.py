@@ -112,7 +112,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
     time_limit : s that the planner was allowed; None: it had no limit, or it was not recorded
     work_limit : units of work that it was allowed; None as for `time_limit`
     cut_short : what the limit left of the plan, in words; empty if no limit stopped the planner
-    coverage_version : of the formula by which pixels were computed; None: not recorded
+    coverage_version : version of the formula for pixels; None: not recorded
     reward : J as the planner claims it
     plan : a path for each drone
     """

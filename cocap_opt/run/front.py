@@ -62,7 +62,7 @@ REWARD_ALONE, VIEWS_ALONE = Direction(1.0, 0.0), Direction(0.0, 1.0)
 
 
 class PlanPoint(NamedTuple):
-    """A plan that obeys all rules, and where it stands."""
+    """A plan that obeys all rules, with its J and V."""
 
     plan: Plan
     reward: float  # J of pixels and moves
@@ -90,10 +90,10 @@ class Front:
     ----------
     problem : the scene; J is its reward without views, with pixels of weight 1 if they had none
     views : the cameras from which on more drones add nothing, the share of a person that must be
-        visible, the people who count, and the share of all views that is asked for, if one is
+        visible, the people who count, and the requested share of all views, if any
     base : the problem whose reward is J: without views, or with a weight of views of its own
-    plans : those that no other plan is better than in both, the fewest views first; each has
-        `plan`, `reward` (J) and `views` (V)
+    plans : those that no other plan beats in both J and V, the fewest views first; each has `plan`,
+        `reward` (J) and `views` (V)
     half_planes : in the order in which they were proved; each has `bound`, which no plan exceeds,
         on the sum of J and V with the weights `direction`, and `file`, its certificate
     """
@@ -160,7 +160,7 @@ class Front:
         return plane.file.with_objective(self.scene(plane.direction).objective)
 
     def point(self, plan: Plan) -> PlanPoint | None:
-        """Returns where a plan stands; None if it breaks a rule."""
+        """Returns J and V of a plan; None if it breaks a rule."""
         verdict = check(self.base, plan)
         if not verdict.valid:
             return None
@@ -177,7 +177,7 @@ class Front:
 
     @property
     def most_views(self) -> float:
-        """The most that V could be, if all people were seen by so many drones at all steps."""
+        """The largest possible V: that many drones see all people at all steps."""
         return most_views(self.problem, self.views.cameras)
 
     def share(self, views: float) -> float:
@@ -189,7 +189,7 @@ class Front:
         return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
-        """Returns the J that no plan of at least so many views exceeds; -inf: there is no plan."""
+        """Returns the J that no plan with so many views or more exceeds; -inf: there is no plan."""
         if views > self.views_bound * (1 + _SAME):
             return -math.inf
         return min(
@@ -203,12 +203,12 @@ class Front:
 
     @property
     def views_bound(self) -> float:
-        """The V that no plan exceeds; negative where it is proved that there is no plan."""
+        """The V that no plan exceeds; negative if it is proved that there is no plan."""
         proved = (plane.bound for plane in self.half_planes if not plane.direction.reward)
         return min([self.most_views, *proved])
 
     def best_with(self, views: float) -> PlanPoint | None:
-        """Returns the plan of largest J among those of at least so many views."""
+        """Returns the plan of largest J among those with at least this many views."""
         enough = (point for point in self.plans if point.views >= views * (1 - _SAME))
         return next(enough, None)
 
@@ -224,7 +224,7 @@ class Front:
 
     @property
     def gap(self) -> float:
-        """The largest room above all plans.
+        """The largest relative gap between plans and bounds.
 
         It is enough to look along the axes and across edges. Two of these directions that follow on
         each other share a plan that is best in both. In a direction between them, a sum of the two,

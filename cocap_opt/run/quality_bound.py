@@ -61,9 +61,9 @@ class QualityBound:
     problem : the scene
     cameras : the largest number of drones for which there is a bound
     at_least : share of a person, by solid angle, from which on a drone sees them
-    weights : [T+1, A] of each person-step; 0 where it does not count
-    results : of the sum of min(1, n), of min(2, n) and so on, of the numbers n of drones that see a
-        person: its bound, with the certificate, and the plan of the largest sum that was found
+    weights : [T+1, A] weight of each person-step; 0 if it does not count
+    results : for the sums of min(1, n), of min(2, n) and so on, where n drones see a person: its
+        bound, with the certificate, and the plan of the largest sum that was found
     """
 
     problem: Problem

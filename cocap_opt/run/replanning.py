@@ -59,7 +59,7 @@ class Replanned:
     bound_seconds: float = 0.0
 
     def summary(self) -> str:
-        """Describe the rest, and what it is a rest of, in a few lines."""
+        """Describe the rest and its mission in a few lines."""
         old = f"no longer possible: {self.fault}" if self.old is None else f"{self.old:,.2f}"
         return "\n".join([
             f"from step {self.from_step}, drones {', '.join(map(str, self.drones))}",

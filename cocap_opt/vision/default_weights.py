@@ -34,9 +34,9 @@ Weight = float | tuple[float, ...] | Literal["first"] | None
 def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[float, ...]:
     """Returns the weight [A] in px^0.5/m of a drone that sees each person.
 
-    The person stands alone on flat ground. The camera is level with the person's middle, looks at
-    it, and is as far away as the image is three times as high as the person, or farther, so that
-    all of the person is in the image. The view's reward is the sum of the faces' weights, each times the
+    The person is alone on flat ground. The camera is level with the person's middle, looks at it,
+    and is as far away as the image is three times as high as the person, or farther, so that all of
+    the person is in the image. The view's reward is the sum of the faces' weights, each times the
     root of its px/m2. Half of the mean over eight directions and all robots' cameras is the weight;
     a `Cone` has no image, and is left out.
 
@@ -91,9 +91,10 @@ def weight_before_all(
 ) -> float:  # fmt: skip
     """Returns a weight by which a drone that sees a person outweighs all pixels and moves.
 
-    A face of area A and weight w that has p pixels, in all images together, is worth w sqrt(p / A). No
-    pixel shows two faces. So all faces together are worth at most sqrt(P sum w^2 / A) at a step, by
-    Cauchy and Schwarz, where P is the number of pixels of all images.
+    A face of area A and weight w that has p pixels, in all images together, is worth
+    w sqrt(p / A). No pixel shows two faces. So all faces together are worth at most
+    sqrt(P sum w^2 / A) at a step, by Cauchy and Schwarz, where P is the number of pixels of all
+    images.
 
     A plan of more views comes before others where all importances are 0 or one number, and so are
     the probabilities of takes. Where they differ, so may the views of two plans by less than the

@@ -347,14 +347,14 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     ----------
     format, version : kind and version of the file
     scene : name of the scene
-    digest : of the problem; it depends on every number of the scene
+    digest : digest of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
         in the order of their first robots; `single`: robots
-    coverage_version : of the formula by which pixels were computed; null: not recorded
+    coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
         used; left out: not recorded, or coverage was not complete
-    objective : the complete objective that the bound is for; left out: the scene's. `digest` is
+    objective : the complete objective of the bound; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
     coverage : `optimistic` if a limit had cut short the coverage with which the bound was computed:
@@ -420,14 +420,14 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     ----------
     format, version : kind and version of the file
     scene : name of the scene
-    digest : of the problem; it depends on every number of the scene
+    digest : digest of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
         in the order of their first robots; `single`: robots
-    coverage_version : of the formula by which pixels were computed; null: not recorded
+    coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
         used; left out: not recorded, or coverage was not complete
-    objective : the complete objective that the bound is for; left out: the scene's. `digest` is
+    objective : the complete objective of the bound; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
     nodes : the first is the root; children come after their parent, and each has one

@@ -130,7 +130,7 @@ def draw_parts() -> Figure:
 
 
 def draw_losses() -> Figure:
-    """Draws what drones lose by each move, and how much the bound overestimates people's rewards."""
+    """Draws the loss of drones by each move, and the excess of the bound for each person."""
     explanation = worked.explained().explanation
     figure = new_figure(WIDTH, 3.8)
     top, bottom = figure.subplots(2, 1, sharex=True)

@@ -13,10 +13,10 @@ the exact one.
 Where many states are left, each round has a short list of states for each step: those of the least
 slack. Their prices are no lower than before, and those of all other states so much higher that
 none of these is in a joint state above the new constant (`staged.narrowing`); so the search is over
-the list alone. The next round's lists are those of the new prices, shorter where searches took long. Once
-such rounds close little, all states get prices of their own, if there are not too many. Local search
-then looks for better plans in the mixture of paths behind the prices, and plans are recombined.
-Once one is better, it is the target, and all stages are repeated for it.
+the list alone. The next round's lists are those of the new prices, shorter where searches took
+long. Once such rounds close little, all states get prices of their own, if there are not too many.
+Local search then looks for better plans in the mixture of paths behind the prices, and plans are
+recombined. Once one is better, it is the target, and all stages are repeated for it.
 
 Before the first stage and after each the paths of all robots together may be few enough to be tried
 (`path_trials`), which proves what the best plan is. Where stages close no more, those of plans

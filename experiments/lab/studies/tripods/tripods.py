@@ -115,13 +115,13 @@ class TripodRow(NamedTuple):
 def tripods(
     *,
     theirs: Annotated[
-        Path, Parameter(help="Python with lab-camera-optimizer 1.2.1, in which it is called")
+        Path, Parameter(help="Python in which lab-camera-optimizer 1.2.1 is installed")
     ],
     room: Annotated[
         list[str] | None, Parameter(negative="", consume_multiple=True, help="rooms")
     ] = None,
     cameras: Annotated[str, Parameter(help="numbers of cameras")] = "2-8",
-    seen_by: Annotated[int, Parameter(help="cameras that are to see a point")] = 2,
+    seen_by: Annotated[int, Parameter(help="number of cameras to see each point")] = 2,
     limit: Seconds = 20.0,
     out: Out = None,
 ) -> None:
