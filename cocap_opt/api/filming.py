@@ -95,8 +95,8 @@ def quality_bound(
 ) -> QualityBound:
     """Prove the largest number of person-steps that several drones can see, whatever their plan.
 
-    For each number of drones up to `cameras`, bound the share of person-steps that at least so many
-    drones see, over all plans that obey the rules. The problem's objective does not matter.
+    For each number of drones up to `cameras`, bound the share of person-steps that at least this
+    many drones see, over all plans that obey the rules. The problem's objective does not matter.
 
     Parameters
     ----------

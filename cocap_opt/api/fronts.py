@@ -48,7 +48,7 @@ def front(
     Front
         With its `plans`, none of which is better than another in both respects, and the
         `half_planes` that contain all plans, each with its certificate. `reward_bound(views)` is
-        the J that no plan with at least so many views exceeds, `best_with(views)` the best such
+        the J that no plan with at least this many views exceeds, `best_with(views)` the best such
         plan found, `views_bound` the number of views that no plan exceeds, `gap` the largest gap
         left between plans and proofs, and `settled` is True if there is none. `table` has all of
         them. Printing it describes them in words.

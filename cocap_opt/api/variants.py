@@ -87,7 +87,7 @@ def with_starts(
     Returns
     -------
     Problem
-        The problem with other starts, whose name says so.
+        The problem with other starts; its name states the choice.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def takes(
     Returns
     -------
     Problem
-        The problem with takes "as given", "take 1", "take 2" and so on, as its name says.
+        The problem with the takes "as given", "take 1", "take 2" and so on; its name says so.
 
     Raises
     ------

@@ -103,15 +103,15 @@ class PlanFile(Document, frozen=True, kw_only=True):
     version : of this format
     scene : the name of the scene
     digest : of the scene
-    digest_without_objective : of the scene as if it had the usual objective, by which plans for
-        several objectives can be compared; None: not recorded
+    digest_without_objective : digest of the scene with the usual objective, to compare plans for
+        several objectives; None: not recorded
     planner : the name of the planner
     limit : the limit that stopped the planner; None: none did, or it was not recorded
     reason : why the planner stopped; None: not recorded
     seconds : s, wall-clock time of the search; None: not recorded
-    time_limit : s that the planner was allowed; None: it had no limit, or it was not recorded
-    work_limit : units of work that it was allowed; None as for `time_limit`
-    cut_short : what the limit left of the plan, in words; empty if no limit stopped the planner
+    time_limit : s, time limit of the planner; None: it had no limit, or it was not recorded
+    work_limit : work limit of the planner; None: as for `time_limit`
+    cut_short : effect of the limit on the plan, in words; empty if no limit stopped the planner
     coverage_version : version of the formula for pixels; None: not recorded
     reward : J as the planner claims it
     plan : a path for each drone

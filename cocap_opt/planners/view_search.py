@@ -17,7 +17,8 @@ already; a state includes its step; dominance compares the compounded values; af
 search goes back to the best state left in OPEN. The listing is our wording, the same as in
 docs/concepts/view-search.md; its numbers are beside the lines of `_algorithm_2`. The search
 evaluates the coverage of a state only when it reaches that state, which is its whole point:
-rendering views costs far more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
+rendering views costs far more than searching. The paper names no gamma; `cocap-opt study gamma`
+measures some.
 """
 
 import heapq

@@ -226,10 +226,9 @@ class Front:
     def gap(self) -> float:
         """The largest relative gap between plans and bounds.
 
-        It is enough to look along the axes and across edges. Two of these directions that follow on
-        each other share a plan that is best in both. In a direction between them, a sum of the two,
-        that plan is best as well, and half-planes allow no more than the sum of what they allow in
-        each.
+        The directions along the axes and across edges are enough. Two neighbouring directions share
+        a plan that is best in both. It is also best in all directions between them, where the
+        half-planes allow no more than the sum of their bounds in the two directions.
         """
         return max(self.room(direction) for direction in self.directions())
 
@@ -242,7 +241,7 @@ class Front:
     def settled(self) -> bool:
         """True if no weighted sum of J and V has a better plan, or if there is proved to be none.
 
-        Better by more than a millionth does not count.
+        Plans that are better by less than a millionth do not count.
         """
         return self.no_plan if not self.plans else self.gap <= _CLOSED
 

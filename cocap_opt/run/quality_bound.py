@@ -139,7 +139,7 @@ class QualityBound:
         return any(result.bound < 0 for result in self.results)
 
     def most(self, drones: int) -> MostSeen:
-        """Returns the most person-steps that so many drones or more see in any plan."""
+        """Returns the most person-steps that this many drones or more see in any plan."""
         if drones < 1:
             raise ValueError(f"drones: must be at least 1, not {drones}")
         if drones > len(self.problem.robots) or self.no_plan or not self.person_steps:
@@ -151,7 +151,7 @@ class QualityBound:
         return MostSeen(drones, number / self.person_steps, number)
 
     def share(self, found: Quality, drones: int) -> float:
-        """Returns the share, by weight, that so many drones or more see in a plan.
+        """Returns the share, by weight, that this many drones or more see in a plan.
 
         Raises
         ------

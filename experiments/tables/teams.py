@@ -46,7 +46,7 @@ class TeamRow:
     seen: Annotated[
         float | None,
         TableColumn(
-            "Share of person-steps that so many drones see, in the plan of largest J.", **_PART
+            "Share of person-steps that enough drones see, in the plan of largest J.", **_PART
         ),
     ] = None
     seen_most: Annotated[

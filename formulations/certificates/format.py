@@ -282,7 +282,7 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     Attributes
     ----------
     type : `staged`
-    multipliers : multipliers with which the narrowing begins
+    multipliers : multipliers before the first stage
     target : J; plans that are not above it need not be bounded
     stages : in their order
     paths_above : J >= target: at the end the joint paths of all robots in plans above it are
@@ -350,7 +350,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     digest : digest of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
-        in the order of their first robots; `single`: robots
+        in the order of their first robots; `single`: each robot is a class
     coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
         used; left out: not recorded, or coverage was not complete
@@ -423,7 +423,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     digest : digest of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
-        in the order of their first robots; `single`: robots
+        in the order of their first robots; `single`: each robot is a class
     coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
         used; left out: not recorded, or coverage was not complete
