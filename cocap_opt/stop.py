@@ -1,7 +1,7 @@
 """Stopping criteria that compose, the words for why methods end, and the clock.
 
-Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; whoever has
-something to give catches it. A time limit starts to count when it is made.
+Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; a method that has
+a result catches it. A time limit starts to count when it is made.
 """
 
 import math

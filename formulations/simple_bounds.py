@@ -225,7 +225,7 @@ def _paid(
     roots: FloatArray, pixels: FloatArray, counts: FloatArray,
     alpha: float, beta: float, gamma: float,
 ) -> FloatArray:  # fmt: skip
-    """Returns the pay [S] of a step's states; amounts with price 0 may be infinite."""
+    """Returns the credit [S] of a step's states; amounts with price 0 may be infinite."""
     parts = ((alpha, roots), (beta, pixels), (gamma, counts))
     return np.asarray(sum((price * part for price, part in parts if price), 0.0 * counts))
 

@@ -68,7 +68,7 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class _Header(msgspec.Struct):
-    """The fields that tell what kind of document a file is; others are not looked at."""
+    """The fields that show what kind of document a file is; others are not looked at."""
 
     format: str
     version: int = 1
@@ -147,7 +147,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
 
     @property
     def ending(self) -> Ending:
-        """The end of the search for the plan, of which older files tell less."""
+        """The end of the search for the plan, which older files describe less."""
         stopped = Reason.FINISHED if self.limit is None else Reason.STOPPED
         return Ending(self.reason or stopped, self.limit, told=self.cut_short)
 

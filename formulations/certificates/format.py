@@ -168,7 +168,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     cuts : envelope cuts; none where pixels add up over time
     decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
         most n" adds nu n to the bound and charges each user nu, "at least n" subtracts nu n from
-        the bound and pays each user nu; for "at most 0" it is not used
+        the bound and credits each user with nu; for "at most 0" it is not used
     views : [T+1][A] >= 0, price of a drone that sees a person, before its weight; only in scenes
         that count such drones
     """

@@ -1,8 +1,8 @@
 """Marks in Markdown: places where a page holds text that is made from code or stored results.
 
-A block stands between lines of its own, `<!-- quote: name -->` and `<!-- end of quote -->`; a few
-words stand in a sentence, `<!-- n: name -->12<!-- /n -->`. Nobody who reads the page sees a mark.
-Directives that only the built site can show stand between lines `<!-- on the site` and `-->`, and
+A block is between lines of its own, `<!-- quote: name -->` and `<!-- end of quote -->`; a few
+words are in a sentence, `<!-- n: name -->12<!-- /n -->`. Nobody who reads the page sees a mark.
+Directives that only the built site can show are between lines `<!-- on the site` and `-->`, and
 what takes their place elsewhere between `<!-- off the site -->` and `<!-- end -->`.
 """
 

@@ -32,7 +32,9 @@ def library(
     ] = "searchless",
     sources: Annotated[
         Path | None,
-        Parameter(name="--from", help="folder with a folder for each family by reference"),
+        Parameter(
+            name="--from", help="folder with the scenes of other projects, a folder for each family"
+        ),
     ] = None,
     folder: Annotated[
         Path | None, Parameter(name="--library", help="folder of another copy of the library")

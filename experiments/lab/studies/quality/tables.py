@@ -190,8 +190,8 @@ def _on_objective(plans: Sequence[PlanRow]) -> list[str]:
         left = fmean(100 * (1 - c.first.by_two) for c in choices)
         said.append(
             f"The gain is {more:.0f} % of all person-steps, and costs {price:.1f} % of J. On "
-            f"average over all instances, the plan of largest J leaves {left:.0f} % of person-steps to "
-            "one drone or none."
+            "average over all instances, the plan of largest J leaves "
+            f"{left:.0f} % of person-steps to one drone or none."
         )
     return said
 

@@ -88,7 +88,7 @@ def _draw(points: Sequence[SeparationPoint], results: Results) -> None:
 def _measured(
     scene: str, seed: int, separations: Sequence[float], limit: float
 ) -> "list[SeparationPoint]":
-    """Plans and proves at each separation; those that fail are told, and left out.
+    """Plans and proves at each separation; those that fail are reported, and left out.
 
     Where it fails without a separation, there is nothing to compare with: all are left out.
     """
