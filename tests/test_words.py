@@ -77,7 +77,7 @@ def test_variables_are_named_after_the_thing() -> None:
 
 
 def said(path: Path) -> str:
-    """The prose of a page in Markdown, in one line, without code, comments and CONTRIBUTING's list."""
+    """The prose of a page in one line, without code, comments and the list of CONTRIBUTING."""
     text = path.read_text(encoding="utf-8").partition("| rule | not | but |")
     text = text[0] + text[2].partition("\n\n")[2]
     return " ".join(re.sub(r"(?ms)^```.*?^```$|<!--.*?-->|`[^`]*`", "` `", text).split())

@@ -299,6 +299,8 @@ def test_marks_are_filled() -> None:
     assert filled(new, {"x": "| t |", "y": "2"}.__getitem__) == new
     assert names_in(new) == ["x", "y"]
     assert without_marks(new) == "a\n| t |\n\nb 2 c\n"
+    # A mark at the end of a paragraph leaves the blank line before the next heading.
+    assert without_marks("b <!-- n: y -->2<!-- /n -->\n\n## c\n") == "b 2\n\n## c\n"
 
 
 def test_wrong_marks_are_refused() -> None:

@@ -16,7 +16,7 @@ _WORDS = re.compile(r"(<!-- n: (\S+) -->).*?(<!-- /n -->)", re.DOTALL)
 _BEGINS = re.compile(r"^ *<!-- n: (\S+) -->", re.MULTILINE)
 _FOR_SITE = re.compile(r"^<!-- on the site\n(.*?)^-->$", re.DOTALL | re.MULTILINE)
 _ELSEWHERE = re.compile(r"^<!-- off the site -->\n.*?^<!-- end -->\n", re.DOTALL | re.MULTILINE)
-_MARK = re.compile(r"<!-- (?:quote: \S+|end of quote|n: \S+|/n) -->\n*")
+_MARK = re.compile(r"<!-- (?:quote: \S+|end of quote) -->\n*|<!-- (?:n: \S+|/n) -->")
 _ANY = re.compile(
     r"<!-- (?:quote: \S+|n: \S+|off the site) -->|^<!-- on the site$"
     r"|<!-- (?:end of quote|/n|end) -->|^-->$",
