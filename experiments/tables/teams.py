@@ -24,9 +24,10 @@ class TeamRow:
     scene: Annotated[str, TableColumn("The scene's name.")]
     seed: Annotated[int, TableColumn("The seed.")]
     drones: Annotated[int, TableColumn("Drones of the team.")]
-    camera: Annotated[str, TableColumn("Their camera; empty: as in the scene.")]
+    camera: Annotated[str, TableColumn("Camera of the drones; empty: as in the scene.")]
     height: Annotated[
-        float | None, TableColumn("Their flight height; empty: those of the scene.", unit="m")
+        float | None,
+        TableColumn("Flight height of the drones; empty: those of the scene.", unit="m"),
     ]
     reward: Annotated[float | None, TableColumn("J of the best plan found.", **_REWARD)] = None
     bound: Annotated[

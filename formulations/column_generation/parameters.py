@@ -75,8 +75,8 @@ class RelaxationParameters(Section):
     most_penalty_raises : times
         largest number of times that the penalty of broken rules is multiplied by 10
     smoothing : share
-        weights of the master's multipliers; the best multipliers have the rest, so that prices
-        oscillate less (Wentges 1997)
+        weights of the master's multipliers in an average with the best multipliers, so that
+        prices oscillate less (Wentges 1997)
     least_responses : responses per robot
         budget below which the search for plans does not start
     most_idle : solves

@@ -13,7 +13,7 @@ from cocap_opt.planners import RECOMMENDED
 _PLANNERS = {
     "the best plan": "cocap-prices",
     "a good plan in a fraction of the time": "cocap-lns",
-    "a plan that no drone alone can better, at once": "sequential-rounds",
+    "a plan that no single drone can improve, at once": "sequential-rounds",
     "any plan that obeys the rules, at once": "sequential",
     "the published planner, to compare with": "cocap",
     "the optimum of one or two drones": "joint",
