@@ -41,7 +41,7 @@ class Quality:
     ----------
     people : [A] names
     counts : [T+1, A] true for the person-steps that count: the person's weight and importance are
-        more than 0, and so is the step, unless the start counts
+        above 0, and the step is not 0, unless the start counts
     first_step : first step that counts, 0 or 1
     seen : [T+1, R, A] true where a drone sees a person
     angles : [T+1, A] degrees between the two rays that are farthest apart, as lines: 0 to 90; nan

@@ -27,7 +27,7 @@ class TeamRow:
     camera: Annotated[str, TableColumn("Camera of the drones; empty: as in the scene.")]
     height: Annotated[
         float | None,
-        TableColumn("Flight height of the drones; empty: those of the scene.", unit="m"),
+        TableColumn("Flight height; empty: those of the scene.", unit="m"),
     ]
     reward: Annotated[float | None, TableColumn("J of the best plan found.", **_REWARD)] = None
     bound: Annotated[

@@ -358,7 +358,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
         that of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
     coverage : `optimistic` if a limit had cut short the coverage with which the bound was computed:
-        at the missing steps nothing hid anybody. The claim is checked on the true coverage
+        at the missing steps nothing hides anybody. The claim is checked on true coverage
     certificate : the numbers that prove the bound
     """
 

@@ -103,7 +103,7 @@ By default it runs scenes with cheap views and scenes with expensive ones, in a 
 Example: cocap-opt study lazy --scene corridor bridge --seeds 0
 """),
     "starts": Study("starts:starts", """\
-Measure the gain from choosing starts: proved optima from given sets of starts and from anywhere.
+Measure the gain from choosing starts, by proved optima from given starts and from the best ones.
 
 Example: cocap-opt study starts --scene corridor --seeds 0
 """),

@@ -97,8 +97,8 @@ def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
         if least is not None:
             percent = signed_percent(100 * least)
             yield (
-                f"{planner} has at least the reward of {_THEIR_BEST.removeprefix('their-')} on "
-                f"{reached} of {len(scenes)} scenes, {percent} where that is least."
+                f"{planner} reaches the reward of {_THEIR_BEST.removeprefix('their-')} on "
+                f"{reached} of {len(scenes)} scenes; the smallest difference is {percent}."
             )
 
 
