@@ -209,7 +209,7 @@ class Quality:
 
         Parameters
         ----------
-        ax : matplotlib axes; those of a figure of its own if not given
+        ax : matplotlib axes; if not given, those of a new figure
 
         Examples
         --------

@@ -185,11 +185,11 @@ class Front:
         return views / self.most_views if self.most_views else 0.0
 
     def seen(self, point: PlanPoint) -> float:
-        """Returns the share of person-steps, by importance, that all those cameras see; or nan."""
+        """Returns the share of person-steps that `cameras` drones see, by importance."""
         return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
-        """Returns the J that no plan with so many views or more exceeds; -inf: there is no plan."""
+        """Returns the J that no plan with this many views exceeds; -inf: there is no plan."""
         if views > self.views_bound * (1 + _SAME):
             return -math.inf
         return min(
@@ -349,7 +349,7 @@ class Front:
 
         Parameters
         ----------
-        ax : matplotlib axes; a figure of its own if not given
+        ax : matplotlib axes; if not given, those of a new figure
         """
         from cocap_opt.run.front_figure import draw  # matplotlib
 
