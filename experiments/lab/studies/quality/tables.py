@@ -179,7 +179,7 @@ def _on_objective(plans: Sequence[PlanRow]) -> list[str]:
         f"({every['two views']}), by two at 30 degrees ({every['two at 30 degrees']}) and by "
         f"accuracy ({every['accuracy']}; 1 is the same order, 0 none). Random and hovering "
         "drones, which see hardly anybody, account for much of this.",
-        f"Against J: among plans that maximise J, the agreement is {among['two views']}, "
+        f"Against J: among plans that maximise J, the agreement is only {among['two views']}, "
         f"{among['two at 30 degrees']} and {among['accuracy']}. In {len(beaten)} of "
         f"{len(choices)} instances, another of these plans shows more person-steps to two "
         "drones than the plan of largest J.",
