@@ -237,9 +237,10 @@ class Flight(NamedTuple):
         """Yields how near drones come to each other, where no rule asks for a distance."""
         least = self.flown.least_distance()
         if not self.flown.problem.rules.separation and math.isfinite(least):
+            kind = "smooth" if self.is_smooth else "straight"
             yield (
-                "the scene's rules ask for no distance between drones between the steps: they come "
-                f"within {least:.2f} m of each other"
+                "the scene's rules ask for no distance between drones between the steps: on this "
+                f"{kind} flight they come within {least:.2f} m of each other"
             )
 
     def geodesy_note(self, geodesy: Geodesy) -> str:

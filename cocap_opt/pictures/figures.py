@@ -16,7 +16,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from cocap_opt.output.printing import counted
@@ -32,6 +31,7 @@ from cocap_opt.pictures.style import (
     set_frame,
 )
 from cocap_opt.problem import Plan, Problem, pictures
+from cocap_opt.problem.apart_numbers import ApartNumbers
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.pictures import TopView
 from cocap_opt.referee import Verdict, check
@@ -43,7 +43,7 @@ _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
 _BELOW = 3  # wide panels of a strip, up to which each has the whole width
 _PANEL = 3.2  # inches, of two beside each other
-_DISC, _BEHIND = 11, 9  # points: the width of a drone, and how far behind a person the number is
+_DISC = 11  # points, the width of a drone
 _TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
 
@@ -59,6 +59,7 @@ def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: MapFrame) -
     view.draw_map(ax)
     _draw_robots(ax, problem, plan, t, VIEW_LENGTH * max(frame.size))
     _draw_actors(ax, problem, t)
+    _number_people(ax, problem, plan, t)
     ax.set_xlim(frame.low[0], frame.high[0])
     ax.set_ylim(frame.low[1], frame.high[1])
     view.draw_cuts(ax)
@@ -84,13 +85,19 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
             arrowprops={"arrowstyle": "-|>", "lw": 0.8, "mutation_scale": 7},
         )  # fmt: skip
         arrow.set_in_layout(False)  # people may be far off the map
-        number = ax.annotate(
-            str(j), xy=(x, y), xytext=(-_BEHIND * c, -_BEHIND * s), textcoords="offset points",
-            color=colour, fontsize=SMALL, weight="bold", ha="center", va="center",
-            zorder=7, clip_on=True, annotation_clip=True,
-            path_effects=[withStroke(linewidth=2, foreground="white")],
-        )  # fmt: skip
-        number.set_in_layout(False)
+    return ax
+
+
+def _number_people(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
+    """Writes the number of each person at step t beside it, apart from others and from drones."""
+    people = np.array([actor.poses[t, :2] for actor in problem.actors]).reshape(-1, 2)
+    drones = [problem.height_map.centre(path[t].x, path[t].y) for path in plan.paths]
+    colours = [pictures.take_colour(int(take)) for take in problem.take_of]
+    bases = [np.concatenate(actor.shape.faces())[:, :2] for actor in problem.actors]
+    marks = np.array([np.ptp(base, axis=0).max() for base in bases])
+    numbers = ApartNumbers(people, colours, SMALL, np.array(drones), _DISC, marks)
+    numbers.set_zorder(9)
+    ax.add_artist(numbers)
     return ax
 
 
@@ -124,6 +131,7 @@ def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int, length: float) 
             ha="center",
             va="center_baseline",
             zorder=9,
+            clip_on=True,
         )
     return ax
 

@@ -119,7 +119,7 @@ class Player:
             **scene.meshes(),
             "airspace": scene.airspace(),
             "people": [scene.person(j) for j in range(len(problem.actors))],
-            "kinds": scene.kinds(),
+            "tasks": scene.tasks(),
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
             "certificate": None if self._proof is None else self._proof.data(),

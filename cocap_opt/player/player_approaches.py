@@ -1,18 +1,23 @@
-"""Moments at which drones of a plan come close to each other, as they fly in the player."""
+"""Moments at which drones of a plan come close to each other, as they fly in the player.
 
+Distances are those of the flight's polynomials, as `cocap-opt fly` and the crew's sheet have them.
+"""
+
+import math
 from collections.abc import Sequence
-from functools import cached_property
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.flight.trajectory import Trajectory
-from cocap_opt.problem import Plan, Problem, VertexConflict
+from cocap_opt.flight.bernstein import Peak, squared_length
+from cocap_opt.flight.trajectory import DEGREE, Trajectory
+from cocap_opt.problem import SEPARATION, Plan, Problem, VertexConflict
 
+BODY = 0.7  # m, as wide as drones are drawn: nearer than that two of them touch in the picture
 _ROUNDING = 1e-6  # of distances
-_PARTS = 8  # of a step, between which smooth flights are taken to be straight
+_DIGITS = 4  # of distances (m), behind the point
 
 Data = dict[str, Any]
 
@@ -23,64 +28,69 @@ class Approaches:
     Parameters
     ----------
     there : numbers of the drones that are there
-    flown : their smooth flight, None if they fly straight from step to step
+    flown : their flight as it is shown
     """
 
     def __init__(
-        self, problem: Problem, plan: Plan, there: Sequence[int], flown: Trajectory | None
+        self, problem: Problem, plan: Plan, there: Sequence[int], flown: Trajectory
     ) -> None:
-        self._problem, self._plan, self._there, self._flown = problem, plan, there, flown
+        self._problem, self._plan = problem, plan
         self._pairs = list(combinations(there, 2))
+        self._nearness = _nearness(flown, there)
 
     def near(self) -> list[Data]:
-        """Returns the nearest that two drones come in each step, where that is close.
+        """Returns the nearest that two drones come in each step, where they nearly touch.
 
-        Close is nearer than half a cell, in scenes whose rules have no separation; who keeps one
-        is far enough. Pairs in conflict are not told.
+        That is nearer than a drone is wide, in scenes whose rules have no separation; who keeps one
+        is far enough. If none are, it is the nearest of all steps where that is nearer than drones
+        should fly. Pairs in conflict are not told.
         """
-        cell = self._problem.height_map.resolution
         if not self._pairs or self._problem.rules.separation:
             return []
-        shares, distances = self._nearest
-        apart = np.where(self._in_conflict(), np.inf, distances)
-        close = cell / 2 * (1 - _ROUNDING)
-        return [
-            _approach(self._pairs[k], t + float(shares[k, t]), float(apart[k, t]))
-            for t, k in enumerate(apart.argmin(axis=0).tolist())
-            if apart[k, t] < close
+        free = ~self._in_conflict()
+        moments = [
+            self._nearest(np.flatnonzero(free[:, t]), t, t + 1)
+            for t in np.flatnonzero(free.any(axis=0)).tolist()
         ]
+        touching = [moment for moment in moments if _is_less(moment["apart"], BODY)]
+        least = sorted(moments, key=lambda moment: float(moment["apart"]))[:1]
+        shown = touching or [moment for moment in least if _is_less(moment["apart"], SEPARATION)]
+        return [moment | {"words": _words(moment)} for moment in shown]
 
-    def closest(self) -> float | None:
-        """Returns the least distance (m) of two drones at any time; None if there are no two."""
-        return float(self._nearest[1].min()) if self._pairs else None
+    def closest(self, straight: Trajectory) -> Data | None:
+        """Returns when which two drones are nearest to each other; None if there are no two.
 
-    @cached_property
-    def _nearest(self) -> tuple[FloatArray, FloatArray]:
-        """When pairs are nearest in each step, as shares of it, and how near (m): [P, T] each."""
-        at, parts = self._places()
-        found = []
-        for k, i in enumerate(self._there[:-1]):
-            ways = at[self._there[k + 1 :]] - at[i]
-            found.append(self._problem.rules.closest(ways[:, :-1], ways[:, 1:]))
-        shares, distances = (
-            np.concatenate(rows).reshape(-1, self._problem.horizon, parts)
-            for rows in zip(*found, strict=True)
-        )
-        part = distances.argmin(axis=2)[..., None]
-        share = (part + np.take_along_axis(shares, part, axis=2)) / parts
-        return share[..., 0], np.take_along_axis(distances, part, axis=2)[..., 0]
-
-    def _places(self) -> tuple[FloatArray, int]:
-        """Returns where drones are [R, T parts + 1, 3] (m), and in how many parts a step is cut.
-
-        Between those moments a smooth flight is nearly straight.
+        `apart` is how far (m) in the flight that is shown, `straight` in straight lines from step
+        to step. `kept` is the distance (m) from which on nobody need worry: the separation of
+        the scene's rules, or without one what scenes keep that are to be flown. `isKept` is
+        true if they keep it, as plans without conflicts keep rules. `body` is how wide (m) drones
+        are.
         """
-        paths = self._plan.paths
-        if self._flown is None:
-            flights = zip(self._problem.robots, paths, strict=True)
-            return np.array([self._problem.where(*flight) for flight in flights]), 1
-        moments = np.linspace(0.0, self._flown.seconds, self._problem.horizon * _PARTS + 1)
-        return self._flown.at(moments).place.reshape(len(paths), -1, 3), _PARTS
+        if not self._pairs:
+            return None
+        found = self._nearest(np.arange(len(self._pairs)), 0, self._problem.horizon)
+        there = sorted({i for pair in self._pairs for i in pair})
+        legs = -Peak.of(_nearness(straight, there).reshape(-1, 2 * DEGREE + 1)).value
+        separation = self._problem.rules.separation
+        kept = separation or SEPARATION
+        return found | {
+            "straight": round(math.sqrt(max(legs, 0.0)), _DIGITS),
+            "kept": kept,
+            "isKept": bool(separation) or not _is_less(found["apart"], kept),
+            "body": BODY,
+        }
+
+    def _nearest(self, pairs: Any, begin: int, end: int) -> Data:
+        """Returns when which of some pairs are nearest between two steps, and how near (m)."""
+        nearness = self._nearness[pairs, begin:end]
+        parts = nearness.shape[2]
+        peak = Peak.of(nearness.reshape(-1, 2 * DEGREE + 1))
+        row, piece = divmod(peak.which, (end - begin) * parts)
+        return {
+            "time": round(begin + (piece + peak.share) / parts, 3),
+            "robots": list(self._pairs[pairs[row]]),
+            "apart": round(math.sqrt(max(-peak.value, 0.0)), _DIGITS),
+        }
 
     def _in_conflict(self) -> BoolArray:
         """Returns an array [P, T], true for pairs in conflict in a step, or at its ends."""
@@ -91,6 +101,19 @@ class Approaches:
         return found
 
 
-def _approach(pair: tuple[int, int], time: float, apart: float) -> Data:
-    words = f"drones {pair[0]} and {pair[1]} come within {apart:.2g} m of each other"
-    return {"time": round(time, 3), "robots": list(pair), "words": words}
+def _nearness(flown: Trajectory, there: Sequence[int]) -> FloatArray:
+    """Returns minus the squared distances of pairs, as polynomials [P, T, parts, 11]."""
+    pieces = flown.pieces[list(there), :, :3]
+    first, second = np.triu_indices(len(there), 1)
+    nearness: FloatArray = -squared_length(pieces[second] - pieces[first])
+    return nearness.reshape(len(first), flown.problem.horizon, flown.parts, 2 * DEGREE + 1)
+
+
+def _is_less(distance: float, least: float) -> bool:
+    """Returns True if a distance (m) is less than another by more than rounding."""
+    return distance < least * (1 - _ROUNDING)
+
+
+def _words(moment: Data) -> str:
+    (first, second), apart = moment["robots"], round(moment["apart"], 2)
+    return f"drones {first} and {second} come within {apart:g} m of each other"

@@ -24,11 +24,16 @@ def smooth_flight(problem: Problem, plan: Plan) -> Trajectory | None:
     Where the scene defines no step length nobody knows what the flight asks of a drone: it is then
     that of a drone without limits.
     """
-    if problem.step is None:
-        boundless = tuple(robot.replace(limits=None) for robot in problem.robots)
-        problem = problem.replace(step=1.0, robots=boundless)
-    found = Smooth.of(problem, plan)
+    found = Smooth.of(in_steps(problem), plan)
     return None if found.dangers else found.trajectory
+
+
+def in_steps(problem: Problem) -> Problem:
+    """Returns the problem with steps that last, in which nobody can ask too much of a drone."""
+    if problem.step is not None:
+        return problem
+    boundless = tuple(robot.replace(limits=None) for robot in problem.robots)
+    return problem.replace(step=1.0, robots=boundless)
 
 
 def knots(scene: PlayerScene, flown: Trajectory) -> list[Any]:

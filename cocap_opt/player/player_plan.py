@@ -19,8 +19,9 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.output.conflicts import told_conflict
 from cocap_opt.player.player_approaches import Approaches
-from cocap_opt.player.player_flight import knots, smooth_flight
+from cocap_opt.player.player_flight import in_steps, knots, smooth_flight
 from cocap_opt.player.player_scene import PlayerScene
+from cocap_opt.player.player_tasks import tasks
 from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
 from cocap_opt.referee import check
 
@@ -84,16 +85,18 @@ class PlayerPlan:
         `rewards[t]` is the referee's view reward of a step, `seen[t][f]` the coverage of each face
         (px/m2) by all drones together, `meanPixels` its mean over faces and the steps that count,
         and `ownPixels[i][t]` the mean coverage of a face by one drone. `films[i][t]` is the person
-        of whom a drone has most pixels, None where it sees nobody. `adds[i][t]` is what a
-        step's reward would be less without a drone, empty where pixels add up over time.
-        `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
-        at which two drones come close, `besidePeople` says where one comes too near to somebody.
-        `knots` are those of the smooth flight (`player_flight`), None where drones fly straight.
+        of whom a drone has most pixels, None where it sees nobody. `adds[i][t]` is what a step's
+        reward would be less without a drone, empty where pixels add up over time. `tasks[i]` is the
+        group of people (of the scene) of whom it has most pixels over all steps. `heights[i]` are
+        flight heights (m), one if it is the same at all steps. `near` are moments at which two
+        drones nearly touch, `closest` is that at which two are nearest of all, `besidePeople` says
+        where one comes too near to somebody. `knots` are those of the smooth flight
+        (`player_flight`), None where drones fly straight.
         """
         reward, moves, rewards, is_valid = self._rewards()
         flown = self._flown()
-        approaches = Approaches(self._problem, self._plan, self._there, flown)
-        closest = approaches.closest()
+        straight = Trajectory.straight(in_steps(self._problem), self._plan)
+        approaches = Approaches(self._problem, self._plan, self._there, flown or straight)
         counted = self.seen[self._problem.first_step :]
         return {
             "reward": reward,
@@ -105,12 +108,13 @@ class PlayerPlan:
                 [digits(value) for value in _means(pixels).tolist()] for pixels in self.own_pixels
             ],
             "films": self._films(),
+            "tasks": tasks(self._problem, self.own_pixels, self._scene.groups),
             "adds": [[digits(value) for value in row] for row in self._adds().tolist()],
             "conflicts": [
                 self._conflict(conflict) for conflict in self._plan.conflicts(self._problem)
             ],
             "near": approaches.near(),
-            "closest": None if closest is None else digits(closest),
+            "closest": approaches.closest(straight),
             "besidePeople": [*self._beside_people()],
             "knots": None if flown is None else knots(self._scene, flown),
             "gap": None if self._gap is None else _gap(self._problem, self._gap, is_valid),

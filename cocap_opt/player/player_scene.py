@@ -13,6 +13,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.pictures.figures import VIEW_LENGTH, robot_colour
+from cocap_opt.player.player_tasks import groups_of_people, told_group
 from cocap_opt.problem import (
     Camera,
     Cone,
@@ -264,20 +265,19 @@ class PlayerScene:
         }
 
     @cached_property
-    def _kinds_of_drones(self) -> list[tuple[Any, Any]]:
-        """The different cameras and motions of drones."""
-        return list(dict.fromkeys((robot.camera, robot.motion) for robot in self.problem.robots))
+    def groups(self) -> list[list[int]]:
+        """The people in groups that are few enough to have a colour each."""
+        return groups_of_people(self.problem)
 
-    def kinds(self) -> list[Data]:
-        """Returns a colour for each kind of drones, which has a camera and a motion, and words."""
-        words = [_kind(camera) for camera, _ in self._kinds_of_drones]
+    def tasks(self) -> list[Data]:
+        """Returns a colour and words for each group of people whom drones may film most."""
         return [
-            {"colour": _colour(k), "words": f"{word}, kind {k}" if words.count(word) > 1 else word}
-            for k, word in enumerate(words)
+            {"people": people, "colour": _colour(k), "words": told_group(self.problem, people)}
+            for k, people in enumerate(self.groups)
         ]
 
     def drone(self, number: int) -> Data:
-        """Returns a drone's colour, the number of its kind and half its angles of view (rad).
+        """Returns a drone's colour, its camera in words and half its angles of view (rad).
 
         `rise`, the vertical one, is None for a cone, which looks level.
         """
@@ -286,19 +286,19 @@ class PlayerScene:
         rise = math.atan(camera.height / 2 / camera.focal) if isinstance(camera, Camera) else None
         return {
             "colour": _colour(number),
-            "kind": self._kinds_of_drones.index((camera, robot.motion)),
+            "camera": _told_camera(camera),
             "half": camera.half_angle,
             "rise": rise,
         }
 
 
 def _colour(number: int) -> str:
-    """Returns the colour of a drone, or of a kind of drones, as CSS has it."""
+    """Returns the colour of a drone, or of a group of people, as CSS has it."""
     red, green, blue, _ = (round(255 * share) for share in robot_colour(number))
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def _kind(camera: Camera | Cone) -> str:
+def _told_camera(camera: Camera | Cone) -> str:
     """Returns a camera in words, without a comma."""
     name = "cone" if isinstance(camera, Cone) else "camera"
     return f"{name} of {math.degrees(2 * camera.half_angle):.0f}°"

@@ -11,6 +11,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.world.workspace import HeightMap
 
 _AROUND, _LEAST_SIDE = 3.0, 12.0  # m, around the action, and of the part that is drawn
+_DISC = 0.03  # of the longer side: half the width of what marks a place
 
 
 class MapFrame(NamedTuple):
@@ -21,15 +22,24 @@ class MapFrame(NamedTuple):
 
     @classmethod
     def around(cls, height_map: HeightMap, places: Iterable[tuple[float, float]]) -> Self:
-        """Returns the part of a map around places (m), with a margin; all of it without places."""
+        """Returns the part of a map around places (m), with a margin; all of it without places.
+
+        It goes beyond the map only where the mark of a place would be cut at the edge.
+        """
         origin = np.array(height_map.origin)
         end = origin + np.array(height_map.shape) * height_map.resolution
-        found = list(places) or [tuple(origin), tuple(end)]
-        low, high = np.min(found, axis=0), np.max(found, axis=0)
+        found = np.array(list(places)).reshape(-1, 2)
+        if not len(found):
+            return cls(origin, end)
+        low, high = found.min(axis=0), found.max(axis=0)
         middle, size = (low + high) / 2, np.maximum(high - low + 2 * _AROUND, _LEAST_SIDE)
         low, high = np.maximum(middle - size / 2, origin), np.minimum(middle + size / 2, end)
-        # People may walk off the map, all of them.
-        return cls(low, high) if (low < high).all() else cls(origin, end)
+        if not (low < high).all():  # people may walk off the map, all of them
+            return cls(origin, end)
+        marks, disc = np.clip(found, origin, end), _DISC * float((high - low).max())
+        return cls(
+            np.minimum(low, marks.min(axis=0) - disc), np.maximum(high, marks.max(axis=0) + disc)
+        )
 
     @property
     def size(self) -> tuple[float, float]:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
             """The figure."""
 
 
-GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#c3cda6", "#d0021b40"
+GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#d0b79b", "#d0021b40"
 ZONE = "#a00000"  # of arrows where a picture cuts a no-fly zone
 PERSON = "#d1495b"
 # What the land is, as maps show it; drones, people and obstacles stand out from all of it.
@@ -259,12 +259,20 @@ class TopView(NamedTuple):
             )  # fmt: skip
 
     def draw_walks(self, ax: Axes) -> None:
-        """Draw the walks of people from a cross to a numbered disc, in the colours of takes."""
-        for number, walk in enumerate(self.walks):
-            colour = take_colour(self.take_of[number])
+        """Draw the walks of people from a cross to a disc and a number, in the colours of takes."""
+        from cocap_opt.problem.apart_numbers import ApartNumbers
+
+        colours = [take_colour(take) for take in self.take_of]
+        for walk, colour in zip(self.walks, colours, strict=True):
             ax.plot(*walk.T, color=colour, lw=1, ls=":", zorder=3)
             ax.plot(*walk[0], marker="x", color=colour, ms=6, zorder=3)
-            _draw_numbered_disc(ax, walk[-1], colour, number)
+            ax.plot(*walk[-1], marker="o", color=colour, mec="black", mew=0.6, ms=6, zorder=7)
+        if self.walks:
+            last = np.array([walk[-1] for walk in self.walks])
+            drones = np.array([flight[-1, :2] for flight in self.flights.values()])
+            numbers = ApartNumbers(last, colours, _SMALL, drones, _DISC)
+            numbers.set_zorder(9)
+            ax.add_artist(numbers)
 
     def draw_map(
         self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW, CLOSED),
@@ -301,14 +309,17 @@ class TopView(NamedTuple):
 
     def _draw_land(self, ax: Axes, strength: float) -> None:
         """Draw the areas of the land, the first at the bottom, and names that fit completely."""
-        from matplotlib.patches import PathPatch
+        from matplotlib.patches import PathPatch, Rectangle
         from matplotlib.path import Path
         from matplotlib.patheffects import withStroke
 
         from cocap_opt.problem.whole_names import WholeName
 
         if self.land:
-            ax.set_facecolor(GROUND)
+            (x, y), (width, depth) = self.corner, self.kinds.shape
+            whole = Rectangle((x, y), width * self.cell, depth * self.cell, zorder=-2)
+            whole.set(facecolor=GROUND, lw=0)
+            ax.add_patch(whole)
         for area in self.land:
             rims = [np.concatenate([rim, rim[:1]]) for rim in (area.outline, *area.holes)]
             path = Path.make_compound_path(*(Path(rim, closed=True) for rim in rims))

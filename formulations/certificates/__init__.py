@@ -55,7 +55,8 @@ What it may import but does not load at once:
 
 - `vision.surfaces`; rays, where a scene has meshes that are not convex: trusted for these scenes.
 - `problem.pictures`, `problem.map_frame`, `problem.start_ground`, `problem.whole_names`,
-  `problem.cut_zones`; for `Problem.plot`. `verify` draws nothing.
+  `problem.cut_zones`, `problem.apart_numbers`, `problem.labels`; for
+  `Problem.plot`. `verify` draws nothing.
 - `vision.cache`, `files.code`; the cache of coverage. `verify` makes a model without it.
 - `compiling.apart`; compiling in another process.
 - `vision.compiled_sight`, `vision.view_kernel`; coverage by compiled code. `verify` makes a model

@@ -5,13 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import colors, rcParams, style
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import cocap_opt as co
 from cocap_opt.output.printing import markdown_table
 from cocap_opt.pictures.style import LABEL, SERIES, TITLE, WIDTH
+from cocap_opt.problem.apart_numbers import ApartNumbers
 from cocap_opt.problem.map_frame import MapFrame
-from cocap_opt.problem.pictures import DRONE_COLOURS, PERSON, TopView
+from cocap_opt.problem.pictures import COVERED, DRONE_COLOURS, LOW, PERSON, WALL, TopView
 from cocap_opt.world.workspace import HeightMap
 
 HOUSE = "cocap_opt.pictures.house"
@@ -41,14 +43,46 @@ places = st.lists(st.tuples(st.floats(-9, 29), st.floats(-9, 39)), max_size=6)
 
 @given(places)
 def test_a_frame_has_all_places_on_the_map(found: list[tuple[float, float]]) -> None:
-    """It is a part of the map, with room for something, and whole where nothing happens."""
+    """It is a part of the map, with room for something, and whole where nothing happens.
+
+    The mark of a place has room around it: beyond the map, too, if the place is at its edge.
+    """
     frame = MapFrame.around(HeightMap(heights=np.zeros((20, 30))), found)
-    assert (frame.low >= 0).all() and (frame.high <= (20, 30)).all()
+    mark = 0.03 * 31  # m, at most
+    assert (frame.low >= -mark).all() and (frame.high <= np.array([20, 30]) + mark).all()
     assert min(frame.size) > 0
+    room = 0.02 * max(frame.size)
     for place in np.array(found).reshape(-1, 2):
         if (place >= 0).all() and (place <= (20, 30)).all():
-            assert (frame.low <= place).all() and (place <= frame.high).all()
+            assert (frame.low <= place - room).all() and (place + room <= frame.high).all()
     assert found or frame.size == (20, 30)
+
+
+def test_numbers_of_people_stand_apart() -> None:
+    """Three who walk together, beside a drone, have three numbers that can be read."""
+    figure = Figure(dpi=100)
+    canvas, ax = FigureCanvasAgg(figure), figure.add_subplot()
+    ax.set_xlim(0, 60)
+    ax.set_ylim(0, 60)
+    people = np.array([[30.0, 30.0], [30.4, 29.7], [30.1, 30.2], [90.0, 5.0]])
+    numbers = ApartNumbers(people, [PERSON] * 4, 9, np.array([[31.0, 30.0]]), 11)
+    ax.add_artist(numbers)
+    canvas.draw()
+    boxes = [text.get_window_extent() for text in numbers.texts[:3]]
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k])
+        disc = ax.transData.transform([31.0, 30.0])
+        assert np.hypot(*(np.clip(disc, box.p0, box.p1) - disc)) > 5
+        middle = (box.p0 + box.p1) / 2
+        assert np.hypot(*(middle - ax.transData.transform(people[k]))) < 60
+    assert numbers.texts[3].get_position() == (0, 0)  # whoever is outside has none
+
+
+def test_what_is_built_is_not_green() -> None:
+    """Green is what grows: obstacles have less of it than of red or blue."""
+    for colour in (LOW, WALL, COVERED):
+        red, green, blue = colors.to_rgb(colour)
+        assert green < max(red, blue)
 
 
 def test_a_scene_is_drawn_where_something_happens() -> None:

@@ -28,7 +28,7 @@ from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
 from cocap_opt.player.scripts import bundled
-from cocap_opt.problem import CollisionRules, Plan, State
+from cocap_opt.problem import CollisionRules, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
@@ -886,26 +886,39 @@ def axe() -> str:
 
 
 @pytest.mark.slow
-def test_axe_finds_nothing_serious(player: Any) -> None:
-    """By day and by night, on wide and on narrow screens; targets are large enough for fingers."""
-    script = axe()
+def test_axe_finds_nothing(player: Any, tmp_path: Path) -> None:
+    """By day and by night, on wide and on narrow screens, of few drones and of many.
+
+    Targets are large enough for fingers.
+    """
+    script, before = axe(), player.current_url
     audit = """const done = arguments[0], rules = { "target-size": { enabled: true } };
         axe.run(document, { rules, resultTypes: ["violations"] }).then((found) =>
           done(found.violations.map(({ id, impact, nodes }) => [id, impact, nodes[0].html])))"""
-    press(player, "d")
-    for size in ((1280, 800), (390, 844)):
-        player.resize(size)
-        for mode in ("dark", "light"):
-            screen = [{"name": "prefers-color-scheme", "value": mode}]
-            player.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": screen})
-            player.go_to(3)
-            player.execute_script(script)
-            found = player.execute_async_script(audit)
-            assert [one for one in found if one[1] in ("serious", "critical")] == []
+    Player(*many()).save(tmp_path / "crowd.html")
+    for page in (before, (tmp_path / "crowd.html").as_uri()):
+        player.get(page)
+        press(player, "d")
+        for size in ((1280, 800), (390, 844)):
+            player.resize(size)
+            for mode in ("dark", "light"):
+                screen = [{"name": "prefers-color-scheme", "value": mode}]
+                player.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": screen})
+                player.go_to(3)
+                player.execute_script(script)
+                assert player.execute_async_script(audit) == []
     player.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
     player.resize((1280, 800))
-    press(player, "\ue00c")
+    player.get(before)
     player.go_to(3)
+
+
+def many() -> tuple[Problem, list[tuple[str, Plan]]]:
+    """The bottleneck with 16 drones that stay, four in each place."""
+    problem = load_scene("bottleneck", 0).replace(rules=CollisionRules(vertex=False, swap=False))
+    robots = tuple(problem.robots[k % 4] for k in range(16))
+    stay = Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in robots))
+    return problem.replace(robots=robots), [("stay", stay)]
 
 
 @pytest.mark.slow
@@ -939,21 +952,27 @@ def test_the_picture_is_recorded_as_a_video(player: Any) -> None:
 
 
 @pytest.mark.slow
-def test_a_crowd_has_the_colours_of_its_kinds_and_numbers_on_demand(
+def test_a_crowd_has_the_colours_of_its_tasks_and_numbers_on_demand(
     player: Any, tmp_path: Path
 ) -> None:
-    """Of more than 14 drones; the list says whom each films and what it adds."""
-    problem = load_scene("bottleneck", 0).replace(rules=CollisionRules(vertex=False, swap=False))
-    robots = tuple(problem.robots[k % 4] for k in range(16))
-    problem, page = problem.replace(robots=robots), tmp_path / "page.html"
-    stay = Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in robots))
-    Player(problem, [("stay", stay)]).save(page)
-    before = player.current_url
+    """Of more than 14 drones; the list says whom each films and what it adds.
+
+    The legend names those people; they stand on discs of these colours.
+    """
+    page, before = tmp_path / "page.html", player.current_url
+    Player(*many()).save(page)
     player.get(page.as_uri())
     player.go_to(3)
     dots = "[...document.querySelectorAll('.chip i')].map((dot) => dot.style.background)"
-    assert len(value(player, dots)) == 16 and len(set(value(player, dots))) == 1
-    (plan,) = told(player.page_source)["plans"]
+    data = told(player.page_source)
+    (plan,) = data["plans"]
+    colours = [task["colour"] for task in data["tasks"]]
+    rgb = [tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5)) for colour in colours]
+    filmed = [(127, 127, 127) if task is None else rgb[task] for task in plan["tasks"]]
+    assert value(player, dots) == [f"rgb{colour}" for colour in filmed]
+    assert len({*filmed}) > 2
+    legend = value(player, "[...document.querySelectorAll('.task')].map((e) => e.textContent)")
+    assert legend == [f" {k}" for k in sorted({*plan["tasks"]} - {None})] + [" nobody"]
     rows = "[...document.querySelectorAll('.chip')].map((row) => [row.querySelector('.films')"
     rows += ".textContent, row.querySelector('.adds').textContent])"
     for (films, adds), whom, added in zip(
@@ -961,6 +980,9 @@ def test_a_crowd_has_the_colours_of_its_kinds_and_numbers_on_demand(
     ):
         assert films == ("nobody" if whom[3] is None else f"person {whom[3]}")
         assert float(adds.replace(",", "")) == pytest.approx(added[3], rel=5e-3)
+    # Pictures of those that are in sight, of the others when they come there.
+    drawn = "[...document.querySelectorAll('.chip canvas')].filter((c) => c.width !== 300).length"
+    assert 2 <= value(player, drawn) <= 15
     plain = value(player, INKED % ("view", 0))
     press(player, "d")
     player.go_to(3)
@@ -979,7 +1001,9 @@ def test_a_crowd_has_the_colours_of_its_kinds_and_numbers_on_demand(
 
 @pytest.mark.slow
 def test_all_drones_pictures_stand_beside_the_scene(player: Any, tmp_path: Path) -> None:
-    """At first where there are few drones and one plan, else by V; they follow the steps."""
+    """At first where there is one plan, else by V; they follow the steps."""
+    player.refresh()
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
     shown = "document.getElementById('views').checked"
     assert not value(player, shown)
     page, before = tmp_path / "page.html", player.current_url
@@ -1019,7 +1043,7 @@ def test_seconds_stand_beside_steps_where_they_are_known(player: Any, tmp_path: 
 
 @pytest.mark.slow
 def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) -> None:
-    """No page says that there are no conflicts where drones come close; it says how close."""
+    """The badge is green only if drones are as far apart as they should fly, red if they touch."""
     if not Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     problem, crossed = crossing()
@@ -1030,27 +1054,65 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
     panels = "[...document.querySelectorAll('.panel')]"
     with Browser.opened(page) as driver:
         badges = value(driver, f"{panels}.map((p) => p.querySelector('.badge').textContent)")
-        assert badges[0] == "no conflicts; drones come as close as 0 m"
-        assert badges[2] == "no conflicts"
+        last = f"{panels}.map((p) => [...p.querySelectorAll('.badge')].at(-1))"
+        words = value(driver, f"{last}.map((badge) => badge.textContent)")
+        assert words == [f"no conflicts; closest {d} m ▸" for d in (0, 1, 1)]
+        levels = value(driver, f"{last}.map((badge) => badge.className)")
+        assert levels == [f"badge next {level}" for level in ("bad", "mild", "mild")]
+        assert badges[1] == "no drone moves"
+        value(driver, f"{last}[0].click()")
+        said = "drones 0 and 1 come within 0 m of each other"
+        wait_until(driver, f"document.querySelector('.words').textContent === '{said}'")
         still = value(driver, f"{panels}.map((p) => p.querySelector('.still')?.textContent ?? '')")
         assert still == ["", "no drone moves", "1 drone hovers"]
         red = value(driver, "getComputedStyle(document.querySelector('.still')).color")
-        for what in (".mark.near", "b.alarm"):
-            (found,) = value(driver, f"[...document.querySelectorAll('{what}')].map((e) => "
-                                     "getComputedStyle(e).color)")  # fmt: skip
-            assert found == red
-        closest = "p.querySelector('.facts').textContent.match(/closest approach ([\\d.]+) m/)[1]"
-        assert value(driver, f"{panels}.map((p) => {closest})") == ["0", "1", "1"]
+        marks = "[...document.querySelectorAll('.mark.near')].map((e) => getComputedStyle(e).color)"
+        assert [colour == red for colour in value(driver, marks)] == [True, False, False]
+        flights = f"{panels}.map((p) => p.querySelector('.flight')?.textContent ?? '')"
+        assert value(driver, flights) == ["smooth", "", "smooth"]
+    ruled = problem.replace(rules=CollisionRules(separation=0.9))
+    Player(ruled, [("stay", stay)]).save(page)
+    with Browser.opened(page) as driver:
+        badge = "[...document.querySelectorAll('.badge')].at(-1)"
+        assert value(driver, f"{badge}.className") == "badge next good"
+
+
+@pytest.mark.slow
+def test_controls_come_before_drones_by_keys(player: Any) -> None:
+    """Tab leads to play and the slider first, and to one drone only; arrows lead to the others."""
+    from selenium.webdriver.common.keys import Keys
+
+    player.refresh()
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
+    focused, here = [], "document.activeElement"
+    name = f"{here}.id || {here}.className"
+    for _ in range(40):
+        player.switch_to.active_element.send_keys(Keys.TAB)
+        focused.append(value(player, name))
+    assert focused[:2] == ["play", "slider"]
+    first = focused.index("chip")
+    assert focused[first : first + 2] != ["chip", "chip"]
+    player.execute_script("document.querySelector('.chip').focus()")
+    player.switch_to.active_element.send_keys(Keys.DOWN)
+    assert value(player, f"{here}.textContent").startswith("1")
+    order = "[...document.querySelectorAll('.fleet')[0].querySelectorAll('.chip')]"
+    assert value(player, f"{order}.map((chip) => chip.tabIndex)") == [-1, 0, -1, -1]
+    player.execute_script("document.activeElement.blur()")
 
 
 @pytest.mark.slow
 def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
-    """They are 24 px high or more, and the box of the picked drone lies on the picture."""
+    """They are 24 px high or more, and 44 px where fingers are what points.
+
+    The box of the picked drone lies on the picture, of which it covers little: what the drone sees
+    is in the list. Many drones are seen from above, without cones.
+    """
     page = tmp_path / "field.html"
     problem = load_scene("field-large", 5)
     still = Plan(paths=tuple((robot.start,) * 4 for robot in problem.robots))
     Player(problem.replace(horizon=3), [("still", still)]).save(page)
-    heights = """[...document.querySelectorAll("#slider, .hold, footer label, footer button")]
+    heights = """[...document.querySelectorAll(
+        "#slider, .hold, .mark, .badge.next, footer label, footer button")]
       .filter((target) => target.offsetParent)
       .map((target) => [target.textContent, target.getBoundingClientRect().height])"""
     outside = """["top", "bottom", "left", "right"].map((side) =>
@@ -1061,7 +1123,26 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
         for _ in range(13):
             press(browser, "d")  # a number of two digits takes more room
         browser.go_to(2)
+        value(browser, "document.getElementById('more').click()")
         assert [one for one in value(browser, heights) if one[1] < 24] == []
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        assert value(browser, "matchMedia('(pointer: coarse)').matches")
+        assert [one for one in value(browser, heights) if one[1] < 44] == []
+        assert len(value(browser, heights)) > 12
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+        area = "(({ offsetWidth, offsetHeight }) => offsetWidth * offsetHeight)"
+        covered, whole = (
+            value(browser, f"{area}(document.querySelector('{name}'))")
+            for name in (".inset", ".place")
+        )
+        assert covered < 0.15 * whole
+        browser.refresh()
+        wait_until(browser, "document.documentElement.dataset.ready === 'yes'")
+        assert value(browser, "document.getElementById('top').ariaPressed") == "true"
+        assert not value(browser, "document.getElementById('sights').checked")
+        assert value(browser, "document.getElementById('views').checked")
+        press(browser, "d")
+        browser.go_to(2)
         top, bottom, left, right = value(browser, outside)
         assert top >= 0 and left >= 0 and bottom <= 0 and right <= 0
         row = "document.querySelector('.inset .bar')"

@@ -28,13 +28,13 @@ from cocap_opt.missions.sheet.clock import TAKE, Clock, phases_of
 from cocap_opt.missions.sheet.filmed import filmed_by, quality_of, quality_table, who_films_whom
 from cocap_opt.missions.sheet.fonts import USUAL, families_of
 from cocap_opt.missions.sheet.kinds import KINDS
-from cocap_opt.missions.sheet.labels import placed
 from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
 from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
 from cocap_opt.missions.sheet.words import attention, running_order, sections, unchecked
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Limits
+from cocap_opt.problem.labels import placed
 from cocap_opt.problem.land_cover import LANDS, LandCover
 from cocap_opt.problem.pictures import TopView, land_colour
 from cocap_opt.scenarios import load_scene

@@ -85,18 +85,22 @@ def test_a_plan_whose_smooth_flight_is_unsafe_flies_straight() -> None:
 
 @pytest.mark.slow
 def test_the_closest_approach_is_that_of_the_flight_shown() -> None:
-    """Smooth or straight; marked where it is near."""
+    """As `fly` has it, smooth or straight, beside that of straight legs; it is marked if near."""
     for problem, plan, smooth in flights():
-        flown, told = smooth.trajectory, shown(problem, plan)
-        assert len(problem.robots) == 1 or told["closest"] == pytest.approx(
-            flown.least_distance(), abs=0.02
-        )
+        closest = shown(problem, plan)["closest"]
+        if len(problem.robots) == 1:
+            assert closest is None
+            continue
+        straight = Trajectory.straight(problem, plan).least_distance()
+        assert closest["apart"] == pytest.approx(smooth.trajectory.least_distance(), abs=1e-4)
+        assert closest["straight"] == pytest.approx(straight, abs=1e-4)
     scene = load_scene("bottleneck", 0)
     ((_, plan),) = planned(scene, "cocap")
     flown = Smooth.of(scene.replace(step=1.0), plan).trajectory
     told = shown(scene, plan)
-    assert told["closest"] == pytest.approx(flown.least_distance(), abs=5e-3)
-    (near,) = told["near"]
-    rows = [told["knots"][i] for i in near["robots"]]
-    apart = np.subtract(*(at(own, [near["time"]])[0, :3] for own in rows))
-    assert np.linalg.norm(apart) == pytest.approx(told["closest"], abs=5e-3)
+    assert told["closest"]["apart"] == pytest.approx(flown.least_distance(), abs=1e-4)
+    assert told["closest"]["apart"] == min(near["apart"] for near in told["near"])
+    for near in told["near"]:
+        rows = [told["knots"][i] for i in near["robots"]]
+        apart = np.subtract(*(at(own, [near["time"]])[0, :3] for own in rows))
+        assert np.linalg.norm(apart) == pytest.approx(near["apart"], abs=5e-3)

@@ -14,9 +14,9 @@ from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.sheet.clock import BACK, OUT, TAKE, Phase
 from cocap_opt.missions.sheet.kinds import FREE, KINDS, draw_kinds
-from cocap_opt.missions.sheet.labels import placed
 from cocap_opt.missions.zones import outlines
 from cocap_opt.problem.cut_zones import draw_cuts
+from cocap_opt.problem.labels import placed
 from cocap_opt.problem.pictures import ZONE, TopView, drone_colour, land_colour
 
 _MARGIN = 6.0  # m around flights and walks

@@ -1,14 +1,15 @@
 // What moves: people, and drones with their tracks, at any time.
 
-import { CHOSEN, CLOSED, mixed, palette, rgb, seenColour } from "./colours.js";
+import { CLOSED, mixed, palette, rgb, seenColour } from "./colours.js";
 import { ellipse, PERSONS, PHASES, QUADROTORS } from "./figures.js";
 import { Flight } from "./flights.js";
 import { dot, normalOf, placed, ring } from "./geometry.js";
-import { between, isCrowd, isThere } from "./plans.js";
+import { between, colourOf, isCrowd, isThere } from "./plans.js";
 import { groundAt } from "./rays.js";
 
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
+const RING = 0.3, RING_SIDES = 12; // radius, of a person's height, and corners of a disc
 const TRAIL = 5; // steps of tracks that are drawn in a crowd
 const FINE_BODY = 38; // px, size from which bodies are fine
 
@@ -23,8 +24,8 @@ export class Bodies {
       return poses.map(([x, y], t) => (sum += t ? Math.hypot(x - poses[t - 1][0], y - poses[t - 1][1]) : 0));
     });
     this.flights = plan.paths.map((_, i) => new Flight(plan, i));
-    this.colours = data.drones.map((drone) => rgb(drone.colour));
-    this.chosen = rgb(CHOSEN);
+    this.colours = data.drones.map((_, i) => rgb(colourOf(data, plan, i)));
+    this.rings = data.people.map((_, j) => rgb(data.tasks.find(({ people }) => people.includes(j)).colour));
     this.towards = data.people.map(facesTowards);
   }
 
@@ -47,10 +48,12 @@ export class Bodies {
     return seenColour(this.plan.seen[Math.round(time)][this.first[j] + f], this.data.most);
   }
 
-  // People in the colours of px/m2 at the step: figures, or the faces that count.
+  // People in the colours of px/m2 at the step: figures, or the faces that count. Among a crowd of
+  // drones they stand on discs in the colour of the drones that film them most.
   people(pen, time, { faces }) {
     this.data.people.forEach((_, j) => {
       const pose = this.person(j, time);
+      if (this.isCrowd) pen.fill(ring(RING_SIDES, RING * this.tall(pen, j), pose[0], pose[1], pose[2] + 0.01), this.rings[j]);
       if (faces) this.faces(pen, j, pose, time);
       else this.figure(pen, j, pose, time);
     });
@@ -62,9 +65,14 @@ export class Bodies {
     });
   }
 
+  // Height of somebody (m) as it is drawn.
+  tall(pen, j) {
+    return Math.max(this.data.people[j].height, (SMALLEST * pen.crowding * pen.fine) / pen.metre);
+  }
+
   // Somebody whose shirt is coloured, all around, like the face that looks the same way.
   figure(pen, j, pose, time) {
-    const { height } = this.data.people[j], size = Math.max(height, (SMALLEST * pen.fine) / pen.metre);
+    const size = this.tall(pen, j);
     if (!pen.metreAround(pose, 1.5 * size)) return;
     const isFine = (size * pen.metre) / pen.fine > FINE_BODY, fine = Number(isFine), phase = this.phase(j, time);
     const body = PERSONS[fine][phase], towards = this.towards[j][fine][phase];
@@ -114,16 +122,12 @@ export class Bodies {
     return isCrowd(this.plan.paths);
   }
 
-  colour(i, picked) {
-    return this.isCrowd && i === picked ? this.chosen : this.colours[i];
-  }
-
   // Where drones have flown, and thinner, where they will; in a crowd only of late.
   tracks(pen, time, { picked, alone }) {
     this.plan.paths.forEach((path, i) => {
       if (!path.length || (alone && i !== picked)) return;
       const some = this.isCrowd && i !== picked, now = this.drone(i, time), done = Math.floor(time);
-      const colour = this.colour(i, picked), faint = mixed(palette.ground, colour, 0.5);
+      const colour = this.colours[i], faint = mixed(palette.ground, colour, 0.5);
       const [begin, end] = some ? [Math.max(done - TRAIL, 0), Math.min(done + 1, path.length - 1)] : [0, path.length - 1];
       for (let t = begin; t < end; t++) {
         const way = this.flights[i].way(t), at = t === done ? (time - done) * (way.length - 1) : t < done ? Infinity : 0;
@@ -145,7 +149,7 @@ export class Bodies {
     this.plan.paths.forEach((_, i) => {
       if (!isThere(this.plan, i) || (own && i === picked)) return; // it does not see itself
       const pose = this.drone(i, time);
-      const colour = alone && i !== picked ? mixed(palette.ground, palette.unseen, 0.6) : this.colour(i, picked);
+      const colour = alone && i !== picked ? mixed(palette.ground, palette.unseen, 0.6) : this.colours[i];
       if (!own) this.thread(pen, pose, size);
       this.quadrotor(pen, pose, size, colour);
     });

@@ -11,7 +11,8 @@ const MOST_RAYS = 300, LOOK = 60; // m, and how many, to tell how much is hidden
 const FOCAL = 1.3; // focal length, of the picture's diagonal
 const STEEP = 60, FLAT = 60; // degrees, from which on it moves away, and how many times as far
 const LEAST = 5; // m, that are in the picture along each axis
-const PADDING = { side: 34, top: 46, bottom: 40 }; // px around all that happens
+const PADDING = { side: 34, top: 46, bottom: 40 }; // px around all that happens; less above and below in low pictures
+const LOW = 500; // px
 const ROUNDS = 8; // of moving and zooming until all that happens just fits
 
 export class Camera {
@@ -96,12 +97,13 @@ export class Camera {
       });
     }
     const wide = Math.max(high[0] - low[0], LEAST), tall = Math.max(high[1] - low[1], LEAST);
-    const free = [Math.max(width - 2 * PADDING.side, 50), Math.max(height - PADDING.top - PADDING.bottom, 50)];
+    const [top, bottom] = [PADDING.top, PADDING.bottom].map((long) => long * Math.min(height / LOW, 1));
+    const free = [Math.max(width - 2 * PADDING.side, 50), Math.max(height - top - bottom, 50)];
     const scale = Math.min(free[0] / wide, free[1] / tall), middle = low.map((v, k) => (v + high[k]) / 2);
     const centre = [0, 1, 2].map((k) => axes.reduce((sum, axis, n) => sum + middle[n] * axis[k], 0));
     Object.assign(this, { scale, centre, focal: FOCAL * Math.hypot(width, height) });
     for (let round = 0; round < ROUNDS; round++) this.adjust(free);
-    this.shift(0, (PADDING.top - PADDING.bottom) / 2);
+    this.shift(0, (top - bottom) / 2);
     this.whole = this.scale;
   }
 

@@ -1,10 +1,10 @@
 // Reward per step as bars, with marks above them; a press goes to the mark or the step.
 
-import { AMBER, CHOSEN, OTHER, RED, VIOLET, words } from "./colours.js";
+import { AMBER, OTHER, RED, VIOLET, words } from "./colours.js";
 import { TAU } from "./geometry.js";
 import { FONT } from "./labels.js";
 import { MOST_WORDS, percent, rounded, several, short } from "./numbers.js";
-import { isCrowd } from "./plans.js";
+import { colourOf } from "./plans.js";
 
 export const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
 const LEFT = [46, 150, 0.22]; // px at least and at most, and at most so much of the window
@@ -117,7 +117,7 @@ export class Chart {
 
   // What a step would lack without the picked drone.
   added(context, y, picked) {
-    context.fillStyle = isCrowd(this.data.drones) ? CHOSEN : this.data.drones[picked].colour;
+    context.fillStyle = colourOf(this.data, this.plan, picked);
     (this.plan.adds[picked] ?? []).forEach((reward, step) => {
       context.fillRect(this.x(step) - this.barWidth / 2, y(reward), this.barWidth, y(0) - y(reward));
     });

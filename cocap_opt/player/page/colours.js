@@ -55,7 +55,7 @@ export const AMBER = "#c47600";
 export const VIOLET = "#9a52dc";
 export const OTHER = "#c65d1e";
 export const CLOSED = rgb("#d0021b"); // to drones, see-through
-export const CHOSEN = "#e8590c"; // the picked drone in a crowd, whose drones have the colours of their kinds
+export const NOBODY = "#7f7f7f"; // drones of a crowd that film nobody
 export const palette = {}; // of the raster, filled by `paint`
 export const words = {}; // of canvases, and the version of all colours
 

@@ -1,6 +1,7 @@
 // Elements of the page.
 
 export const PHONE = 500; // px
+export const NARROW = 760; // px, up to which a page has one column
 
 export const find = (id) => document.getElementById(id);
 export const make = (name, cls, text) => {

@@ -4,13 +4,13 @@
 import { inkOn, words } from "./colours.js";
 import { button, make, put } from "./dom.js";
 import { Eye } from "./eye.js";
+import { labelOf } from "./labels.js";
 import { short } from "./numbers.js";
 import { COARSE, FINE } from "./pen.js";
-import { heightOf, isCrowd, isThere, present } from "./plans.js";
+import { colourOf, heightOf, isCrowd, isThere, present } from "./plans.js";
 
 const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
-export const FEW = 8; // drones, up to which all pictures are shown at first
-export const ROOM = 900; // px of a panel, from which on they are
+export const ROOM = 900; // px of a panel, from which on pictures of drones are shown at first
 
 export class Fleet {
   // `actions`: pick(drone), refresh().
@@ -35,11 +35,26 @@ export class Fleet {
       refresh();
     });
     this.rows.forEach(({ canvas }) => this.watcher.observe(canvas));
+    this.rove();
+  }
+
+  // The Tab key comes to one drone only; up and down lead from it to the others.
+  rove() {
+    const chips = present(this.plan).map((i) => this.rows[i].chip);
+    const reach = (chip) => chips.forEach((other) => (other.tabIndex = other === chip ? 0 : -1));
+    reach(chips[0]);
+    this.root.addEventListener("focusin", ({ target }) => chips.includes(target) && reach(target));
+    this.root.addEventListener("keydown", (event) => {
+      const way = { ArrowDown: 1, ArrowUp: -1 }[event.key], at = chips.indexOf(event.target);
+      if (!way || at < 0 || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      chips[(at + way + chips.length) % chips.length].focus();
+    });
   }
 
   row(i, pick) {
     const chip = button("chip", "", `drone ${i}: pick it`, () => pick(i)), dot = make("i", "", String(i));
-    const { colour } = this.data.drones[i], canvas = make("canvas");
+    const colour = colourOf(this.data, this.plan, i), canvas = make("canvas");
     dot.style.cssText = `background: ${colour}; color: ${inkOn(colour)}`;
     canvas.dataset.drone = String(i);
     canvas.setAttribute("aria-hidden", "true");
@@ -53,10 +68,11 @@ export class Fleet {
     this.rows.forEach(({ chip, films, adds }, i) => {
       if (!isThere(plan, i)) return;
       const whom = plan.films[i][step], height = data.layers > 1 ? `${heightOf(plan, i, step)} m` : "";
-      const [who, more] = [whom === null ? "nobody" : data.people[whom].called, plan.adds.length ? short(plan.adds[i][step]) : ""];
+      const who = whom === null ? "nobody" : data.people[whom].name === null ? data.people[whom].called : labelOf(data.people[whom], whom);
+      const more = plan.adds.length ? short(plan.adds[i][step]) : "";
       put(films, height ? `${who}, ${height}` : who);
       put(adds, more);
-      chip.title = `drone ${i}${data.kinds.length > 1 ? `, ${data.kinds[data.drones[i].kind].words}` : ""}: films ${who}`
+      chip.title = `drone ${i}, ${data.drones[i].camera}: films ${who}`
         + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more} to J` : ""}`;
       chip.setAttribute("aria-pressed", String(i === picked));
     });

@@ -132,7 +132,7 @@ export class Labels {
     const { context, view } = this;
     if (picked !== undefined && isThere(view.plan, picked)) circle(context, ...view.at(view.bodies.drone(picked, time)), 15, words.ink, 1.6);
     for (const { i, at: [x, y], place, isHidden } of this.numbers) {
-      const colour = hex(view.bodies.colour(i, picked));
+      const colour = hex(view.bodies.colours[i]);
       context.globalAlpha = isHidden ? 0.65 : 1;
       if (Math.hypot(place[0] - x, place[1] - y + 18) > 1) leader(context, place, [x, y], colour);
       this.number(i, place, colour, i === picked);

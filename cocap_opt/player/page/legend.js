@@ -1,6 +1,6 @@
 // What colours and lines mean.
 
-import { hex, palette, SCALE, startable } from "./colours.js";
+import { hex, NOBODY, palette, SCALE, startable } from "./colours.js";
 import { find, make } from "./dom.js";
 import { rounded, short } from "./numbers.js";
 import { isCrowd } from "./plans.js";
@@ -10,12 +10,7 @@ export function legend(data) {
   if (data.airspace) find("limits").textContent = data.airspace.words;
   find("starting").hidden = !data.starts;
   if (data.starts) find("choosers").textContent = data.starts.words;
-  find("kinds").hidden = !isCrowd(data.drones) || data.kinds.length < 2;
-  for (const { colour, words } of data.kinds) {
-    const swatch = make("span", "swatch");
-    swatch.style.background = colour;
-    find("kinds").append(swatch, ` ${words} `);
-  }
+  tasks(data);
   find("other").hidden = data.plans.length !== 2;
   if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
     find("scales").hidden = true; // nothing is seen at any step
@@ -30,6 +25,19 @@ export function legend(data) {
     find("ticks").append(tick);
   }
   find("unit").textContent = data.unit;
+}
+
+// Whom drones of a crowd film most, by their colours.
+function tasks({ drones, plans, tasks: all }) {
+  find("tasks").hidden = !isCrowd(drones);
+  const found = plans.flatMap((plan) => plan.tasks), shown = all.filter((_, k) => found.includes(k));
+  const rows = found.includes(null) ? [...shown, { colour: NOBODY, words: "nobody" }] : shown;
+  for (const { colour, words } of rows) {
+    const box = make("span", "task"), swatch = make("span", "swatch");
+    swatch.style.background = colour;
+    box.append(swatch, ` ${words}`);
+    find("tasks").append(box);
+  }
 }
 
 export function colourScale(data) {

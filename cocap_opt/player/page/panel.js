@@ -5,7 +5,7 @@ import { hex } from "./colours.js";
 import { button, make, PHONE, put } from "./dom.js";
 import { Eye } from "./eye.js";
 import { Fleet } from "./fleet.js";
-import { density, MOST_WORDS, percent, reward, several } from "./numbers.js";
+import { density, digits, MOST_WORDS, percent, reward, several } from "./numbers.js";
 import { conflictsAt, isStill, isThere, nearAt, present, turns } from "./plans.js";
 import { proofBox } from "./proof.js";
 import { Strip } from "./strip.js";
@@ -50,43 +50,52 @@ export class Panel {
     title.title = plan.title;
     head.append(title);
     if (plan.planner && plan.planner !== plan.title) head.append(make("span", "file", plan.title));
-    head.append(this.verdict());
+    head.append(...this.proved(), ...this.kept());
     return head;
   }
 
-  // What is proved of the plan, by its certificate and the referee; without a plan, what is wrong
-  // with drones that wait at their starts.
-  verdict() {
-    const { gap, conflicts, near, closest, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
-    const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(this.plan) && !gap?.optimal;
-    const proof = gap && !count && this.data.certificate ? proofBox(this.data, this.plan) : null;
-    const open = () => proof.showModal();
-    const badge = proof ? button("badge next", "", "", open) : make("span", "badge");
-    if (count) {
-      const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
-      const go = () => this.actions.next("conflict", this.plan);
-      return button("badge next bad", words, "breaks the rules; go to the next conflict (C)", go);
-    }
-    if (gap) {
-      badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
-      badge.title = `the certificate was verified${proof ? " when this page was made; click for its file" : ""}`;
-    } else badge.textContent = waits ? "not planned yet" : near.length ? `no conflicts; drones come as close as ${distance(closest)}` : "no conflicts";
-    if (besidePeople.length) {
-      badge.textContent = `at the start ${several(besidePeople, 1)}`;
-      badge.title = besidePeople.join("\n");
-    }
-    if (isStopped) {
-      badge.textContent = gap ? `${badge.textContent}; ${cutShort}` : cutShort;
-      badge.title = "the planner was stopped early; more time may give a better plan";
-    } else if (isNone) badge.textContent = `no drone moves; ${badge.textContent}`;
-    const isMild = besidePeople.length > 0 || Boolean(isStopped) || isNone || (!gap && !waits && near.length > 0);
-    badge.classList.toggle("mild", isMild);
-    badge.classList.toggle("good", gap ? gap.optimal : !waits && !isMild);
+  // What is proved of the plan, and what else is to be known of it at once; nothing for most plans.
+  proved() {
+    const { data, plan } = this, { gap, conflicts, waits, besidePeople, cutShort } = plan;
+    const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(plan) && !gap?.optimal;
+    const isProved = gap && !conflicts.length, proof = isProved && data.certificate ? proofBox(data, plan) : null;
+    const told = [isNone && !isStopped ? "no drone moves" : "", this.bounded(isProved), isStopped ? cutShort : ""].filter(Boolean);
+    if (!told.length) return [];
+    const badge = proof ? button("badge next", "", "", () => proof.showModal()) : make("span", "badge");
+    badge.textContent = told.join("; ");
+    badge.title = isStopped ? "the planner was stopped early; more time may give a better plan" : besidePeople.length
+      ? besidePeople.join("\n") : isProved ? `the certificate was verified${proof ? " when this page was made; click for its file" : ""}` : "";
+    badge.classList.toggle("mild", besidePeople.length > 0 || Boolean(isStopped) || isNone);
+    badge.classList.toggle("good", Boolean(isProved && gap.optimal));
     if (proof) {
-      badge.append(" ▸");
+      badge.append(make("i", "", " ▸"));
       this.root.append(proof);
     }
-    return badge;
+    return [badge];
+  }
+
+  bounded(isProved) {
+    const { gap, waits, besidePeople } = this.plan;
+    if (besidePeople.length) return `at the start ${several(besidePeople, 1)}`;
+    if (isProved) return gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
+    return waits ? "not planned yet" : "";
+  }
+
+  // Whether drones keep the rules, and how near they come to each other: red if they break a rule or
+  // would touch, green only if they are as far apart as drones should fly. A press goes there.
+  kept() {
+    const { plan, actions } = this, { conflicts: { length: count }, closest, waits } = plan;
+    const broken = count ? `${count} conflict${count > 1 ? "s" : ""}` : waits ? "" : "no conflicts";
+    const words = [broken, closest ? `closest ${distance(closest.apart)}` : ""].filter(Boolean).join("; ");
+    if (!words) return [];
+    const isBad = count || (closest && !closest.isKept && closest.apart < closest.body);
+    const level = isBad ? "bad" : !closest || closest.isKept ? "good" : "mild";
+    if (!count && !closest) return [make("span", `badge ${level}`, words)];
+    const go = () => (count ? actions.next("conflict", plan) : actions.jump(closest.time));
+    const title = count ? "breaks the rules; go to the next conflict (C)" : nearest(plan);
+    const badge = button(`badge next ${level}`, words, title, go);
+    badge.append(make("i", "", " ▸"));
+    return [badge];
   }
 
   facts() {
@@ -108,14 +117,13 @@ export class Panel {
     }
     if (!plan.waits) facts.append(...this.hovering());
     add("mean coverage of a face", `${density(plan.meanPixels)} ${data.unit}`, "by all drones together, over all faces and all steps that count").className = "mean";
-    if (turns(plan) && !plan.knots) add("flight", "straight", `between the steps drones fly ${flightOf(plan)}`);
     this.now = add("J of this step", "", "what this step adds to J");
     this.sum = add("J so far", "", "what all steps up to this one add to J");
-    if (plan.closest !== null) {
-      add("closest approach", distance(plan.closest), `the least distance of any two drones at any time, flying ${flightOf(plan)}`)
-        .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
-    }
+    if (turns(plan)) add("flight", plan.knots ? "smooth" : "straight", `between the steps drones fly ${flightOf(plan)}`).className = "flight";
+    const legs = plan.knots && plan.closest ? distance(plan.closest.straight) : "";
+    if (legs && legs !== distance(plan.closest.apart)) add("closest on straight legs", legs, "if they flew straight from step to step").className = "legs";
     if (plan.gap?.losses.length) this.lost = add("cost of this move", "");
+    if (this.lost) this.lost.className = "lost";
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
@@ -142,7 +150,8 @@ export class Panel {
       const words = ` ${count} ${count > 1 ? many : one}`;
       const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
       dot.style.color = colour;
-      box.append(button(`mark ${kind}`, words, `go to the next ${one} (${key})`, go));
+      const isTouch = kind === "near" && this.plan.closest.apart < this.plan.closest.body;
+      box.append(button(`mark ${kind}${isTouch ? " touch" : ""}`, words, `go to the next ${one} (${key})`, go));
       box.lastChild.prepend(dot);
     }
     return box;
@@ -153,6 +162,9 @@ export class Panel {
     const { actions } = this, canvas = make("canvas"), bar = make("div", "bar");
     this.box = make("figure", "inset");
     this.caption = make("figcaption");
+    this.adds = make("span");
+    this.own = make("span", "alone");
+    this.caption.append(this.adds, this.own);
     this.holds = Object.fromEntries([["follow", "follow (F)"], ["alone", "alone (I)"]].map(([name, title]) => [
       name, button("hold", name, title, () => actions.toggle(name)),
     ]));
@@ -220,9 +232,10 @@ export class Panel {
     this.fleet.describe(step, picked);
     if (picked === undefined) return;
     put(this.who, `drone ${picked}`);
-    this.who.style.setProperty("--own", hex(this.view.bodies.colour(picked, picked)));
-    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} to J at this step; ` : "";
-    put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
+    this.who.style.setProperty("--own", hex(this.view.bodies.colours[picked]));
+    const isCounted = plan.adds.length && step >= data.first;
+    put(this.adds, isCounted ? `adds ${reward(plan.adds[picked][step])} to J at this step` : "");
+    put(this.own, `${isCounted ? "; " : ""}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };
     for (const [name, hold] of Object.entries(this.holds)) {
       hold.setAttribute("aria-pressed", String(Boolean(held[name])));
@@ -237,10 +250,17 @@ export function tipAt(tip, canvas, [x, y]) {
 }
 
 const flightOf = ({ knots }) => (knots
-  ? "smoothly, where walls, people and other drones are as far away as the rules require"
-  : "in straight lines: no smooth flight obeys the rules");
+  ? "smoothly, as cocap-opt fly --smooth writes it: walls, people and other drones are as far away as the rules require"
+  : "in straight lines, as cocap-opt fly writes it: no smooth flight obeys the rules");
 
-const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
+const distance = (metres) => `${Number(metres.toFixed(2))} m`; // as cocap-opt fly rounds it
+
+// Which drones are nearest to each other, when, and in which flight, and how far apart they should be.
+function nearest({ closest: { robots, apart, time, straight, kept }, knots }) {
+  const flight = knots ? `on the smooth flight (cocap-opt fly --smooth); on straight legs the closest is ${distance(straight)}` : "on straight legs";
+  return `drones ${robots.join(" and ")} are ${distance(apart)} apart at step ${digits(time, 1)}, ${flight}. `
+    + `Green from ${distance(kept)} on. Go there`;
+}
 
 // Cost of the drones' moves from a step, in % of the bound, with the costliest drone named.
 function losses(gap, step) {

@@ -1,6 +1,7 @@
 // Draws what moves into a raster, through the projection of a camera, which puts a point x, y, z
 // into an array and tells if it is before the camera.
-// Thickness is in px of the page, of which the raster has `fine` samples.
+// Thickness is in px of the page, of which the raster has `fine` samples; `crowding` is how much
+// smaller than usual bodies may be.
 
 import { shaded } from "./colours.js";
 import { area } from "./geometry.js";
@@ -16,7 +17,7 @@ export class Pen {
   // `cut` gives the part of a polygon that is before the camera, `metreAt` the samples of a metre
   // where w is.
   constructor(raster, put, { cut = (points) => points, metreAt = () => this.metre } = {}) {
-    Object.assign(this, { raster, put, cut, metreAt, fine: 1, place: new Float64Array(3) });
+    Object.assign(this, { raster, put, cut, metreAt, fine: 1, crowding: 1, place: new Float64Array(3) });
     this.corners = Array.from({ length: MOST_CORNERS + 1 }, (_, n) => new Float64Array(3 * n));
   }
 

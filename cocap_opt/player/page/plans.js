@@ -1,5 +1,6 @@
 // What a plan has, and where it is at a time.
 
+import { NOBODY } from "./colours.js";
 import { TAU } from "./geometry.js";
 
 // A row between two steps; column 3 is an angle.
@@ -22,6 +23,10 @@ export const isThere = ({ paths }, drone) => paths[drone].length > 0;
 // True of so many drones, or people, that they cannot all have a colour and a number in pictures.
 const CROWD = 14;
 export const isCrowd = (some) => some.length > CROWD;
+
+// The colour of a drone: its own, in a crowd that of the people whom it films most.
+export const colourOf = (data, plan, drone) => (isCrowd(data.drones)
+  ? data.tasks[plan.tasks[drone]]?.colour ?? NOBODY : data.drones[drone].colour);
 
 // The numbers of the drones that are there.
 export const present = (plan) => plan.paths.map((_, i) => i).filter((i) => isThere(plan, i));

@@ -4,8 +4,8 @@ import { Blocks } from "./blocks.js";
 import { Camera } from "./camera.js";
 import { marksOf } from "./chart.js";
 import { night, paint } from "./colours.js";
-import { button, find, make, put } from "./dom.js";
-import { FEW, ROOM } from "./fleet.js";
+import { button, find, make, NARROW, PHONE, put } from "./dom.js";
+import { ROOM } from "./fleet.js";
 import { listenToKeys, listKeys } from "./keys.js";
 import { colourScale, legend } from "./legend.js";
 import { clock, digits, rounded } from "./numbers.js";
@@ -26,8 +26,6 @@ const ZOOM = 1.25; // by a key
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
-// Of many drones each has the colour of its kind.
-if (isCrowd(data.drones)) for (const drone of data.drones) drone.colour = data.kinds[drone.kind].colour;
 const blocks = new Blocks(data);
 const scene = { blocks, world: new World(data, blocks), rays: new Rays(data, blocks) };
 const camera = new Camera(data, scene.rays);
@@ -266,6 +264,7 @@ const KEYS = [
   ["arrows", "↹ ←↑", "on the picture that has the focus: turn it, with shift move it", () => {}],
   ["0", "0", "fit everything into the picture", fit],
   ["x", "X", "switch plan (narrow screens)", () => choose((state.plan + 1) % panels.length)],
+  ["drones", "↹ ↑↓", "in the list of drones: the next, the previous one", () => {}],
   ["?", "?", "this help", help],
 ];
 
@@ -304,8 +303,13 @@ function lay() {
   times();
   tabs();
   choose(0);
-  find("views").checked = data.drones.length <= FEW && data.plans.every((plan) => !plan.waits)
-    && panels.every(({ root }) => root.clientWidth >= ROOM);
+  if (isCrowd(data.drones) && window.innerWidth < PHONE) { // from above and without cones they can be told apart
+    look("top");
+    find("sights").checked = false;
+  }
+  // Pictures of drones have room beside a plan, and below it on a narrow screen, which shows one.
+  const hasRoom = window.innerWidth <= NARROW || panels.every(({ root }) => root.clientWidth >= ROOM);
+  find("views").checked = hasRoom && data.plans.every((plan) => !plan.waits);
 }
 
 // Pictures of a lost graphics card are drawn again by the processor.
@@ -341,6 +345,9 @@ function listen() {
   find("film").addEventListener("click", record);
   find("film").hidden = !Recording.kind();
   find("ask").addEventListener("click", help);
+  find("more").addEventListener("click", ({ target }) => {
+    target.setAttribute("aria-expanded", String(target.getAttribute("aria-expanded") === "false"));
+  });
   listenToKeys(KEYS, find("help"));
   window.addEventListener("resize", fit);
   night.addEventListener("change", repaint);

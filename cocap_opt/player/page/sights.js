@@ -36,7 +36,7 @@ export class Sights {
       if (!isThere(bodies.plan, i) || ((alone || (isCrowd && picked !== undefined)) && i !== picked)) return;
       const how = i === picked ? { reach, share: 0.1, perSide: 6 }
         : isCrowd ? { reach: CLOSER * reach, share: 0.06, perSide: 2 } : { reach, share: pale, perSide: 6 };
-      this.cone(pen, bodies.drone(i, time), drone, bodies.colour(i, picked), how);
+      this.cone(pen, bodies.drone(i, time), drone, bodies.colours[i], how);
     });
   }
 

@@ -12,6 +12,8 @@ import { Sights } from "./sights.js";
 
 const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
+const SMALLEST_DRONE = 8; // px, radius of a drone as it is drawn
+const UNCROWDED = 60; // px between people and drones, if they were even; with less they are drawn smaller
 const HATCH = 9; // px from line to line
 const CLOSEST = 0.02; // of the camera's way to the middle, before which nothing is drawn
 const FARTHEST = 1.01; // times the largest depth by which pictures are parted
@@ -24,6 +26,7 @@ export class View {
     this.bodies = new Bodies(data, plan);
     this.sights = new Sights(data, scene.rays, this.bodies);
     this.labels = new Labels(this);
+    this.moving = Math.max(data.people.length + plan.paths.length, 1);
     this.lookouts = lookouts(data.people, plan.paths);
     this.opened = new Uint8Array(scene.blocks.count); // blocks that are only outlined
     this.corners = new Float64Array(12);
@@ -71,7 +74,7 @@ export class View {
 
   // Radius of a drone (m): its own, but never so small that nobody sees it.
   droneSize() {
-    return Math.max(0.35, (8 * this.pen.fine) / this.pen.metre);
+    return Math.max(0.35, (SMALLEST_DRONE * this.pen.crowding * this.pen.fine) / this.pen.metre);
   }
 
   draw(time, options) {
@@ -127,6 +130,7 @@ export class View {
     const pixels = window.devicePixelRatio || 1, { camera } = this, { azimuth, elevation, scale, away } = camera;
     this.pen.fine = Math.max(Math.min(quality, Math.sqrt(MOST_SAMPLES / (width * height))), 0.5);
     this.pen.metre = scale * this.pen.fine;
+    this.pen.crowding = Math.min(Math.sqrt((width * height) / this.moving) / UNCROWDED, 1);
     const size = [Math.round(width * pixels), Math.round(height * pixels)];
     if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
     const stamp = [...middle, width, height, azimuth, elevation, away, this.pen.metre, solid].join();
