@@ -93,7 +93,7 @@ def _keep_stops(
 def _divide_code(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
 ) -> None:
-    """Makes each line of code an element, which the style sheet folds on a phone."""
+    """Makes each line of code an element, which the style sheet folds if it is too long."""
     if body := context.get("body"):
         context["body"] = with_lines(body)
 

@@ -1,7 +1,7 @@
 """Lines of code on the built site, each an element of its own.
 
-On a phone the style sheet folds a line that is too long, and indents the rest of it below its
-beginning. Output in columns stays as it is: folded, its columns would be lost.
+The style sheet folds a line that is too long, on phones above all, and indents the rest of it below
+its beginning. Output in columns stays as it is: folded, its columns would be lost.
 """
 
 import re
