@@ -35,7 +35,7 @@ class ProblemError(ValueError):
 
 
 class FieldError(ProblemError):
-    """A ProblemError that tells its field apart from its text, for those who name it otherwise."""
+    """A ProblemError that has its field apart from its text, for those who name it otherwise."""
 
     def __init__(self, field: str, allowed: str) -> None:
         super().__init__(field, allowed)

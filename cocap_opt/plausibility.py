@@ -41,7 +41,7 @@ def warnings(problem: SceneData) -> list[str]:
 
 
 def warnings_before_starts(problem: SceneData) -> list[str]:
-    """Returns the likely mistakes that can be told before the robots have places, or are there."""
+    """Returns the likely mistakes that show before the robots have places, or are there."""
     found = [*_about_heights(problem.height_map)]
     found += [
         f"meshes[{k}] {_not_closed(mesh)}"

@@ -1,4 +1,4 @@
-"""The referee, which tells if a plan is feasible and computes its J.
+"""The referee, which checks if a plan is feasible and computes its J.
 
 It trusts no planner, no reward code and no solver: from the problem alone it recomputes both by
 slow, obvious loops. It shares with planners only coverage and solid matter.

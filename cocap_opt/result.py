@@ -50,7 +50,7 @@ class Result:
     message : the reason why there is no plan, in words
     statistics : the method's own counts and times, by name
     in_coverage : the limit was reached before the coverage of all steps was complete
-    told : how far the plan got before the limit, in the words of its file; empty without a file
+    told : note of the plan's file on how far the plan got before the limit; empty without a file
     problem : the problem that was planned; None: unknown
     method : name of the method that made the result; empty if unknown
     """

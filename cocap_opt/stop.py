@@ -1,7 +1,7 @@
 """Stopping criteria that compose, the words for why methods end, and the clock.
 
-Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; whoever has
-something to give catches it. A time limit starts to count when it is made.
+Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; a method that has
+a result catches it. A time limit starts to count when it is made.
 """
 
 import math
@@ -175,7 +175,8 @@ class WorkLimit(Stop):
     """Reached when more than `units` units of work are begun: the same on every machine.
 
     A unit is a pricing round of column generation or branch-and-price, or a node that CoCap
-    generates. What counts no work, such as value iteration or a generic solver, runs to its end.
+    generates. Methods that count no work, such as value iteration or a generic solver, run to their
+    end.
     """
 
     def __init__(self, units: int) -> None:
@@ -195,7 +196,7 @@ class WorkLimit(Stop):
 
 
 class FirstOf(Stop):
-    """Reached when any of its criteria is; all are asked each time."""
+    """Reached when any of its criteria is reached; each check asks all of them."""
 
     def __init__(self, *criteria: Stop) -> None:
         if wrong := [stop for stop in criteria if not isinstance(stop, Stop)]:

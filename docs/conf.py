@@ -10,6 +10,7 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 import cocap_opt
+from cocap_opt.experiments.lab.manual.code_lines import with_lines
 from cocap_opt.experiments.lab.manual.contents import llms_in_full, llms_in_short, with_menu
 from cocap_opt.experiments.lab.manual.marks import on_the_site
 from cocap_opt.experiments.lab.studies.browser.files import write_check
@@ -36,6 +37,7 @@ html_js_files = ["versions.js"]
 html_sourcelink_suffix = ""  # _sources/page.md, which llms.txt names
 html_theme_options = {"navigation_with_keys": True}
 
+_OUTSIDE = re.compile(r"\]\((?=\.\./[A-Z]+\.md\))")  # links to files beside this folder
 _STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 
 
@@ -50,9 +52,13 @@ def _write_files(app: Sphinx) -> None:
 
 
 def _prepare(app: Sphinx, page: str, content: list[str]) -> None:
-    """Takes away the marks, opens what is for the site alone, and makes the menu of the index."""
+    """Removes the marks, adds the parts for the site alone and the menu of the index.
+
+    Files in Markdown outside of this folder are no pages: the site offers them for download.
+    """
     if app.env.doc2path(page).suffix != ".ipynb":
-        content[0] = on_the_site(with_menu(content[0]) if page == "index" else content[0])
+        text = on_the_site(with_menu(content[0]) if page == "index" else content[0])
+        content[0] = _OUTSIDE.sub("](path:", text)
 
 
 def _add_check(
@@ -84,6 +90,14 @@ def _keep_stops(
         context["body"] = _STOPPED.sub(r'<span class="formula">\1</span>', body)
 
 
+def _divide_code(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Makes each line of code an element, which the style sheet folds if it is too long."""
+    if body := context.get("body"):
+        context["body"] = with_lines(body)
+
+
 def _add_players(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
 ) -> None:
@@ -97,5 +111,5 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
     app.connect("source-read", _prepare)
-    for change in (_keep_stops, _add_check, _add_players):
+    for change in (_keep_stops, _divide_code, _add_check, _add_players):
         app.connect("html-page-context", change)

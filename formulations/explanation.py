@@ -1,7 +1,7 @@
 """Explanation of a gap: the terms that make up the difference between a bound and a plan's J.
 
 Let V_t be the values to go of the priced graphs, r_t their rewards with charges and rewards for
-moves, and pay_i what robot i is paid for a view sum. For a plan P and a certificate of bound B,
+moves, and pay_i robot i's credit for a view sum. For a plan P and a certificate of bound B,
 
     B - J(P) = sum over robots and steps of V_t(x_t) - r_t(x_t) - V_t+1(x_t+1)        path
              + sum over view sums of w (constant + sum_i pay_i(c_i) - sqrt(sum_i c_i))   face
@@ -54,8 +54,8 @@ class Term(NamedTuple):
     """A part of a gap; fields that do not apply to its kind are None.
 
     A path's term is the loss of a robot by its move from `step` to the next. A face's term is the
-    amount that the certificate pays for a face of an actor at a step beyond what the robots
-    together get for it; where pixels add up over time it has no step. A term of views belongs to a
+    amount by which the certificate's credits for a face of an actor at a step exceed the reward of
+    the robots together; where pixels add up over time it has no step. A term of views belongs to a
     person whom `robots` robots see, where such robots are counted. The amount by which the stages
     of a certificate, and the paths that were tried, lower the bound of its multipliers is a
     term < 0.
@@ -272,7 +272,7 @@ def reward_of_move(objective: Objective, a: State, b: State) -> float:
 
 
 def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Term]:
-    """Yields the terms of faces and of counted people: pay beyond the reward, at each step."""
+    """Yields the terms of faces and of counted people: credits beyond the reward, at each step."""
     model, problem = prices.model, prices.model.problem
     weights, paid = problem.view_sum_weights, prices.pixels.constants.copy()
     seen = problem.no_pixels()
@@ -315,7 +315,7 @@ def _row_terms(
     decisions: Sequence[Decision],
     paths: Sequence[PathCells],
 ) -> Iterator[Term]:
-    """Yields the prices paid for resources that are not used, by row and by decision."""
+    """Yields the prices of resources that are not used, by row and by decision."""
     if not isinstance(certificate, Multipliers):
         return
 

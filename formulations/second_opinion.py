@@ -330,7 +330,7 @@ class _Prices:
             yield self._worth[t][person] * self._cap * left
 
     def _count_payment(self, certificate: Certificate, t: int, person: int) -> float:
-        """Returns the pay for seeing a person at a step."""
+        """Returns the credit for seeing a person at a step."""
         weight = self._worth[t][person]
         if isinstance(certificate, ReferencePixels):
             drones = certificate.views[t][person]
@@ -338,7 +338,7 @@ class _Prices:
         return weight * certificate.views[t][person]
 
     def _payment(self, certificate: Certificate, number: int) -> Callable[[int, int, float], float]:
-        """Returns the function that pays a class for pixels of a face in a row, before weights."""
+        """Returns the function that credits a class for pixels of a face, before weights."""
         if isinstance(certificate, ReferencePixels):
             reference = certificate.pixels
             return lambda row, face, pixels: (
@@ -498,14 +498,14 @@ _BEFORE = "before"  # the node from which an edge leads to each start
 
 
 def _longest_path(
-    problem: Problem, robot: int, graph: Graph, paid: dict[Node, float], uses: _Uses
+    problem: Problem, robot: int, graph: Graph, credits: dict[Node, float], uses: _Uses
 ) -> _Worth:
     """Returns the worth of a robot's best path; -inf if it has none.
 
     Parameters
     ----------
     graph : all nodes that the robot can reach from its starts
-    paid : payment for being in a node
+    credits : credit for being in a node
     """
     import networkx as nx  # a fifth of a second, which few commands need
 
@@ -514,7 +514,7 @@ def _longest_path(
     def worth(node: Node) -> float:
         state, t = node
         cost = uses.get((t, cells[state]), 0.0) + uses.get((t, state), 0.0)
-        return paid.get(node, 0.0) - cost
+        return credits.get(node, 0.0) - cost
 
     worths = {node: worth(node) for node in graph}
     weighted = _weighted(problem.objective, graph, worths, cells, uses)

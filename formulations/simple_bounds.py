@@ -10,7 +10,7 @@ bound no higher than the one claimed. All faces of a step share one multiplier, 
 (`certificates.pricing` has the inequality): each drone as if it were alone, alpha = 1; or a tangent
 of the root at z pixels, alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of the pixels that
 all drones could have of a face at the step if they were all where one of them sees most. Where the
-drones that see people are counted, each drone is paid in full, gamma = 1, or, if that share of all
+drones that see people are counted, each drone's credit is full, gamma = 1, or, if that share of all
 drones is more than the number that counts, not at all, gamma = 0.
 """
 
@@ -225,7 +225,7 @@ def _paid(
     roots: FloatArray, pixels: FloatArray, counts: FloatArray,
     alpha: float, beta: float, gamma: float,
 ) -> FloatArray:  # fmt: skip
-    """Returns the pay [S] of a step's states; amounts with price 0 may be infinite."""
+    """Returns the credit [S] of a step's states; amounts with price 0 may be infinite."""
     parts = ((alpha, roots), (beta, pixels), (gamma, counts))
     return np.asarray(sum((price * part for price, part in parts if price), 0.0 * counts))
 

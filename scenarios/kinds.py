@@ -1,6 +1,6 @@
 """Kinds of files, told by their first bytes or, of texts, by all of them; ways to convert each.
 
-A file's name may say anything; its first bytes do not. Whoever reads a file that a user names calls
+A file's name may say anything; its first bytes do not. The reader of a file that a user names calls
 `require`, or `cocap_opt.scenarios.text.read_text`, with the kinds that it can read.
 
 `kind_of_text` tells kinds of JSON apart, which only all of a text shows.
@@ -233,7 +233,7 @@ _GRID = re.compile(rb"\s*ncols\s+\d", re.IGNORECASE)
 def kind_of(path: Path) -> Kind | None:
     """Returns the kind of a file by its first bytes; None if it is of none that is known.
 
-    A file that cannot be opened has none, and whoever reads it says why; nor has a pipe, whose
+    A file that cannot be opened has none, and its reader says why; nor has a pipe, whose
     other end might never write.
     """
     if not path.is_file():

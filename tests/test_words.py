@@ -1,6 +1,7 @@
 """The words of the code: sentences that begin with their subject or verb, names of the thing."""
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,21 @@ FOLDERS = ("cocap_opt", "formulations", "scenarios", "experiments")
 SAYS_NOTHING = ("own", "one", "some")
 RIDDLE = re.compile(r"(Returns? (what|whether|how)|What|Whether|How|Where|Those)\b")
 SUSPECT = re.compile(rf'"""{RIDDLE.pattern}')
+# Of the style page's list in CONTRIBUTING.md, what no plain sentence of ours needs: prices that
+# pay, things that stand somewhere, tell or want, and people who are but a pronoun.
+THINGS = (
+    "numbers? words? names? tables? files? lines? comments? pages? folders? columns? pictures? "
+    "keys? lists? seconds dicts? modules? marks? texts? which that"
+).replace(" ", "|")
+PLACES = "in(?! the way)|beside|above|below|behind|under|before|first"
+BLACK = re.compile(
+    rf"\b(paid|pays?|(?:is|are|was|were|be) told|nobody says|whoever|wants? `"
+    rf"|(?:{THINGS}) (?:tells?|wants?|stands? (?:{PLACES}))"
+    r"|(?:on|in|beside|above|below|behind) (?:it|them|(?:the|a|each) \w+) stands?)\b",
+    re.IGNORECASE,
+)
+# Rooms whose words are those of the player, the crew's sheet and the commands, held by their tests.
+SPOKEN = ("cocap_opt/cli/", "cocap_opt/player/", "cocap_opt/missions/sheet/")
 NAMED = re.compile(rf"\b({'|'.join(SAYS_NOTHING)})(:| [:=]?=| in |, \w+ (=|in) |[,)])")
 
 
@@ -58,6 +74,60 @@ def test_variables_are_named_after_the_thing() -> None:
         if name in SAYS_NOTHING
     }
     assert found == set()
+
+
+def said(path: Path) -> str:
+    """The prose of a page in one line, without code, comments and the list of CONTRIBUTING."""
+    text = path.read_text(encoding="utf-8").partition("| rule | not | but |")
+    text = text[0] + text[2].partition("\n\n")[2]
+    return " ".join(re.sub(r"(?ms)^```.*?^```$|<!--.*?-->|`[^`]*`", "` `", text).split())
+
+
+def notebook_text(path: Path) -> str:
+    """The prose of a notebook, in one line."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+    return " ".join(" ".join(texts).split())
+
+
+def test_pages_have_no_word_of_the_black_list() -> None:
+    """Things define, contain, pass and show; they do not stand, tell, pay or want."""
+    texts = {
+        **{path: said(path) for path in ROOT.glob("*.md")},
+        **{path: said(path) for path in (ROOT / "docs").rglob("*.md")},
+        **{path: said(path) for path in (ROOT / "scenarios").rglob("*.md")},
+        **{path: notebook_text(path) for path in (ROOT / "docs").rglob("*.ipynb")},
+    }
+    assert len(texts) > 100
+    found = [
+        f"{path.relative_to(ROOT)}: {text[max(0, match.start() - 40) : match.end() + 20]}"
+        for path, text in texts.items()
+        for match in BLACK.finditer(text)
+    ]
+    assert found == []
+
+
+def test_docstrings_have_no_word_of_the_black_list() -> None:
+    """They become help and pages."""
+    found = [
+        f"{path.relative_to(ROOT)}: {' '.join(match[0].split())}"
+        for path, tree in suspects(BLACK)
+        if not path.relative_to(ROOT).as_posix().startswith(SPOKEN)
+        for text in docstrings(tree)
+        for match in BLACK.finditer(" ".join(re.sub(r"`+[^`]*`+", "` `", text).split()))
+    ]
+    assert found == []
+
+
+def test_pictures_have_no_word_of_the_black_list() -> None:
+    """Titles and legends of pictures are read as pages are."""
+    found = [
+        f"{path.name}: {match[0]}"
+        for path in (ROOT / "docs" / "pictures").glob("*.svg")
+        for comment in re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
+        for match in BLACK.finditer(comment)
+    ]
+    assert found == []
 
 
 def glossary_rows() -> dict[str, str]:

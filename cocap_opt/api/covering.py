@@ -27,7 +27,7 @@ def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     robot : number of the drone; drones with the same motion and camera see the same from a state
 
     Returns
@@ -70,7 +70,7 @@ def coverage_digest(problem: Problem) -> str:
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
 
     Returns
     -------

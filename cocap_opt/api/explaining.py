@@ -40,7 +40,7 @@ def explain(
         A row per term: `kind` (path, face, views, row, decision, leaves, stages, claim, rounding),
         `step`, `robot`, `actor`, `face` (of the actor), `amount` in units of J, and `share` of the
         bound; for views also `robots` (that see the person); for rows and decisions also
-        `resource`, `sense` and `robots` (at most, or at least, so many may use it), `used` and
+        `resource`, `sense` and `robots` (the most, or the fewest, that may use it), `used` and
         `price`. `attrs` has `bound`, `reward`, and their `difference`.
 
     Raises

@@ -95,12 +95,12 @@ def quality_bound(
 ) -> QualityBound:
     """Prove the largest number of person-steps that several drones can see, whatever their plan.
 
-    For each number of drones up to `cameras`, bound the share of person-steps that at least so many
-    drones see, over all plans that obey the rules. The problem's objective does not matter.
+    For each number of drones up to `cameras`, bound the share of person-steps that at least this
+    many drones see, over all plans that obey the rules. The problem's objective does not matter.
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     cameras : the largest number of drones for which a bound is proved. None: the cameras of the
         problem's objective, or 2
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to

@@ -129,10 +129,10 @@ def robustness(
         Rows of lost drones have `lost_drone` and `lost_step`; these and the plan's also have
         `by_two` and `by_none` (shares of person-steps seen by two drones or more, and by none) and
         `no_longer` (a list of `person` and `steps`: person-steps that two drones see as planned,
-        but no longer do). `attrs` has `delay_tolerance`: drones may be behind each other by less
-        than so many seconds; and `delay_tolerance_to_people`: drones may be ahead of people or
-        behind them by less than so many seconds. inf: any delay is allowed; None: the scene
-        requires no such distance, or has no people.
+        but no longer do). `attrs` has `delay_tolerance`: the seconds by which one drone may be
+        behind another; and `delay_tolerance_to_people`: the seconds by which drones may be ahead of
+        people or behind them. Delays must be less than that; inf: any delay is allowed; None: the
+        scene requires no such distance, or has no people.
 
     Raises
     ------

@@ -28,14 +28,14 @@ def front(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are; the weight of views in its objective does
+    problem : the scene, with its drones and people; the weight of views in its objective does
         not matter
-    cameras : number of drones on a person beyond which more add nothing. None: that of `so_far`, of
-        the problem's objective, or 2
-    at_least : share of a person, by solid angle, that must be visible in a drone's image. None:
-        that of `so_far`, of the objective, or 0.3
-    share : share of all possible views around which plans and bounds are found first. None: that of
-        `so_far`, or of the objective, if it has one
+    cameras : number of drones on a person beyond which more add nothing. None: the number of
+        `so_far`, else that of the problem's objective, else 2
+    at_least : share of a person, by solid angle, that must be visible in a drone's image. None: the
+        share of `so_far`, else that of the objective, else 0.3
+    share : share of all possible views around which plans and bounds are found first. None: the
+        share of `so_far`, else that of the objective, if it has one
     directions : largest number of weightings of J and views to try until the trade-off is settled
     seconds : for each weighting, coverage not included; they double each time that it is tried
         again
@@ -48,7 +48,7 @@ def front(
     Front
         With its `plans`, none of which is better than another in both respects, and the
         `half_planes` that contain all plans, each with its certificate. `reward_bound(views)` is
-        the J that no plan with at least so many views exceeds, `best_with(views)` the best such
+        the J that no plan with at least this many views exceeds, `best_with(views)` the best such
         plan found, `views_bound` the number of views that no plan exceeds, `gap` the largest gap
         left between plans and proofs, and `settled` is True if there is none. `table` has all of
         them. Printing it describes them in words.

@@ -89,7 +89,7 @@ def plan(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     planner : a name in `PLANNERS` or `EXACT`, "module:function", a name that an installed package
         offers, or any callable that takes a problem and a stop
     time_limit : seconds, coverage included
@@ -152,7 +152,7 @@ def bound(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     method : a name in `BOUNDS`, or any callable with the same arguments as those
     time_limit : seconds, coverage included
     stop : a further stopping criterion
@@ -200,7 +200,7 @@ def solve(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     method : a name in `EXACT`, or any callable with the same arguments as those
     time_limit : seconds, coverage included; when they are over, the best plan and bound so far are
         returned

@@ -34,14 +34,14 @@ def team(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are
+    problem : the scene, with its drones and people
     drones : numbers of drones, or a single number
     camera : names of cameras, as listed by `cocap-opt scenes`; each is tried in teams of its own.
         None: the camera of the problem's drones
     heights : m, in the reference of the problem's flight heights; at each of them a team is tried
         that stays there. None: teams use all of the problem's heights
     cameras : number of drones that are to see a person
-    share : share of person-steps that are to be seen by so many drones
+    share : share of person-steps that this many drones should see
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to
         count as seeing the person. None: that of the problem's objective, or 0.3
     time_limit : seconds for each of the two problems of a team, counted from when coverage is ready

@@ -33,9 +33,9 @@ def with_views(
     problem : the problem; any views that it counted before are replaced
     cameras : drones beyond this number add nothing
     weight : weight of one drone that sees a person at one step, in px^0.5/m; one number for all
-        people or one for each. None: half of what one unhidden view of the person pays from where
+        people or one for each. None: half the reward of one unhidden view of the person from where
         the person fills a third of the image's height, the mean over eight directions around the
-        person and over the drones' cameras. "first": more than all that pixels and moves can pay,
+        person and over the drones' cameras. "first": more than all pixels and moves together,
         so that a plan with more views comes first, whatever the pixels; this holds if all
         importances are 0 or one number. Where they differ, pixels may decide between views that
         differ by less than the least importance
@@ -87,7 +87,7 @@ def with_starts(
     Returns
     -------
     Problem
-        The problem with other starts, whose name says so.
+        The problem with other starts; its name states the choice.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def takes(
     Returns
     -------
     Problem
-        The problem with takes "as given", "take 1", "take 2" and so on, as its name says.
+        The problem with the takes "as given", "take 1", "take 2" and so on; its name says so.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Compiling by numba, where that is installed (extra `fast`), and when it pays.
+"""Compiling by numba, where that is installed (extra `fast`), and when it saves time.
 
 To compile a kernel takes seconds, once on a machine; to load what is kept half a second, once in a
 process. So a kernel is loaded once so much was done by NumPy, or is to be done, that loading is

@@ -1,6 +1,6 @@
 """Compiling in a process of its own: it can be ended at any time, which numba cannot.
 
-What it keeps is loaded by whoever has asked for it.
+What it keeps is loaded by the process that has asked for it.
 """
 
 import os

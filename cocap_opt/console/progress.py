@@ -24,7 +24,7 @@ SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
 
 
 class Watch:
-    """Shows how far a command is, as it is told; nothing is shown but in `on_terminal`.
+    """Shows how far a command is, as it reports; nothing is shown but in `on_terminal`.
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ class Watch:
         say(": ".join(self._texts()))
 
     def counter(self, noun: str) -> Callable[[int, int], None]:
-        """Returns a function that is told how many of some things are done, and of how many."""
+        """Returns a function to call with how many of some things are done, and of how many."""
         return lambda done, total: self.show(f"{noun} {done}/{total}")
 
     def countdown(self, noun: str) -> Callable[[int, int], None]:
         """Returns a function that shows a share done, and the seconds that are left.
 
-        It is told how many of some things of about equal weight are done, and of how many; where
+        It gets how many of some things of about equal weight are done, and of how many; where
         they are no more than before, other things begin.
         """
         pace = _Pace()

@@ -68,7 +68,7 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class _Header(msgspec.Struct):
-    """The fields that tell what kind of document a file is; others are not looked at."""
+    """The fields that show what kind of document a file is; others are not looked at."""
 
     format: str
     version: int = 1
@@ -103,16 +103,16 @@ class PlanFile(Document, frozen=True, kw_only=True):
     version : of this format
     scene : the name of the scene
     digest : of the scene
-    digest_without_objective : of the scene as if it had the usual objective, by which plans for
-        several objectives can be compared; None: not recorded
+    digest_without_objective : digest of the scene with the usual objective, to compare plans for
+        several objectives; None: not recorded
     planner : the name of the planner
     limit : the limit that stopped the planner; None: none did, or it was not recorded
     reason : why the planner stopped; None: not recorded
     seconds : s, wall-clock time of the search; None: not recorded
-    time_limit : s that the planner was allowed; None: it had no limit, or it was not recorded
-    work_limit : units of work that it was allowed; None as for `time_limit`
-    cut_short : what the limit left of the plan, in words; empty if no limit stopped the planner
-    coverage_version : of the formula by which pixels were computed; None: not recorded
+    time_limit : s, time limit of the planner; None: it had no limit, or it was not recorded
+    work_limit : work limit of the planner; None: as for `time_limit`
+    cut_short : effect of the limit on the plan, in words; empty if no limit stopped the planner
+    coverage_version : version of the formula for pixels; None: not recorded
     reward : J as the planner claims it
     plan : a path for each drone
     """
@@ -147,7 +147,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
 
     @property
     def ending(self) -> Ending:
-        """The end of the search for the plan, of which older files tell less."""
+        """The end of the search for the plan, which older files describe less."""
         stopped = Reason.FINISHED if self.limit is None else Reason.STOPPED
         return Ending(self.reason or stopped, self.limit, told=self.cut_short)
 

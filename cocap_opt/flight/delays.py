@@ -2,7 +2,7 @@
 
 Nothing keeps drones that fly waypoints to a common clock. This finds the least difference between
 two moments at which one drone at the first and another at the second would be too near, over all
-pairs of moments: whoever keeps below it keeps the separation, whether the delay grows, shrinks or
+pairs of moments: drones that keep below it keep the separation, whether the delay grows, shrinks or
 stays. A drone hovers before its flight and after it, which adds nothing: who comes too near to it
 then is no later than at the flight's first moment, or its last.
 

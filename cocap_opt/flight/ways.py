@@ -2,7 +2,7 @@
 
 Drones go one after the other, each along the quickest way over the map's cells, while those that
 are not yet gone, or are there already, hover: so the rules between drones in the air, obstacles and
-no-fly zones hold on all ways as they do in the plan. Whoever is at home stands on the ground and is
+no-fly zones hold on all ways as they do in the plan. A drone at home is on the ground and is
 no obstacle; homes differ. People are known only during the take, and count for nothing here.
 """
 

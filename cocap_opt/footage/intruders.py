@@ -1,4 +1,4 @@
-"""Drones that stand in each other's pictures."""
+"""Drones that are in each other's pictures."""
 
 import numpy as np
 

@@ -41,22 +41,23 @@ class Quality:
     ----------
     people : [A] names
     counts : [T+1, A] true for the person-steps that count: the person's weight and importance are
-        more than 0, and so is the step, unless the start counts
+        above 0, and the step is not 0, unless the start counts
     first_step : first step that counts, 0 or 1
     seen : [T+1, R, A] true where a drone sees a person
     angles : [T+1, A] degrees between the two rays that are farthest apart, as lines: 0 to 90; nan
         where fewer than two drones see the person
     errors : [T+1, A] mm, root mean square error of a point at the person's middle. It is infinite
         where fewer than two drones see the person, or all of them along one line; a drone beside
-        or behind whose camera that middle is adds nothing. Nor do sensors without pictures: it is
-        nan where it takes them to see the person twice, or no drone has pictures
+        or behind whose camera that middle is adds nothing. Sensors without pictures add nothing,
+        either: it is nan if the person is seen twice only with their help, or if no drone has
+        pictures
     blur : [T+1, R, A] px of each person in each picture; nan where the drone does not see the
         person or has no picture. None if the scene defines no step length
     drones_seen : [T+1, R, R] true where the second drone is in the first one's picture, and large
     has_pictures : [R] true for the drones with a pinhole camera
-    assumptions : that it was measured with
+    assumptions : the assumptions of the measurement
     times : [T+1] s since step 0; None if the scene defines no step length
-    takes : ways in which people may walk; empty where they walk as they do
+    takes : ways in which people may walk; empty if they walk in one way only
     take_of : [A] number of the take that each person is in; 0 without takes
     chances : [A] probability of that take; 1 without takes
     """
@@ -152,7 +153,7 @@ class Quality:
 
     @property
     def by_person(self) -> list[OfPerson]:
-        """The same of each person of whom any step counts, with their worst moments."""
+        """The same for each person with a step that counts, with their worst moments."""
         moments = worst_moments(self.views, self.angles, self.counts)
         worst = {m.person: m.words(self.times) for m in reversed(moments)}
         return [
@@ -208,7 +209,7 @@ class Quality:
 
         Parameters
         ----------
-        ax : matplotlib axes; those of a figure of its own if not given
+        ax : matplotlib axes; if not given, those of a new figure
 
         Examples
         --------

@@ -65,7 +65,7 @@ def draw_strip(
 
     Parameters
     ----------
-    ax : matplotlib axes; those of a figure of its own if not given
+    ax : matplotlib axes; if not given, those of a new figure
     people : [A] names
     views : [T+1, A] number of drones that see each person
     counts : [T+1, A] true for the person-steps that count; others are pale

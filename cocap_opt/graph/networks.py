@@ -1,4 +1,4 @@
-"""Motion of one robot as networkx graphs, for whoever wants to see, count or check paths.
+"""Motion of one robot as networkx graphs, for people who look at, count or check paths.
 
 Planners and bounds use the compiled form, `timegraph`. Here are the graphs node by node, built
 directly from what is in reach: of the product of places, orientations and steps most is not.
@@ -155,7 +155,7 @@ class _GridSteps:
         return list(product(headings, sorted(motion.pitches_after(pitch, pitches))))
 
     def _find_heads(self, place: Place) -> list[Place]:
-        """Returns the places to which a move leads, whoever is near."""
+        """Returns the places to which a move leads, wherever people are."""
         layer, x, y = place
         at = layer, x - self._window.x0, y - self._window.y0
         return [

@@ -273,7 +273,7 @@ class _BackwardStep:
             np.maximum(by_pitch[:, :-1], narrow[:, 1:], out=by_pitch[:, :-1])
 
     def _keep_heading(self, ahead: FloatArray) -> None:
-        """Raises the maximum over turns where keeping the heading pays more."""
+        """Raises the maximum over turns where keeping the heading is worth more."""
         np.add(ahead, self._bonuses.keep_heading, out=self._pair)
         self._pitch(self._pair)
         np.maximum(self._after_turn, self._pair, out=self._after_turn)

@@ -99,7 +99,7 @@ class Autopilot(NamedTuple):
     turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
     rise : m/s at which it takes off
     rises_by : the parameter that says so
-    pace : how it is told to fly a leg in its time
+    pace : the command by which it flies a leg in its time
     extra : items beside those of a mission: ArduPilot keeps the home position as one
     most : items that it usually holds
     holds : why it holds no more

@@ -162,7 +162,7 @@ def _times(flight: Flight) -> FloatArray:
 def _over(height_map: HeightMap, points: FloatArray) -> dict[str, FloatArray]:
     """Returns the heights of points [n, 3] over the ground, or where no map tells it the surface.
 
-    The surface of a map is the top of all that stands on it.
+    The surface of a map is the top of everything on it.
     """
     known = height_map.knows_ground
     name, below = ("above_ground", height_map.ground) if known else (
@@ -214,7 +214,7 @@ class FlightClock(NamedTuple):
 
     @classmethod
     def of(cls, flight: Flight) -> Self:
-        """Returns the clock of a flight; one of which nobody says when it starts begins in 1970.
+        """Returns the clock of a flight; one without a start begins in 1970.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 
 Its positions have a third coordinate only where the scene's heights are above the ellipsoid of
 WGS 84, which is what that coordinate is (section 4); all heights are properties. Times of the
-points of a line stand in `coordTimes`, where togeojson writes them and Leaflet.TimeDimension and
+points of a line are in `coordTimes`, where togeojson writes them and Leaflet.TimeDimension and
 folium look for them. Colours follow the simplestyle specification.
 """
 

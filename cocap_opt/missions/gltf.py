@@ -103,7 +103,7 @@ class _Animation:
         return _upright(points - self.origin)
 
     def add_ground(self) -> None:
-        """Adds the map: its ground, and the cells that stand out from it."""
+        """Adds the map: its ground, and the cells above it."""
         height_map = self._problem.height_map
         corner = np.array([*height_map.origin, 0.0])
         parts = (("terrain", self._relief.ground, pictures.COVERED),
@@ -210,7 +210,7 @@ class _Animation:
             self._move(node, clock, self._local(np.column_stack(at[:3])), _about_up(at[3]))
 
     def _move(self, node: int, clock: int, places: FloatArray | None, turns: FloatArray) -> None:
-        """Animates a node, which stands before the animation where it begins."""
+        """Animates a node, which is where it begins before the animation."""
         rows = {"rotation": turns} if places is None else {"translation": places, "rotation": turns}
         for path, values in rows.items():
             self._glb.place(node, path, values[0])

@@ -17,7 +17,7 @@ class Relief(NamedTuple):
     Attributes
     ----------
     ground, obstacles : [n, 4, 3] m, corners of rectangles from the corner of the map; obstacles
-        are the cells that stand out from the ground
+        are the cells above the ground
     fine, coarse : edge of a cell as it is drawn, in cells of the map, in the part that matters
         and elsewhere; each is as high as its highest
     """

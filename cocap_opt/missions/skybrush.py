@@ -8,7 +8,7 @@ their ends, as many as keep it to half a millimetre. Times are then rounded to m
 readers do, in which a drone flies some millimetres; steps too short for that are refused.
 
 Coordinates are local: x and y begin at the map's corner, z at the lowest take-off. Where they are
-on the Earth is told to Skybrush Live when the show is set up.
+on the Earth is set in Skybrush Live when the show is set up.
 
 Sources: `@skybrush/show-format` (types and player) in https://github.com/skybrush-io/skybrush.js,
 `TrajectorySpecification` and `YawSetpointList` in https://github.com/skybrush-io/skybrush-server,

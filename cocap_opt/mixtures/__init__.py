@@ -1,6 +1,6 @@
 """Mixtures: several paths of each robot, flown in part, and the prices that they teach.
 
-`columns` are the paths, `mixture` weighs them, `prices` pays for what they see, `mixture_ascent`
+`columns` are the paths, `mixture` weighs them, `prices` values what they see, `mixture_ascent`
 raises one in turn with pricing, `column_pool` makes plans of their columns, `plan_search` betters
 these; `parameters` guide it all. What planners and column generation both use of them is here.
 """

@@ -79,7 +79,7 @@ class Column(NamedTuple):
 
     @property
     def key(self) -> tuple[int, Path]:
-        """Robot and path, by which columns are told apart."""
+        """Robot and path, which distinguish columns."""
         return self.robot, self.along.states
 
     @property

@@ -122,7 +122,7 @@ class MixtureProgram:
         return float(value), Prices(alpha, beta)
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
-        """Returns the payment for each column at the prices of a mixture [n]."""
+        """Returns the credit of each column at the prices of a mixture [n]."""
         return self.priced(*self.judged(amounts)[1])
 
     def priced(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
@@ -168,7 +168,7 @@ def raised(
         np.maximum.at(largest, robots, gradient)
         if (largest - mean).sum() <= enough:
             break
-        # Charges may outweigh what a column is paid.
+        # Charges may outweigh the credit of a column.
         above, mean = gradient - lowest[robots], (mean - lowest)[robots]
         factors = np.divide(above, mean, out=np.ones_like(mean), where=mean > parameters.least_mean)
         amounts = amounts * np.maximum(factors, least_factor) ** parameters.power

@@ -51,15 +51,15 @@ class AscentParameters(Section):
     Attributes
     ----------
     power : of the gradient
-        1 is safe and slow; 3 does not settle under rules (field-large)
+        exponent of each step: 1 is safe and slow; 3 does not settle under rules (field-large)
     most_steps : steps
-        in which a mixture is raised between two pricings
+        largest number of steps between two pricings
     rough : share
-        of bound less value: what these steps may leave to gain
+        remaining gain of these steps at which pricing follows, as a share of the gap
     least_mean : J
-        a robot that gains no more keeps its amounts
+        a robot that gains less keeps its amounts
     least_amount : of a robot
-        below which a column is dropped
+        amount below which a column is dropped
     """
 
     power: float = 2.0
@@ -76,17 +76,17 @@ class PlanSearchParameters(Section):
     Attributes
     ----------
     width : states
-        of a robot at a step that prices keep, besides those of known columns
+        states of a robot at a step that prices keep, in addition to those of known columns
     draws : roundings
-        at random, of which the best is taken up
+        random roundings, of which the best is improved
     responses : responses per robot
-        of the neighbourhood search from each plan that is taken up
+        budget of the neighbourhood search from each plan
     least_amount : of a robot
-        from which on a column of a mixture is used
+        least amount of a column of a mixture that is used
     found_amount : of a robot
-        that the columns of each plan that was found add to a pool
+        amount that the columns of each plan found add to a pool
     most_in_vain : plans
-        one after the other, that are taken up without a better one
+        plans in a row that are improved without a better one, after which the search ends
     """
 
     width: int = 120

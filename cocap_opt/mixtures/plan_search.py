@@ -39,7 +39,7 @@ def columns_of(team: PlannedTeam) -> list[Column]:
 
 
 def tell_nobody(*_: object) -> None:
-    """Does nothing with what it is told."""
+    """Does nothing with its arguments."""
 
 
 class PlanSearch:

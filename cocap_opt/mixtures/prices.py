@@ -4,9 +4,10 @@ Of a view sum with pixels p_i of robot i, the root of all is less than
 
     sum_i (alpha sqrt(p_i) + beta p_i) + (1 - alpha)^2 / (4 beta),
 
-so that robots can be paid one by one: alpha for each root, beta for each px/m2. Where many robots
-see a face alpha is small, and a view of what others miss pays more. Good prices are those of a good
-mixture (`mixture_ascent`). At any prices one backward sweep finds the best paths of a whole class.
+so that each robot has a credit of its own: alpha for each root, beta for each px/m2. Where many
+robots see a face alpha is small, and a view of what others miss is worth more. Good prices are
+those of a good mixture (`mixture_ascent`). At any prices one backward sweep finds the best paths of
+a whole class.
 """
 
 from collections.abc import Iterable
@@ -26,14 +27,14 @@ from cocap_opt.stop import Stop, never
 
 
 class Prices(NamedTuple):
-    """Payments to a robot for what it sees of each view sum."""
+    """Credits of a robot for what it sees of each view sum."""
 
     alpha: FloatArray  # [Z] of the root of its pixels
     beta: FloatArray  # [Z] m/px^0.5, of its pixels
 
     @classmethod
     def alone(cls, problem: Problem) -> Self:
-        """Returns the prices that pay every view as if nobody else saw the face."""
+        """Returns the prices that value every view as if nobody else saw the face."""
         zeros = problem.no_pixels()
         return cls(zeros + 1.0, zeros)
 
@@ -83,7 +84,7 @@ class PricedViews:
         }
 
     def rewards(self, prices: Prices) -> list[FloatArray]:
-        """Returns the payments for the states [T+1, S] of each class."""
+        """Returns the credits of the states [T+1, S] of each class."""
         of_nodes = self.at(*prices)
         both = zip(self.model.classes, self.tables, strict=True)
         return [self.model.spread(robot_class, of_nodes[table]) for robot_class, table in both]

@@ -51,7 +51,7 @@ def graphml(problem: Problem, robot: int, counter: Counter = _uncounted) -> byte
 
     Parameters
     ----------
-    counter : returns a function that is told how many of some things are done, by their name
+    counter : returns a function to call with how many of some things are done, by their name
 
     Raises
     ------

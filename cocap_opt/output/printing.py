@@ -202,7 +202,7 @@ class Listing(NamedTuple):
         return [first, *(other._replace(title="") for other in others)]
 
     def _has_names(self, key: str) -> bool:
-        """Returns True for a column of short words, or of seeds, which tell rows apart."""
+        """Returns True for a column of short words, or of seeds, which distinguish rows."""
         is_name = key == "seed" or all(_is_name(row[key]) for row in self.rows)
         return is_name and key not in _WRAPPED[1:]
 

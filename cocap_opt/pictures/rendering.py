@@ -40,7 +40,7 @@ def write_views(
     ----------
     width : px, of the pictures
     pixel_step : of the renderer that counts pixels
-    counter : returns a function that is told how many of some things are done, by their name
+    counter : returns a function to call with how many of some things are done, by their name
     """
     verdict = check(problem, plan)
     steps = [max(round(Renderer.camera_of(robot).width / width), 1) for robot in problem.robots]

@@ -26,7 +26,7 @@ class Planner(Protocol):
 # planner is named.
 RECOMMENDED = "cocap-prices"
 
-_ALONE = "no drone alone can better it"
+_ALONE = "no single drone can improve it"
 _COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
 _OBEYS = {"obeys_rules": True}
 _SOLVES = {"obeys_rules": True, "complete": True}
@@ -41,10 +41,12 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         "greedy": _planner(
             "greedy:greedy",
             "each drone in turn, collisions ignored",
-            "half the best J without rules; collides",
+            "half the best J without rules; may collide",
         ),
         "greedy-rounds": _planner(
-            "greedy:greedy_rounds", "greedy, then rounds of best responses", f"{_ALONE}; collides"
+            "greedy:greedy_rounds",
+            "greedy, then rounds of best responses",
+            f"{_ALONE}; may collide",
         ),
         "sequential": _planner(
             "sequential:sequential",

@@ -17,7 +17,7 @@
 
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
 Search (Sharon et al. 2015). The listing is our wording, the same as in docs/concepts/cocap.md; its
-numbers stand beside the lines of `algorithm_1`. It takes the greatest J, whereas the paper's
+numbers are beside the lines of `algorithm_1`. It takes the greatest J, whereas the paper's
 background section speaks of least cost. `constraint_tree` makes the nodes, and the plan to fall
 back on when time runs out.
 """

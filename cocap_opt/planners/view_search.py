@@ -15,9 +15,10 @@ Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), to the letter: the dis
 Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1) with k from 1, compounds, since Rbar_k is discounted
 already; a state includes its step; dominance compares the compounded values; after a dead end the
 search goes back to the best state left in OPEN. The listing is our wording, the same as in
-docs/concepts/cocap.md; its numbers stand beside the lines of `_algorithm_2`. The search evaluates
-the coverage of a state only when it reaches that state, which is its whole point: rendering views
-costs far more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
+docs/concepts/view-search.md; its numbers are beside the lines of `_algorithm_2`. The search
+evaluates the coverage of a state only when it reaches that state, which is its whole point:
+rendering views costs far more than searching. The paper names no gamma; `cocap-opt study gamma`
+measures some.
 """
 
 import heapq

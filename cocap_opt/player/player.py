@@ -31,12 +31,13 @@ class Player:
 
     Parameters
     ----------
-    plans : with titles, none with violations by `check`; without any plan the drones are shown at
-        their starts, and of those that may choose theirs the ground above which they may start
-    gaps : what the gap of each plan is made of, None where it is not known; none if not given
-    planners : which planner made each plan, None where it is not known; none if not given
-    cut_short : what a limit has left of each plan, in words; none if not given
-    proof : the file that proves the bound of `gaps`, which the page then offers
+    plans : plans with titles, none with violations by `check`. Without any plan the drones are
+        shown at their starts; for drones that may choose their start, the ground above which they
+        may start
+    gaps : the terms of each plan's gap, None where they are unknown; empty if not given
+    planners : the planner of each plan, None where it is unknown; empty if not given
+    cut_short : the effect of a limit on each plan, in words; empty if not given
+    proof : the file that proves the bound of `gaps`; the page offers it for download
 
     Examples
     --------

@@ -238,7 +238,7 @@ def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
 
     Only a plan that obeys the rules can be optimal: the others may have more than the bound.
     `losses[i][t]` is what drone i loses by leaving step t, of which the largest are `costliest`,
-    and `faces[t][f]` what is paid for faces. Of an optimum all are 0: terms that cancel cost
+    and `faces[t][f]` the overestimate of faces. Of an optimum all are 0: terms that cancel cost
     nothing.
     """
     optimal = obeys and gap.share(gap.gap) <= OPTIMALITY

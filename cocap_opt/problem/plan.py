@@ -77,7 +77,7 @@ class Ending(NamedTuple):
     reason : why it ended
     limit : the limit that stopped it; None if none did
     in_coverage : the limit was reached before the coverage of all steps was complete
-    told : how far the plan got before the limit, in the words of its file; empty without a file
+    told : note of the plan's file on how far the plan got before the limit; empty without a file
     """
 
     reason: Reason

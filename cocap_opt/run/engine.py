@@ -164,7 +164,7 @@ def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:
 def warm_up(method: str) -> None:
     """Lets a method load its libraries, some of which take seconds, before its time begins.
 
-    A process does so once; else who comes first would pay for all that use the same library.
+    A process does so once; otherwise the first user of a library would wait for all others.
     """
     with suppress(Exception):  # if something is wrong, the method itself tells
         SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))

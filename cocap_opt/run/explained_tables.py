@@ -56,7 +56,7 @@ def _drones(explained: Explained, width: int) -> list[str]:
 
 
 def _people(explained: Explained, width: int) -> list[str]:
-    """Tabulates what is paid for people beyond what all drones get, by side and step."""
+    """Tabulates how much the bound overestimates people's rewards, by side and step."""
     problem = explained.problem
     steps = [None] if problem.objective.over_time else list(range(problem.horizon + 1))
     sides = [(j, name) for j, a in enumerate(problem.actors) for name in a.shape.face_names]

@@ -62,7 +62,7 @@ REWARD_ALONE, VIEWS_ALONE = Direction(1.0, 0.0), Direction(0.0, 1.0)
 
 
 class PlanPoint(NamedTuple):
-    """A plan that obeys all rules, and where it stands."""
+    """A plan that obeys all rules, with its J and V."""
 
     plan: Plan
     reward: float  # J of pixels and moves
@@ -90,10 +90,10 @@ class Front:
     ----------
     problem : the scene; J is its reward without views, with pixels of weight 1 if they had none
     views : the cameras from which on more drones add nothing, the share of a person that must be
-        visible, the people who count, and the share of all views that is asked for, if one is
+        visible, the people who count, and the requested share of all views, if any
     base : the problem whose reward is J: without views, or with a weight of views of its own
-    plans : those that no other plan is better than in both, the fewest views first; each has
-        `plan`, `reward` (J) and `views` (V)
+    plans : those that no other plan beats in both J and V, the fewest views first; each has `plan`,
+        `reward` (J) and `views` (V)
     half_planes : in the order in which they were proved; each has `bound`, which no plan exceeds,
         on the sum of J and V with the weights `direction`, and `file`, its certificate
     """
@@ -160,7 +160,7 @@ class Front:
         return plane.file.with_objective(self.scene(plane.direction).objective)
 
     def point(self, plan: Plan) -> PlanPoint | None:
-        """Returns where a plan stands; None if it breaks a rule."""
+        """Returns J and V of a plan; None if it breaks a rule."""
         verdict = check(self.base, plan)
         if not verdict.valid:
             return None
@@ -177,7 +177,7 @@ class Front:
 
     @property
     def most_views(self) -> float:
-        """The most that V could be, if all people were seen by so many drones at all steps."""
+        """The largest possible V: that many drones see all people at all steps."""
         return most_views(self.problem, self.views.cameras)
 
     def share(self, views: float) -> float:
@@ -185,11 +185,11 @@ class Front:
         return views / self.most_views if self.most_views else 0.0
 
     def seen(self, point: PlanPoint) -> float:
-        """Returns the share of person-steps, by importance, that all those cameras see; or nan."""
+        """Returns the share of person-steps that `cameras` drones see, by importance."""
         return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
-        """Returns the J that no plan of at least so many views exceeds; -inf: there is no plan."""
+        """Returns the J that no plan with this many views exceeds; -inf: there is no plan."""
         if views > self.views_bound * (1 + _SAME):
             return -math.inf
         return min(
@@ -203,12 +203,12 @@ class Front:
 
     @property
     def views_bound(self) -> float:
-        """The V that no plan exceeds; negative where it is proved that there is no plan."""
+        """The V that no plan exceeds; negative if it is proved that there is no plan."""
         proved = (plane.bound for plane in self.half_planes if not plane.direction.reward)
         return min([self.most_views, *proved])
 
     def best_with(self, views: float) -> PlanPoint | None:
-        """Returns the plan of largest J among those of at least so many views."""
+        """Returns the plan of largest J among those with at least this many views."""
         enough = (point for point in self.plans if point.views >= views * (1 - _SAME))
         return next(enough, None)
 
@@ -224,12 +224,11 @@ class Front:
 
     @property
     def gap(self) -> float:
-        """The largest room above all plans.
+        """The largest relative gap between plans and bounds.
 
-        It is enough to look along the axes and across edges. Two of these directions that follow on
-        each other share a plan that is best in both. In a direction between them, a sum of the two,
-        that plan is best as well, and half-planes allow no more than the sum of what they allow in
-        each.
+        The directions along the axes and across edges are enough. Two neighbouring directions share
+        a plan that is best in both. It is also best in all directions between them, where the
+        half-planes allow no more than the sum of their bounds in the two directions.
         """
         return max(self.room(direction) for direction in self.directions())
 
@@ -242,7 +241,7 @@ class Front:
     def settled(self) -> bool:
         """True if no weighted sum of J and V has a better plan, or if there is proved to be none.
 
-        Better by more than a millionth does not count.
+        Plans that are better by less than a millionth do not count.
         """
         return self.no_plan if not self.plans else self.gap <= _CLOSED
 
@@ -350,7 +349,7 @@ class Front:
 
         Parameters
         ----------
-        ax : matplotlib axes; a figure of its own if not given
+        ax : matplotlib axes; if not given, those of a new figure
         """
         from cocap_opt.run.front_figure import draw  # matplotlib
 

@@ -25,7 +25,7 @@ ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
 
 
 class RefereeError(RuntimeError):
-    """A method returned a plan or a bound that the referee refuses: a bug, never a result."""
+    """The referee rejects the plan or the bound of a method, which is a bug of the method."""
 
     @classmethod
     def unless_bound(cls, name: str, reward: float, bound: float) -> None:

@@ -84,7 +84,7 @@ def _keeps(problem: Problem, judged: Judged[Any]) -> bool:
 
 
 def _next(front: Front, gap: float) -> Direction | None:
-    """Returns the direction that tells more of plans that keep the share, if one does."""
+    """Returns the direction that shows more of plans that keep the share, if one does."""
     kept = views_to_keep(front.problem, front.views)
     best, bound = front.best_with(kept), front.reward_bound(kept)
     if bound < 0 or (best is not None and relative_gap(best.reward, bound) <= gap):

@@ -61,9 +61,9 @@ class QualityBound:
     problem : the scene
     cameras : the largest number of drones for which there is a bound
     at_least : share of a person, by solid angle, from which on a drone sees them
-    weights : [T+1, A] of each person-step; 0 where it does not count
-    results : of the sum of min(1, n), of min(2, n) and so on, of the numbers n of drones that see a
-        person: its bound, with the certificate, and the plan of the largest sum that was found
+    weights : [T+1, A] weight of each person-step; 0 if it does not count
+    results : for the sums of min(1, n), of min(2, n) and so on, where n drones see a person: its
+        bound, with the certificate, and the plan of the largest sum that was found
     """
 
     problem: Problem
@@ -139,7 +139,7 @@ class QualityBound:
         return any(result.bound < 0 for result in self.results)
 
     def most(self, drones: int) -> MostSeen:
-        """Returns the most person-steps that so many drones or more see in any plan."""
+        """Returns the most person-steps that this many drones or more see in any plan."""
         if drones < 1:
             raise ValueError(f"drones: must be at least 1, not {drones}")
         if drones > len(self.problem.robots) or self.no_plan or not self.person_steps:
@@ -151,7 +151,7 @@ class QualityBound:
         return MostSeen(drones, number / self.person_steps, number)
 
     def share(self, found: Quality, drones: int) -> float:
-        """Returns the share, by weight, that so many drones or more see in a plan.
+        """Returns the share, by weight, that this many drones or more see in a plan.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class QualityBound:
 
         Parameters
         ----------
-        found : the quality of a plan, which is told beside it
+        found : the quality of a plan, to print beside the bound
         obeys_rules : the plan obeys all rules
         """
         if not self.person_steps:

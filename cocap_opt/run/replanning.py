@@ -34,8 +34,8 @@ class Replanned:
     Attributes
     ----------
     problem : the scene of the whole mission
-    plan : of the whole mission, its first steps as they were flown; None where a drone is lost, for
-        a plan has states of all drones at all steps, or where the rest has no plan
+    plan : plan of the whole mission, with its first steps as they were flown; None if a drone is
+        lost, because a plan needs states of all drones at all steps, or if the rest has no plan
     value : J of the whole mission: what was flown, and the rest; -inf without a plan of the rest
     rest : the plan of the rest, its J, its bound and the certificate, all of the scene of the rest
         (`rest.problem`), whose drones are `drones`
@@ -59,7 +59,7 @@ class Replanned:
     bound_seconds: float = 0.0
 
     def summary(self) -> str:
-        """Describe the rest, and what it is a rest of, in a few lines."""
+        """Describe the rest and its mission in a few lines."""
         old = f"no longer possible: {self.fault}" if self.old is None else f"{self.old:,.2f}"
         return "\n".join([
             f"from step {self.from_step}, drones {', '.join(map(str, self.drones))}",

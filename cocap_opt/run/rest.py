@@ -6,8 +6,8 @@ Views at step k are those of states that nothing can change; they belong to what
 
     J of the whole flight = J of what was flown, up to step k + J of the rest
 
-for returns of each step. Where pixels add up over time, those from before step k stand under the
-root of those after it: there is no such scene, and it is refused.
+for returns of each step. Where pixels add up over time, the root includes those from before step k
+and those after it: there is no such scene, and it is refused.
 
 A drone may be lost at step k. It contributes nothing from step k on: its views at steps before k
 count, and its moves up to there. It has left the scene; what becomes of it is not looked at.

@@ -118,7 +118,7 @@ class Hedging(NamedTuple):
 
     @property
     def foreknowledge(self) -> float:
-        """Bound on the mean J of whoever knows the take before planning: of the takes' bounds."""
+        """Bound on the mean J if the take is known before planning: of the takes' bounds."""
         both = zip(self.problem.takes, self.plans, strict=True)
         return math.fsum(take.probability * row.bound for take, row in both if take.probability)
 

@@ -114,11 +114,11 @@ class Verified:
 
     Attributes
     ----------
-    problem : that the claims are about
+    problem : the problem that the claims are about
     plan : that was checked
-    verdict : of the referee on the plan; None without one
-    bounds : those that are proved
-    violations : what does not hold, in words
+    verdict : the referee's verdict on the plan; None without a plan
+    bounds : the proved bounds
+    violations : false claims, in words
     plain : bounds were checked without any code that is compiled by numba
     """
 

@@ -1,6 +1,6 @@
 """The weight by which a drone that sees a person counts, where nobody states a number.
 
-By default it is half of what a single view of the person pays from where the person fills a third
+By default it is half the reward of a single view of the person from where the person fills a third
 of the image's height, so that nobody needs to know what px/m2 are worth. It follows from shapes,
 weights of faces and cameras alone: it is the same wherever drones start, whatever hides people, and
 for a part of the steps. Where people are to be seen before all else, it is so large that one drone
@@ -34,9 +34,9 @@ Weight = float | tuple[float, ...] | Literal["first"] | None
 def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[float, ...]:
     """Returns the weight [A] in px^0.5/m of a drone that sees each person.
 
-    The person stands alone on flat ground. The camera is level with the person's middle, looks at
-    it, and is as far away as the image is three times as high as the person, or farther, so that
-    all of the person is in the image. The view pays the sum of the faces' weights, each times the
+    The person is alone on flat ground. The camera is level with the person's middle, looks at it,
+    and is as far away as the image is three times as high as the person, or farther, so that all of
+    the person is in the image. The view's reward is the sum of the faces' weights, each times the
     root of its px/m2. Half of the mean over eight directions and all robots' cameras is the weight;
     a `Cone` has no image, and is left out.
 
@@ -66,7 +66,7 @@ def with_views(
     ----------
     problem : the problem; what it counted before is replaced
     cameras, weight, at_least, share : as in `Views`; without a weight each person's default;
-        "first": more than all that pixels and moves can pay
+        "first": more than all pixels and moves together
 
     Raises
     ------
@@ -89,11 +89,12 @@ def weight_before_all(
     actors: Sequence[Actor], robots: Sequence[Robot], horizon: int, objective: Objective,
     chance: float = 1.0,
 ) -> float:  # fmt: skip
-    """Returns a weight by which a drone that sees a person outweighs all that pixels and moves pay.
+    """Returns a weight by which a drone that sees a person outweighs all pixels and moves.
 
-    A face of area A and weight w that has p pixels, in all images together, pays w sqrt(p / A). No
-    pixel shows two faces. So all faces together pay at most sqrt(P sum w^2 / A) at a step, by
-    Cauchy and Schwarz, where P is the number of pixels of all images.
+    A face of area A and weight w that has p pixels, in all images together, is worth
+    w sqrt(p / A). No pixel shows two faces. So all faces together are worth at most
+    sqrt(P sum w^2 / A) at a step, by Cauchy and Schwarz, where P is the number of pixels of all
+    images.
 
     A plan of more views comes before others where all importances are 0 or one number, and so are
     the probabilities of takes. Where they differ, so may the views of two plans by less than the
@@ -115,8 +116,8 @@ def weight_before_all(
     cameras = [robot.camera for robot in robots if isinstance(robot.camera, Camera)]
     if len(cameras) < len(robots):
         raise ProblemError(
-            "weight: must be a number where a drone has no pinhole camera, whose images bound what "
-            "pixels pay"
+            "weight: must be a number where a drone has no pinhole camera, whose images bound the "
+            "reward of pixels"
         )
     images = sum(camera.width * camera.height for camera in cameras)
     per_area = 0.0  # of squared weights

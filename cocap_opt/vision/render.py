@@ -181,7 +181,7 @@ class Renderer:
     ) -> Iterator[tuple[IntArray, FloatArray, IntArray, IntArray]]:
         """Yields the rays of a box of pixels, many at a time.
 
-        Each is told by its pixel, its way [n, 3], and the surface and triangle that it first meets.
+        Each has its pixel, its way [n, 3], and the surface and triangle that it first meets.
         """
         camera, step, axes = self.camera_of(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))

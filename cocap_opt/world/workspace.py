@@ -46,8 +46,8 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     datum : [X, Y] m, zero of flight heights; None: 0 everywhere
     lift : [X, Y] m, by which flight heights are raised where the datum is too steep to be followed;
         None: nowhere. The ceiling stays above the datum itself
-    bare : [X, Y] m, altitudes of the ground below what stands on it, where the datum does not tell
-        them; None: as the datum or the heights tell. No plan depends on it, warnings do
+    bare : [X, Y] m, altitudes of the bare ground, below everything on it, where they differ from
+        the datum; None: given by the datum or the heights. They affect warnings, but no plan
 
     Raises
     ------

@@ -169,7 +169,7 @@ def _draw_medians(
 
 
 def _run(row: dict[str, str]) -> MethodRun:
-    """Returns the run that a row of the table tells of."""
+    """Returns the run that a row of the table describes."""
     numbers = {name: float(row[name]) for name in ("seconds", "processor", "value", "bound")}
     return MethodRun(
         method=row["method"], steps=int(row["steps"]), seed=int(row["seed"]),

@@ -2,7 +2,7 @@
 
 A family in `instances.toml` is a scene and changes of it, with seeds for training and for tests.
 The files of other projects are not in the library: a family names them with their SHA-256 and where
-they are published, and whoever has them says in which folder.
+they are published, and a user who has them names the folder.
 """
 
 import hashlib

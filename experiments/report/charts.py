@@ -133,7 +133,7 @@ def _gap_axis(ax: Axes, most: float) -> None:
 def progress_figure(traces: Mapping[str, Trace]) -> Figure:
     """Draws gaps over time; of a single run value and bound, too.
 
-    A legend names the runs, unless there are more than can be told apart: these are all grey.
+    A legend names the runs, unless there are more than can be distinguished: these are all grey.
     """
     rows = 2 if len(traces) == 1 else 1
     columns = columns_for(traces, _WIDE)

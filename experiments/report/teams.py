@@ -35,7 +35,7 @@ class Teams:
     Attributes
     ----------
     rows : one for each team
-    share : of person-steps that is asked for
+    share : requested share of person-steps
     """
 
     rows: tuple[TeamRow, ...]
@@ -72,7 +72,7 @@ def teams_figure(rows: Sequence[TeamRow], share: float | None = None) -> Figure:
     Parameters
     ----------
     rows : of teams
-    share : that is asked for, drawn as a level
+    share : requested share, drawn as a level
     """
     groups = grouped(rows)
     columns = min(3, len(groups) + 3)

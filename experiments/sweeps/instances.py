@@ -156,7 +156,7 @@ class Instance:
         self.found[content.cell] = content
 
     def give(self, name: str, plan: Plan | PlanFile) -> None:
-        """Takes a plan of others; its file tells of its search."""
+        """Takes a plan of others; its file describes its search."""
         self.take(Task(self.cell(name), self.problem).given(plan))
 
     def plan(self, name: str) -> Plan | None:

@@ -83,13 +83,13 @@ class CommandRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class RunFile(Document, frozen=True, kw_only=True):
-    """All runs that the results in a folder are of; the same code has made all of them.
+    """The runs that made the results in a folder, all with the same code.
 
     Attributes
     ----------
     format : the kind of file
     version : of this format
-    code : the digest of what rows depend on, scenes included
+    code : digest of everything that rows depend on, including scenes
     runs : the commands that wrote into the folder, in their order
     """
 

@@ -20,7 +20,7 @@ class Scenes:
 
     Parameters
     ----------
-    tell : is told which seeds make the same scene
+    tell : called with the seeds that make the same scene
 
     Attributes
     ----------

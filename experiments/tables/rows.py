@@ -51,9 +51,9 @@ class PlanRow:
 
     scene: Annotated[str, TableColumn("The scene's name.")]
     seed: Annotated[
-        _Count, TableColumn("The seed; empty where the drones start as the scene's own file says.")
+        _Count, TableColumn("The seed; empty if the starts are those of the scene's own file.")
     ]
-    planner: Annotated[str | None, TableColumn("The planner, or the file of a plan of others.")]
+    planner: Annotated[str | None, TableColumn("The planner, or the file of an added plan.")]
     method: Annotated[
         str | None, TableColumn("The method of bound: in the gap table the same as bound_method.")
     ] = None
@@ -85,7 +85,7 @@ class PlanRow:
         _Number,
         TableColumn(
             "Wall-clock time of the coverage of all states. In the gap table it is the scene's: "
-            "computed once, before the time of any planner or bound begins, charged to nobody, and "
+            "computed once, before the time of any planner or bound begins, part of no limit, and "
             "the same in all rows; if it comes from the disk cache, this is the time that it took "
             "when it was computed. For plan, bound and solve it is the time that this process "
             "spent, and 0 for planners that evaluate single views.",
@@ -98,8 +98,8 @@ class PlanRow:
     views: Annotated[
         _Count,
         TableColumn(
-            "Views, each of a state at a step, that the planner needs: those that it evaluates, or "
-            "all that drones can have where coverage is computed before."
+            "Number of views, each of a state at a step, that the planner needs: those that it "
+            "evaluates, or all possible ones if coverage is computed before."
         ),
     ] = None
     conflicts: Annotated[_Count, TableColumn("Collision rules that the plan breaks.")]
@@ -107,9 +107,9 @@ class PlanRow:
         _Number,
         TableColumn("Share of person-steps at which two drones or more see the person.", **_PART),
     ] = None
-    seen_by_three: Annotated[_Number, TableColumn("Share at which three or more do.", **_PART)] = (
-        None
-    )
+    seen_by_three: Annotated[
+        _Number, TableColumn("Share of person-steps at which three or more do.", **_PART)
+    ] = None
     median_error: Annotated[
         _Number,
         TableColumn(
@@ -122,13 +122,11 @@ class PlanRow:
     cut_short: Annotated[
         str,
         TableColumn(
-            "What a limit left of the plan, in words, including how many drones stay at their "
+            "Effect of a limit on the plan, in words, including how many drones stay at their "
             "starts; empty if no limit stopped the planner."
         ),
     ] = ""
-    message: Annotated[
-        str, TableColumn("Further remarks of the planner and on its plan, in words.")
-    ]
+    message: Annotated[str, TableColumn("Further remarks of the planner, and remarks on its plan.")]
 
     @classmethod
     def of(
@@ -199,12 +197,12 @@ class PlannedRow(PlanRow):
     coverage: Annotated[
         str,
         TableColumn(
-            "exact, or sampled: past meshes that are not convex, rays sample what is seen."
+            "exact, or sampled: behind meshes that are not convex, rays sample the visible part."
         ),
     ] = _EXACT_COVERAGE
     time_limit: Annotated[
         _Number,
-        TableColumn("Time that the planner was allowed, from when coverage was there.", unit="s"),
+        TableColumn("Time limit of the planner, which starts once coverage is computed.", unit="s"),
     ] = None
     overrun: Annotated[
         _Number,
@@ -216,7 +214,7 @@ class PlannedRow(PlanRow):
     ] = None
     work_limit: Annotated[
         _Count,
-        TableColumn("Units of work that the planner was allowed; empty without such a limit."),
+        TableColumn("Work limit of the planner; empty without such a limit."),
     ] = None
     planner_digest: Annotated[
         str | UnsetType,
@@ -271,14 +269,14 @@ class BoundColumns:
     bound_time_limit: Annotated[
         _Number,
         TableColumn(
-            "Time that each of the two searches for bounds was allowed, from when coverage was "
-            "there.",
+            "Time limit of each of the two searches for bounds, which starts once coverage is "
+            "computed.",
             unit="s",
         ),
     ] = None
     bound_work_limit: Annotated[
         _Count,
-        TableColumn("Units of work that each of them was allowed; empty without such a limit."),
+        TableColumn("Work limit of each of them; empty without such a limit."),
     ] = None
     certificate: Annotated[str, TableColumn("The file that proves the bound.")] = ""
     optimum: Annotated[
@@ -290,7 +288,7 @@ class BoundColumns:
         TableColumn("A certified number that no plan's J exceeds without collision rules.", **_ANY),
     ] = None
     bound_free_reason: Annotated[
-        str, TableColumn("Why the search for bound_free stopped; unasked where there was none.")
+        str, TableColumn("Why the search for bound_free stopped; unasked without such a search.")
     ]
     bound_free_limit: Annotated[
         str, TableColumn("The limit that stopped that search, or none.")
@@ -361,9 +359,7 @@ class GapRow(BoundColumns, PlannedRow):
     digest: Annotated[str, TableColumn("Digest of the scene.")]
     starts: Annotated[
         str | UnsetType,
-        TableColumn(
-            "The starts of the drones, where they are not those of the seed; only in such tables."
-        ),
+        TableColumn("The choice of starts; only in tables that compare such choices."),
     ] = UNSET
 
     @classmethod

@@ -24,9 +24,10 @@ class TeamRow:
     scene: Annotated[str, TableColumn("The scene's name.")]
     seed: Annotated[int, TableColumn("The seed.")]
     drones: Annotated[int, TableColumn("Drones of the team.")]
-    camera: Annotated[str, TableColumn("Their camera; empty: as in the scene.")]
+    camera: Annotated[str, TableColumn("Camera of the drones; empty: as in the scene.")]
     height: Annotated[
-        float | None, TableColumn("Their flight height; empty: those of the scene.", unit="m")
+        float | None,
+        TableColumn("Flight height; empty: those of the scene.", unit="m"),
     ]
     reward: Annotated[float | None, TableColumn("J of the best plan found.", **_REWARD)] = None
     bound: Annotated[
@@ -34,57 +35,58 @@ class TeamRow:
     ] = None
     gap: Annotated[float | None, TableColumn("(bound - reward) / bound.", **_PART)] = None
     gain: Annotated[
-        float | None, TableColumn("J more than one drone fewer was found to have.", **_REWARD)
+        float | None,
+        TableColumn("Gain of J over the best plan found with one drone fewer.", **_REWARD),
     ] = None
     gain_bound: Annotated[
         float | None,
-        TableColumn("bound less what one drone fewer was found to have: no more can be gained "
-                    "over that plan.", **_REWARD),
+        TableColumn("Limit on that gain: bound less J of the best plan with one drone fewer.",
+                    **_REWARD),
     ] = None  # fmt: skip
-    cameras: Annotated[int, TableColumn("From so many drones on a person counts as seen.")] = 2
+    cameras: Annotated[int, TableColumn("Number of drones from which a person counts as seen.")] = 2
     seen: Annotated[
         float | None,
         TableColumn(
-            "Share of person-steps that so many drones see, in the plan of most J.", **_PART
+            "Share of person-steps that enough drones see, in the plan of largest J.", **_PART
         ),
     ] = None
     seen_most: Annotated[
-        float | None, TableColumn("The same in the plan that was made for that alone.", **_PART)
+        float | None, TableColumn("The same share in the plan made for views alone.", **_PART)
     ] = None
     seen_bound: Annotated[
         float | None, TableColumn("A certified share that no plan exceeds.", **_PART)
     ] = None
     apart: Annotated[
         float | None,
-        TableColumn("Share that two drones see from at least 30 degrees apart, in the plan of most "
-                    "J.", **_PART),
+        TableColumn("Share that two drones see from at least 30 degrees apart, in the plan of "
+                    "largest J.", **_PART),
     ] = None  # fmt: skip
     median_error: Annotated[
         float | None,
         TableColumn(
-            "RMS error of a point that half of all person-steps do not exceed, in the plan of most "
-            "J; empty where more of them have none that is finite.",
+            "RMS error of a point that half of all person-steps do not exceed, in the plan of "
+            "largest J; empty if the error of more than half is infinite.",
             unit="mm",
         ),
     ] = None
     flight_seconds: Annotated[
         float | None,
-        TableColumn("Duration of the take; empty where steps have no duration.", unit="s"),
+        TableColumn("Duration of the take; empty if the duration of steps is unknown.", unit="s"),
     ] = None
     metres: Annotated[
         float | None,
-        TableColumn("The longest way of a drone, in the plan of most J.", unit="m"),
+        TableColumn("The longest path of a drone, in the plan of largest J.", unit="m"),
     ] = None
     reason: Annotated[
         str,
         TableColumn("Why the search for J stopped: optimal means that the plan is the best; error, "
-                    "exceeded or died that there is no result."),
+                    "exceeded or died means that there is no result."),
     ] = ""  # fmt: skip
     reason_seen: Annotated[
-        str, TableColumn("Why that for views stopped; empty where there can be no such team.")
+        str, TableColumn("Why the search for views stopped; empty if such a team is impossible.")
     ] = ""
     digest: Annotated[str, TableColumn("Digest of the team's scene.")] = ""
-    plan: Annotated[str, TableColumn("File of the plan of most J.")] = ""
+    plan: Annotated[str, TableColumn("File of the plan of largest J.")] = ""
     certificate: Annotated[str, TableColumn("File that proves bound.")] = ""
     plan_seen: Annotated[str, TableColumn("File of the plan of most views.")] = ""
     certificate_seen: Annotated[

@@ -1,6 +1,6 @@
 """Certificates: the numbers that prove a bound, and all that must be trusted to believe one.
 
-A certificate is a set of non-negative numbers. Whoever has them and the scene can recompute a
+A certificate is a set of non-negative numbers. People who have them and the scene can recompute a
 bound that no plan's J exceeds; it does not matter which solver found them, nor how badly it
 converged. This package has two storeys, and neither imports a solver.
 

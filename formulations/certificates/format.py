@@ -168,7 +168,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     cuts : envelope cuts; none where pixels add up over time
     decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
         most n" adds nu n to the bound and charges each user nu, "at least n" subtracts nu n from
-        the bound and pays each user nu; for "at most 0" it is not used
+        the bound and credits each user with nu; for "at most 0" it is not used
     views : [T+1][A] >= 0, price of a drone that sees a person, before its weight; only in scenes
         that count such drones
     """
@@ -228,7 +228,7 @@ def _table(values: FloatArray) -> Table:
 
 
 class StepPrices(_Part, frozen=True, omit_defaults=True):
-    """Prices of some states at a step: the unconditional pay of a class's robots for being there.
+    """Prices of some states at a step: credits of a class's robots for being there.
 
     Attributes
     ----------
@@ -282,7 +282,7 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     Attributes
     ----------
     type : `staged`
-    multipliers : multipliers with which the narrowing begins
+    multipliers : multipliers before the first stage
     target : J; plans that are not above it need not be bounded
     stages : in their order
     paths_above : J >= target: at the end the joint paths of all robots in plans above it are
@@ -347,18 +347,18 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     ----------
     format, version : kind and version of the file
     scene : name of the scene
-    digest : of the problem; it depends on every number of the scene
+    digest : digest of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
-        in the order of their first robots; `single`: robots
-    coverage_version : of the formula by which pixels were computed; null: not recorded
+        in the order of their first robots; `single`: each robot is a class
+    coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
         used; left out: not recorded, or coverage was not complete
-    objective : the complete objective that the bound is for; left out: the scene's. `digest` is
+    objective : the complete objective of the bound; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
     coverage : `optimistic` if a limit had cut short the coverage with which the bound was computed:
-        at the missing steps nothing hid anybody. The claim is checked on the true coverage
+        at the missing steps nothing hides anybody. The claim is checked on true coverage
     certificate : the numbers that prove the bound
     """
 
@@ -420,14 +420,14 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     ----------
     format, version : kind and version of the file
     scene : name of the scene
-    digest : of the problem; it depends on every number of the scene
+    digest : digest of the problem; it depends on every number of the scene
     method : name of the method that found the numbers; nothing depends on it
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
-        in the order of their first robots; `single`: robots
-    coverage_version : of the formula by which pixels were computed; null: not recorded
+        in the order of their first robots; `single`: each robot is a class
+    coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
         used; left out: not recorded, or coverage was not complete
-    objective : the complete objective that the bound is for; left out: the scene's. `digest` is
+    objective : the complete objective of the bound; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
     nodes : the first is the root; children come after their parent, and each has one

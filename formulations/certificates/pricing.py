@@ -16,7 +16,7 @@ r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. T
 rho = 1 - sum theta is left for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
 
 Where the drones that see a person are counted, min(sum c_i, k) replaces the root, c_i is 0 or 1,
-and one number gamma replaces (alpha, beta): the part of w that each drone is paid. Then kappa is
+and one number gamma replaces (alpha, beta): the part of w that each drone gets. Then kappa is
 k max(0, 1 - gamma) (`returns`), and there are no cuts, which exist only for roots.
 
 Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows, too;

@@ -25,18 +25,18 @@ class SearchParameters(Section):
     Attributes
     ----------
     exact : of what all robots see alone
-        gap that counts as none: no solver is more accurate
+        gap that counts as 0, as no solver is more accurate
     infeasible : of what all robots see alone
-        a bound so far below 0 proves that there is no plan
+        a bound this far below 0 proves that there is no plan
     first_responses : responses per robot
-        best responses that local search may ask for at first
+        largest number of best responses in the first local search
     responses_per_class : responses per class
-        allowed in every iteration of a relaxation besides half of the robots; takes about a
-        quarter of its time (field-long 0.2, measured)
+        allowed in each iteration of a relaxation, in addition to half the number of robots; a
+        quarter of the time (field-long 0.2, measured)
     most_states : states times steps
-        up to which states are ruled out: sweeps go through all
+        largest problem in which states are ruled out, as that takes sweeps over all of them
     report_seconds : s
-        silence after which a message says that the search goes on
+        longest silence before a message reports that the search is still running
     """
 
     exact: float = 2e-8
@@ -54,35 +54,35 @@ class RelaxationParameters(Section):
     Attributes
     ----------
     accuracy : of the bound
-        where bound and master agree to this, they have converged
+        difference of bound and master below which both have converged
     worst_accuracy : of the master's value
-        roughest solve of a master
+        accuracy of the roughest solve of a master
     broken : robots
-        uses in excess of a collision rule that are left alone
+        uses above the limit of a collision rule that are tolerated
     least_cut : of the bound
-        what an envelope cut must cut off
+        least violation for an envelope cut to be added
     most_cut_rounds : rounds
-        of cuts in a node
+        largest number of rounds of cuts in a node
     most_cuts : cuts
-        in a round: those that can cut off most
+        largest number of cuts in a round, the most violated first
     early : share
-        of what is open: once bound and master are nearer, cuts are looked for (field-long,
-        seed 0, is at 1.70 % after 25 s, at 2.8 % if cuts have to wait)
+        gap between bound and master at which cuts are added before convergence, as a share of what
+        is open (field-long, seed 0, is at 1.70 % after 25 s, at 2.8 % if cuts have to wait)
     tail : of the bound
-        what a round of cuts must gain for another one
+        least gain of a round of cuts for another round to follow
     tail_open : share
-        of what is open, likewise
+        the same least gain, as a share of what is open
     most_penalty_raises : times
-        the penalty of broken rules is multiplied by 10
+        largest number of times that the penalty of broken rules is multiplied by 10
     smoothing : share
-        of the master's multipliers, priced with the best ones for the rest: they oscillate
-        less (Wentges 1997)
+        weights of the master's multipliers in an average with the best multipliers, so that
+        prices oscillate less (Wentges 1997)
     least_responses : responses per robot
-        that must be allowed for plans to be looked for
+        budget below which the search for plans does not start
     most_idle : solves
-        after which an unused column is dropped
+        number of solves after which an unused column is dropped
     few_in_vain : plans
-        that a quick search for plans takes up without a better one
+        a quick search for plans ends after this number of plans in a row without a better one
     """
 
     accuracy: float = 2e-7
@@ -108,35 +108,36 @@ class RootParameters(Section):
     Attributes
     ----------
     enough : of the bound
-        to which the first mixture is raised
+        gap at which the ascent of the first mixture ends
     enough_large : of the bound
-        likewise, where rules come in before there is any master
+        the same gap if rules are added before there is any master
     most_raises : steps
-        of the first mixture
+        largest number of steps of the first ascent
     patience : steps
-        over which the gap of the first mixture must shrink by `least_closed`
+        number of steps in which the gap of the first mixture must shrink by `least_closed`
     least_closed : share
-        of that gap
+        least part of the gap to close in that number of steps
     less_open : share
-        of the gap when the paths of better plans were last tried, up to which they are tried again
+        the paths of better plans are tried again once the gap is at most this share of the gap at
+        the last trial
     least_amount : of a robot
-        from which on a column is in the first master
+        least amount of a column that enters the first master
     most_disaggregated : robots x steps x states
-        up to which each robot becomes a class of its own
+        largest problem in which each robot becomes a class of its own
     least_gain : share
-        of what is open, that the first cuts of disaggregated robots must close, times by
-        how much they make the master larger
+        least share of what is open that the first cuts of disaggregated robots must close,
+        multiplied by the growth of the master
     at_once : of the bound
-        what is open, up to which paths are tried before there is a master
+        largest gap at which paths are tried before there is a master
     many_states : states of all classes
-        from which on that is done
+        least number of states for such an early trial
     few_joint_states : joint states of all steps
-        up to which step envelopes have stages before any cuts: half of the time of cuts on
-        the bottleneck, which has fewer
+        largest number for which step envelopes precede cuts; the bottleneck has fewer, and needs
+        half the time that cuts take
     far : relative gap
-        that no tree closes soon: any gain above `least_gain_far` is taken
+        gap that no tree closes soon, so that any gain above `least_gain_far` is accepted
     least_gain_far : share
-        of what is open, likewise
+        least gain at such a gap, as a share of what is open
     """
 
     enough: float = 0.003
@@ -164,31 +165,31 @@ class LargeRootParameters(Section):
     Attributes
     ----------
     many_robot_steps : robots x steps
-        from which on masters take too long: one of field-large's 64 drones and 40 steps
-        takes six to eight seconds, and gains next to nothing
+        least size at which masters take too long: a master of field-large (64 drones, 40 steps)
+        takes six to eight seconds and gains next to nothing
     first_steps : steps
-        of the ascent before any plan: new rows need as many to become worth it
+        steps of the ascent before the first plan; new rows need as many to take effect
     most_first_steps : steps
-        likewise at most, to leave time for plans where bound and mixture stay apart
+        largest number of these steps, to leave time for plans if bound and mixture stay apart
     steps : steps
-        of the ascent in a turn, to settle after rows and cuts
+        steps of the ascent in a turn, to settle after rows and cuts
     turns_per_cuts : turns
-        of the ascent for each round of cuts, which takes as long as several
+        turns of the ascent for each round of cuts, which takes as long as several turns
     nearly : of the bound
-        bound and mixture must be nearer for cuts: further off, a mixture breaks cuts that
-        the next one does not
+        largest gap between bound and mixture at which cuts are added: before that, a mixture breaks
+        cuts that the next one does not
     moves : moves
-        of the plan in a turn: all three kinds of work take about as long then
+        moves of the plan in a turn, so that all three kinds of work take about as long
     patience : times
-        what is expected of a kind of work grows so after each turn of others
+        factor on the expected gain of a kind of work for each turn of the others
     least_gain : share
-        of what is open, that a turn must gain for more of its kind
+        least gain of a turn for more of its kind to follow, as a share of what is open
     most_others : robots
-        that are taken out beside the first one
+        largest number of robots that are removed together with the first one
     most_turns : turns
-        of each robot that answers, in one move
+        largest number of responses of each robot in one move
     neighbours : robots
-        that answer beside those that are taken out
+        robots that respond in addition to the removed ones
     """
 
     many_robot_steps: int = 1500
@@ -212,23 +213,24 @@ class TreeParameters(Section):
     Attributes
     ----------
     rough : share
-        of what is open: less is not worth converging to before branching
+        gap at which a node branches instead of converging further, as a share of what is open
     rough_root : share
-        likewise, at the root, whose bound holds for all
+        the same gap at the root, whose bound holds for all plans
     nearly_integral : robots
-        amounts that count as integral where nothing else is left to branch on
+        distance from an integer below which an amount counts as integral if nothing else is left to
+        branch on
     dive_nearly : of a robot
-        from which on a dive decides that a state is used by one more
+        fraction of a robot that a dive rounds up, so that one more robot uses the state
     dive_share : share
-        of the undecided states, at least, that are decided in a round of a dive
+        least share of the undecided states that a round of a dive decides
     most_dive_rounds : rounds
-        of a dive
+        largest number of rounds of a dive
     dive_pricings : pricings
-        in each round of a dive
+        pricings in each round of a dive
     dive_responses : iterations' worth of responses
-        for the plan that a dive ends with
+        budget for improving the plan at the end of a dive
     dive_tolerance : robots
-        amounts nearer than this to an integer count as integral in a dive
+        distance from an integer below which an amount counts as integral in a dive
     """
 
     rough: Share = 0.1
@@ -249,57 +251,61 @@ class EnvelopeParameters(Section):
     Attributes
     ----------
     few_states_left : states of all steps
-        up to which all are paid; beyond it, lists close more in the same time
+        largest number at which all states have prices; with more states, lists close more in the
+        same time
     most_states_left : states of all steps
-        likewise, once a round of lists has closed little: on field-long, 190,000 to 300,000 take
-        two minutes, and close what twenty rounds of lists do not
+        the same limit once a round of lists has closed little: on field-long, 190,000 to 300,000
+        take two minutes, and close what twenty rounds of lists do not
     most_states_of_few : states of all steps
-        up to which all are paid, of few robots: a tenth of a millisecond each to search
+        the same limit for few robots, whose searches take a tenth of a millisecond per state
     few_robots : robots
-        of teams that are few
+        largest number that counts as few robots
     most_unlisted : states of all steps
-        likewise, of teams too large for lists, whose searches take longer
+        the same limit for teams too large for lists, whose searches take longer
     most_at_a_step : states of a step
-        beyond it, its search takes too long, and a table of its conflicts 40 MB
+        largest number of states for which a step is searched: the table of their conflicts takes
+        40 MB
     most_listed_robots : robots
-        searches of more take too long
+        largest team for which lists are searched
     most_rounds : rounds
-        of stages
+        largest number of rounds of stages
     many_nodes : nodes
-        of a step's search, compiled
+        largest search of a step in compiled code
     many_plain_nodes : nodes
-        likewise, not compiled: as long
+        largest search of a step without compiled code, which takes as long
     few_work : nodes x states
-        of a search that is worth a try, compiled
+        largest size of a short trial search of a step, in compiled code
     few_plain_work : nodes x states
-        likewise, not compiled
+        the same limit without compiled code
     few_nodes : nodes
-        of such a search at most
+        largest number of nodes of such a trial search
     first_nodes : nodes
-        of a search of a step that is tried first; longer ones wait for what it closes
+        nodes that each search of a step gets at first; longer searches wait until the short ones
+        have closed states
     next_times : times
-        the nodes of before, for searches that have not ended
+        factor on the nodes of searches that have not ended
     patience : searches
-        that may fail before all have more nodes: most need about as many
+        searches that may fail before all get more nodes, as most need about as many
     most_in_vain : nodes
-        of such searches, up to which more may fail
+        total nodes of failed searches up to which more may fail
     nodes_of_stage : nodes
-        of searches after which better prices of some steps are a stage of their own
+        nodes of searches after which better prices of some steps become a stage of their own
     least_of_stage : share
-        of the room above the target, that such a stage closes at least
+        least share of the gap above the target that such a stage must close
     responses : iterations' worth of responses
-        for plans after each bundle
+        budget for plans after each bundle
     most_corrections : times
-        that joint states which only the exact search finds correct a bundle
+        largest number of times that a bundle is corrected by joint states that only the exact
+        search finds
     least_round : share
-        of what is open, that a round must close for another one
+        least share of what is open that a round must close for another one to follow
     wide : times the first slack
-        lists are wide: their rounds take as long as trials for higher targets, which close
-        more
+        slack from which lists are wide; their rounds take as long as trials for higher targets,
+        which close more
     least_wide : share
-        of what is open, that a round of wide lists closes
+        least share of what is open that a round of wide lists must close
     least_listed : share
-        likewise, for lists that stay as long as they are
+        least share of what is open that a round must close if its lists keep their length
     """
 
     few_states_left: int = 6_500
@@ -336,40 +342,40 @@ class ListParameters(Section):
     Attributes
     ----------
     slack : of what is open per step
-        of states that are listed at first
+        largest slack of a state on the first lists
     of_all_steps : states
-        on the first lists of all steps
+        largest number of states on all first lists together
     fewest_first : states
-        on the first list of a step, at least
+        least number of states on the first list of a step
     most_first : states
-        on the first list of a step, at most: with 200 a step, searches and their checks take
-        two to four times the nodes on field (seeds 0, 3, 5, 6), and proofs longer
+        largest number of states on the first list of a step; with 200, searches and their checks
+        take two to four times as many nodes on field (seeds 0, 3, 5, 6), and proofs take longer
     fewest : states
-        on a later list: the search of fewer is short anyway
+        least number of states on a later list, as shorter searches save nothing
     most : states
-        on a later list: the search of more is hopeless
+        largest number of states on a later list, as longer searches do not end
     mean : share
-        of the most on the first lists: with fewer on the mean, there is time for more
+        mean length of the lists, as a share of the longest first list, below which lists may grow
     long_search : nodes
-        from which on a search is long, and the step's next list is shorter
+        size from which a search counts as long, so that the step's next list is shorter
     shorter : power
-        of how many times longer a search was: by so much the next list is shorter
+        exponent by which the next list shrinks with the excess of a long search
     not_ended : times a long search
-        that one counts as if unfinished
+        size that a search counts with if it did not end
     short_search : times a long search
-        up to which the next list may be longer
+        size up to which the next list may be longer
     longer : times
-        the next list of a step may be longer
+        largest growth of the next list of a step
     more_slack : times
-        as much slack after a round that closes little
+        factor on the slack after a round that closes little
     more_nodes : times
-        as many nodes of a long search, likewise
+        factor on the size of a long search after such a round
     longest_search : nodes
-        up to which long searches grow: no search of a step may take more
+        size up to which long searches grow, and the limit of a search of a step
     a_little_more_slack : times
-        where lists are too short on the whole
+        factor on the slack if lists are too short on the whole
     most_slack : times the first slack
-        at most
+        largest slack
     """
 
     slack: float = 1.4
@@ -398,30 +404,30 @@ class TrialParameters(Section):
     Attributes
     ----------
     fewest_nodes : nodes
-        of any trial, compiled: a tenth of a second; the bottleneck and the passage need
-        16,000 before there are any stages
+        least size of a trial in compiled code, a tenth of a second; the bottleneck and the passage
+        need 16,000 nodes before there are any stages
     fewest_plain_nodes : nodes
-        likewise, not compiled
+        least size of a trial without compiled code
     more_nodes : times
-        as many must be allowed for another trial after one that has failed
+        factor on the size of the next trial after a failed one
     times_nodes : times
-        what stages took, that all trials may take, compiled: a hundred of their nodes take as long
-        as one of a step's search among a thousand states
+        largest size of all trials together, relative to the stages, in compiled code; a hundred
+        nodes of a trial take as long as one node of a search among a thousand states
     plain_times_nodes : times
-        likewise, not compiled, when nodes of both take about as long
+        the same without compiled code, when nodes of both take about as long
     less : share
-        of what was open, by which each higher target is less than the one before: of 5 % less
-        a trial takes 1.6 to 5 times as many nodes (field, seed 1, without and with views)
+        reduction of each higher target relative to the one before; for 5 % less, a trial takes 1.6
+        to 5 times as many nodes (field, seed 1, without and with views)
     most_less : share
-        by which it is less at most, however fast the trials before were
+        largest reduction of a target, however fast the earlier trials were
     aimed_times : times
-        the nodes of the trial before that the next one should take
+        size of the next trial that is aimed at, relative to the trial before
     next_times : times
-        as many nodes as the trial before may be taken
+        largest size of the next trial, relative to the trial before
     most_nodes : nodes
-        of a trial for a higher target
+        largest trial for a higher target
     first_times : times `fewest_nodes`
-        that the first of these may take
+        largest size of the first trial for a higher target
     """
 
     fewest_nodes: int = 100_000
@@ -444,34 +450,35 @@ class BundleParameters(Section):
     Attributes
     ----------
     most_iterations : iterations
-        of a bundle
+        largest number of iterations of a bundle
     most_listed_iterations : iterations
-        where only some states are listed: the next round has better lists
+        the same limit if only some states are listed, as the next round has better lists
     converged : share
-        of what is open: less is worth neither an iteration nor searches of all steps
+        gain below which iterations end and prices are given up, as a share of what is open
     serious : share
-        of what the master promises, for a new centre
+        share of the predicted gain that makes a new centre
     good : share
-        of what the master promises, for a longer step
+        share of the predicted gain that makes a longer step
     first_weight : over the mean price
-        weight of the distance to the centre at first
+        initial weight of the distance to the centre
     most_heights : joint states of a step
-        in the master: the highest at the centre, and as many of the latest prices
+        joint states of a step in the master: the highest at the centre, and as many of the latest
+        prices
     known_starts : starts
-        at joint states that are known
+        local searches that start at known joint states
     random_starts : starts
-        that are changed at random
+        local searches that start at randomly changed joint states
     highest_starts : starts
-        at the highest ones, where it is compiled
+        local searches that start at the highest joint states, in compiled code
     many_random_starts : starts
-        changed at random, where it is compiled
+        local searches that start at randomly changed joint states, in compiled code
     few_robots : robots
-        of teams whose local searches mostly end at the same joint states, so that compiled
-        ones need not try all states
+        largest team whose local searches mostly end at the same joint states, so that compiled ones
+        need not try all states
     full_starts : starts
-        at the highest joint states, from which such a team's robots may take all states
+        searches of such a team, from the highest joint states, that may move robots to all states
     high_states : states of a class
-        that they may take from other starts: those that were highest before
+        states to which its other searches may move robots: those that were highest before
     """
 
     most_iterations: int = 60
@@ -497,18 +504,19 @@ class RecombinationParameters(Section):
     Attributes
     ----------
     first_plans : plans
-        at first: on field-long (seed 0) four take 0.1 s, eight 0.5 s, sixteen 4 s
+        plans of the first recombination: on field-long (seed 0) four take 0.1 s, eight 0.5 s,
+        sixteen 4 s
     more_plans : times
-        as many plans each time
+        factor on the number of plans each time
     most_plans : plans
-        are kept, once there are twice as many
+        plans that are kept once there are twice as many
     most_nodes : nodes
-        of the searches from all joint states, compiled: one or two seconds
+        total size of the searches from all joint states in compiled code, one or two seconds
     most_plain_nodes : nodes
-        likewise, not compiled
+        the same size without compiled code
     less_room : times
-        what was open when it was too much: then it is tried again, also by trials of paths;
-        nodes grow tenfold from a room to one twice as large (field, seed 1)
+        share of the gap at a failed search at which it is tried again, also for trials of paths;
+        nodes grow tenfold when the gap doubles (field, seed 1)
     """
 
     first_plans: int = 4
@@ -526,23 +534,25 @@ class RuledAscentParameters(Section):
     Attributes
     ----------
     least_amount : of a robot or a multiplier
-        below which a column or a cut is dropped
+        amount below which a column or a cut is dropped
     broken : robots
-        uses in excess of a rule that are left alone: as rough as the steps
+        uses above the limit of a rule that are tolerated, as the steps are no finer
     steepness : of a robot's reward at a step
-        charge of one robot too many at first: a part of what a conflict can bring, so that
-        rows come to their price in some steps without swings
+        initial charge for one robot too many: a part of the cost of a conflict, so that prices of
+        rows settle without oscillating
     least_factor : of a column's amount
-        that a step leaves, before the power: it must not be lost where charges have risen
-        too far, before they have fallen
+        least factor of a step, before the power, so that no column is lost while charges are too
+        high
     least_share : of a root's multiplier
-        from which on pixels have a multiplier of their own
+        least share at which pixels have a multiplier of their own
     least_cut : of the bound
-        what an envelope cut must cut off: half of what masters ask for
+        least violation for an envelope cut to be added, half of that in masters
     most_cuts : cuts
-        in a round, those that can cut off most: it must not take minutes
+        largest number of cuts in a round, the most violated first, so that a round does not take
+        minutes
     again : times
-        as much to cut off as when no cut was found: then it is looked for again
+        growth of the violation since the last failed search for a cut at which the search is
+        repeated
     """
 
     least_amount: float = 1e-3
@@ -562,19 +572,19 @@ class AlikeCutParameters(Section):
     Attributes
     ----------
     breakpoints : breakpoints
-        of a cut at most; certificates allow few
+        largest number of breakpoints of a cut, as certificates allow few
     first_multisets : multisets
-        of the first program at most
+        largest number of multisets in the first program
     most_added : multisets
-        that are added at a time
+        multisets that are added at a time
     most_rounds : rounds
-        of adding multisets
+        largest number of rounds of adding multisets
     most_growing : multisets
-        of one size that are gone through
+        multisets of one size that are examined
     nearly : share
-        of what a cut can cut off that may be left
+        share of the violation of a cut that may remain
     least_mass : robots
-        everywhere, which keeps phi low where there is no mass
+        mass that is added everywhere, which keeps phi low where a mixture has none
     """
 
     breakpoints: int = 5
@@ -593,15 +603,15 @@ class LocalSearchParameters(Section):
     Attributes
     ----------
     draws : roundings
-        at random, of which the best are taken up
+        random roundings, of which the best are improved
     perturbed : robots
-        that are planned anew at a time
+        robots that are planned anew at a time
     least_amount : of a robot
-        from which on a column of a mixture is used
+        least amount of a column of a mixture that is used
     found_amount : of a robot
-        that the columns of each plan that was found add to a pool
+        amount that the columns of each plan found add to a pool
     most_in_vain : plans
-        one after the other, that are improved without a better one
+        plans in a row that are improved without a better one, after which the search ends
     """
 
     draws: int = 60

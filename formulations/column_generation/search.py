@@ -136,7 +136,7 @@ class Search:
         return Snapshot(self.value, bound, self._told, self.columns, nodes)
 
     def report_again(self) -> None:
-        """Reports that the search goes on, if nothing was told for a while."""
+        """Reports that the search goes on, if nothing was reported for a while."""
         if self.clock.seconds - self._told > self.parameters.search.report_seconds:
             self.report(self.snapshot(np.inf, self._nodes))
 

@@ -503,7 +503,7 @@ class Bound:
         return self._with_paths(total)
 
     def take(self, numbers: Spec) -> None:
-        """Takes multipliers: what is paid for views, constants, and what rows charge."""
+        """Takes multipliers: credits for views, constants, and charges of rows."""
         instance = self.instance
         only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
         require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")

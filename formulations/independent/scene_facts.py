@@ -448,7 +448,7 @@ class _Flights:
     def _closed(
         self, places: set[Place], moves: set[tuple[Place, Place, bool]]
     ) -> tuple[set[tuple[int, Place]], set[tuple[int, Place, Place]]]:
-        """Returns the places and moves that people close, whoever gets there by then."""
+        """Returns the places and moves that people close, for all drones."""
         steps = range(self._problem["horizon"] + 1) if self._near else ()
         at_places = {(t, q) for t, q in product(steps, places) if self._near_at(t, q)}
         of_moves = {

@@ -16,7 +16,7 @@ from ortools.util.python.solve_interrupter import SolveInterrupter
 
 
 def _answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
-    """Solves a request; an error is told in the status of the response."""
+    """Solves a request; the status of the response has an error."""
     request = rpc_pb2.SolveRequest.FromString(data)
     response = rpc_pb2.SolveResponse()
     try:

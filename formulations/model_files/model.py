@@ -144,7 +144,7 @@ class ModelFile:
         return found
 
     def header(self, *lines: str) -> Iterator[str]:
-        """Yields the lines of a comment that tells a reader of the file about it.
+        """Yields the lines of a comment for readers of the file.
 
         Parameters
         ----------

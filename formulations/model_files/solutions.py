@@ -78,5 +78,5 @@ def _values(text: str) -> Mapping[str | int, float]:
 
 
 def _value(values: Mapping[str | int, float], name: str, number: int) -> float:
-    """Returns the value of a variable; 0 where none is told."""
+    """Returns the value of a variable; 0 if none is given."""
     return values.get(name, values.get(number, 0.0))

@@ -9,8 +9,8 @@
 The other scenes funnel a few people through one place; here everybody walks somewhere else, and no
 drone has a person of its own. People cross, meet and part; a drone sees several of them from most
 places, in passing or behind blocks, and several drones see the same people. A face that k drones
-see equally well pays sqrt(k), so a drone's worth depends on where all others are. The numbers of
-drones, people, cells and steps are parameters, for measuring how methods scale.
+see equally well is worth sqrt(k), so a drone's worth depends on where all others are. The numbers
+of drones, people, cells and steps are parameters, for measuring how methods scale.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only

@@ -3,7 +3,7 @@
 In all of them drones fly at half the height of the actors, 0.9 m, and look straight ahead,
 and only an actor's front counts. A front that a camera looks at squarely from r metres covers
 F^2 / r^2 px/m2, for a focal length of F = 60 px, wherever it is in the image, as long as all of it
-is; its root pays F / r a step. Camera and front are in the middles of cells 1 m wide, so that r is
+is; its root is F / r a step. Camera and front are in the middles of cells 1 m wide, so that r is
 a whole number of metres.
 """
 
@@ -40,8 +40,8 @@ def _tiny_approach(seed: int) -> Problem:
 def _tiny_hover(seed: int) -> Problem:
     """One drone weighs a better view against the reward of 3.5 for standing still.
 
-    Views pay 10, 12, 15 in cells 0, 1, 2. In two steps: stay twice 2 (10 + 3.5) = 27; move, then
-    stay 12 + (12 + 3.5) = 27.5; stay, then move 10 + 3.5 + 12 = 25.5; move twice 12 + 15 = 27.
+    Views are worth 10, 12, 15 in cells 0, 1, 2. In two steps: stay twice 2 (10 + 3.5) = 27; move,
+    then stay 12 + (12 + 3.5) = 27.5; stay, then move 10 + 3.5 + 12 = 25.5; move twice 12 + 15 = 27.
     The best is 27.5.
     """
     return _tiny(
@@ -57,7 +57,7 @@ def _tiny_hover(seed: int) -> Problem:
 def _tiny_share(seed: int) -> Problem:
     """Two drones fly side by side up to the front of the same person.
 
-    Pixels add up, so at equal distances a front pays sqrt(2) 60/r: with r = 5 and then 4,
+    Pixels add up, so at equal distances a front is worth sqrt(2) 60/r: with r = 5 and then 4,
     sqrt(2) (12 + 15) = 27 sqrt(2). Each in its row, they never meet.
     """
     return _tiny(
@@ -73,9 +73,9 @@ def _tiny_queue(seed: int) -> Problem:
     """Two drones queue in a passage of one cell that ends 4 m before the front of a person.
 
     They start in cells 0 and 1 of 3. The first is at the end after one step, the second must
-    stay behind it: in both steps the front is seen from 4 and from 5 m and pays
+    stay behind it: in both steps the front is seen from 4 and from 5 m and is worth
     60 sqrt(1/16 + 1/25) = 3 sqrt(41), together 6 sqrt(41). Were they allowed to share the last
-    cell, the second step would pay 15 sqrt(2) instead of 3 sqrt(41): 2 more.
+    cell, the second step would be worth 15 sqrt(2) instead of 3 sqrt(41): 2 more.
     """
     return _tiny(
         "tiny-queue",
@@ -89,11 +89,11 @@ def _tiny_queue(seed: int) -> Problem:
 def _tiny_doorway(seed: int) -> Problem:
     """Two drones look through a doorway that has room for one of them.
 
-    A wall hides the person from all cells but those of the southern row: a front pays 15 in the
+    A wall hides the person from all cells but those of the southern row: a front is worth 15 in the
     doorway and 12 in the cell before it. The first drone is before the doorway after one step and
-    in it after two, the second is a step behind, so that three steps pay at most 12, then
+    in it after two, the second is a step behind, so that three steps are worth at most 12, then
     sqrt(15^2 + 12^2) = 3 sqrt(41) twice: 12 + 6 sqrt(41). Planned without looking at each other
-    both are in the doorway at last, which pays 15 sqrt(2) instead of 3 sqrt(41): 2 more.
+    both are in the doorway at last, which is worth 15 sqrt(2) instead of 3 sqrt(41): 2 more.
     """
     return _tiny(
         "tiny-doorway",
@@ -107,9 +107,9 @@ def _tiny_doorway(seed: int) -> Problem:
 def _tiny_turn(seed: int) -> Problem:
     """One drone turns on the spot, from a view of nobody past one person to another.
 
-    It looks west; a front 4 m north is one turn away and pays 15, one 3 m east is two turns
-    away and pays 20. In three steps north alone pays 3 * 15 = 45; north in passing, then east,
-    pays 15 + 20 + 20 = 55.
+    It looks west; a front 4 m north is one turn away and worth 15, one 3 m east is two turns
+    away and worth 20. In three steps north alone is worth 3 * 15 = 45; north in passing, then east,
+    is worth 15 + 20 + 20 = 55.
     """
     return _tiny(
         "tiny-turn",
@@ -142,7 +142,7 @@ def _tiny_trap(seed: int) -> Problem:
 
 
 def _tiny_hidden(seed: int) -> Problem:
-    """A wall stands before the only person, so that nothing can be seen and the optimum is 0."""
+    """A wall hides the only person, so that nothing can be seen and the optimum is 0."""
     return _tiny(
         "tiny-hidden",
         cells=["..#", "..#", "..#"],
@@ -157,9 +157,9 @@ def _tiny_give_way(seed: int) -> Problem:
 
     Their goals are at each other's start, 4 moves away. They can only pass where one waits in
     the bay (above cell 2; its corners are walls, so the way in and out is straight): 2 moves
-    more. Nobody sees the actor, and standing still pays 1. Of 2 * 6 steps at least 4 + 6 are moves,
-    so at most 2 pay; cells 0 1 2 bay 2 3 4 against 4 4 3 2 1 0 0 attain that: 2. Could they fly
-    through each other, it would be 4.
+    more. Nobody sees the actor, and standing still is worth 1. Of 2 * 6 steps at least 4 + 6 are
+    moves, so at most 2 stand still; cells 0 1 2 bay 2 3 4 against 4 4 3 2 1 0 0 attain that: 2.
+    Could they fly through each other, it would be 4.
     """
     return _tiny(
         "tiny-give-way",

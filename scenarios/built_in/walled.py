@@ -91,7 +91,7 @@ def _any_corridor(name: str, seed: int, width: int, pace: float, starts: Room) -
 # Why collisions are likely. The people's ways cross before the exit and merge in it, one behind
 # the other. A camera that looks 10 degrees down sees people best from about 5 m away, and most of
 # the time there is a place from which it sees several of them in one image at that distance; walls
-# leave few such places. A face that k drones see equally well pays sqrt(k), so the best view of
+# leave few such places. A face that k drones see equally well is worth sqrt(k), so the best view of
 # four people beats a fresh view of one, and drones planned one by one meet there.
 #
 # Why in the tight variant the optimum itself suffers. Alike drones can exchange roles for

@@ -44,7 +44,7 @@ class MapProjection(NamedTuple):
         Raises
         ------
         ProblemError
-            If nobody says where the scene is, or they are far from it.
+            If the place of the scene is unknown, or they are far from it.
         """
         if self.earth is None:
             raise ProblemError(_wanted_place(latitude, longitude))

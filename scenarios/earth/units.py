@@ -1,4 +1,4 @@
-"""In which units a reference system counts, as its text tells: WKT, proj4, a code, Arc/Info.
+"""In which units a reference system counts, by its text: WKT, proj4, a code, Arc/Info.
 
 pyproj reads such texts. Where it is not installed, units are read off WKT and proj4, whose own
 rules say where they stand; codes are not.
@@ -55,7 +55,7 @@ class Units(NamedTuple):
 
 
 def units_of(text: str) -> Units:
-    """Returns the units of the reference system that a text tells.
+    """Returns the units of the reference system of a text.
 
     Raises
     ------

@@ -96,7 +96,7 @@ def ground_plan(
     ------
     ProblemError
         If the text is of another kind or has no such ground plan, a polygon crosses itself, or
-        coordinates are in another system, or degrees of a scene whose place nobody says.
+        coordinates are in another system, or degrees of a scene whose place is unknown.
     """
     if text.lstrip().startswith("<"):
         raise ProblemError(

@@ -84,7 +84,7 @@ def in_metres(
     Raises
     ------
     ProblemError
-        If nobody says in which coordinates they are, or they are in others than the scene, or none
+        If their coordinates are unknown, or they are in others than the scene, or none
         is near it.
     """
     if stated.is_one_of(DEGREES):

@@ -100,7 +100,7 @@ class CameraTable(Table):
         return self.lens_35mm / FILM_35MM * diagonal
 
     def _whole_height(self) -> float:
-        """Returns the height (px of the image) of what the lens is told of, as wide as the image.
+        """Returns the height (px) of the picture that the lens is stated for, as wide as the image.
 
         It is that of the photos, of which film mostly keeps the width and cuts off the rest.
         """

@@ -1,192 +1,192 @@
-"""An example of a recipe, which has every table and says in comments what its fields mean."""
+"""An example of a recipe, which has every table and explains in comments what its fields mean."""
 
 EXAMPLE = """\
-name = "example"            # left out: that of the file
+name = "example"            # default: the name of the file
 steps = 20                  # number of moves
-step = 0.5                  # seconds each; left out: 1
-flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it; left
-                            # out: above the ground, and more where it is too steep for limits
-flown = "smooth"            # drones with limits make moves that smooth flights can have in any
-                            # order; "straight": those that are slow enough by themselves
-face_samples = 3            # squared: rays to each triangle of what meshes may hide
+step = 0.5                  # s, duration of a step; default: 1
+flight = "above-ground"     # or "above-sea": zero of all flight heights; default: above the ground,
+                            # and higher where the ground is too steep for the drones' limits
+flown = "smooth"            # drones with limits make only moves that smooth flights can join in
+                            # any order; "straight": only moves slow enough to be flown singly
+face_samples = 3            # this number squared of rays tests each triangle that a mesh may hide
 
 [map]
-file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]
-unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft" (US survey feet): of the heights in
-                            # files; left out: as the file says, else m
-heights = "above-ground"    # or "absolute", which needs a ground
-ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
-resolution = 1.0            # m, cells of the plan; left out: those of the file
-window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part that is used; left out: all
-fill = 0.0                  # m, where the file has no data; left out: such files are refused
-nodata = -32768             # a value that means no data, besides what the file says
-band = 1                    # of the file; left out: the only one
-lowest = 0.5                # m above the ground; what is lower is no obstacle
+file = "houses.tif"         # .tif or .asc; or, without a file: size = [60, 40], origin = [0, 0]
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft" (US survey feet) of the heights in
+                            # files; default: the unit that the file states, else m
+heights = "above-ground"    # or "absolute", which requires a ground
+ground = "terrain.tif"      # bare terrain; "surface": the map itself; default: flat, at 0
+resolution = 1.0            # m, cell size of the plan; default: that of the file
+window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part to use; default: the whole map
+fill = 0.0                  # m, height where the file has no data; default: reject such files
+nodata = -32768             # another value that means "no data"
+band = 1                    # band of the file; default: its only band
+lowest = 0.5                # m above the ground; lower things are no obstacles
 
-[[layer]]                   # a further map on that one, as many as there are: the highest counts
-file = "trees.tif"          # unit, band, nodata, lowest and heights as in [map]; absolute heights
-                            # are taken above the ground of [map]
-trunks = 4.0                # m above the ground up to which crowns leave room for drones and for
-                            # sight, stems aside; left out: solid down to the ground, the safe side
+[[layer]]                   # another map on top of [map]; several are allowed, the highest counts
+file = "trees.tif"          # also unit, band, nodata, lowest and heights, as in [map]; absolute
+                            # heights are measured from the ground of [map]
+trunks = 4.0                # m above the ground: below it, crowns leave room to fly and look
+                            # through, except at stems; default: solid down to the ground
 
-[[land_cover]]              # drawn on the ground; read for `land` of drones
+[[land_cover]]              # drawn on the ground; `land` of drones uses it, too
 file = "land.geojson"       # polygons whose property `kind` is water, green, street, footway,
                             # paved, yard, building or other; a `name` is written on the ground
-property = "surface"        # that says the kind; left out: kind
-kinds = { grass = "green" } # of words of the file that are no kinds
+property = "surface"        # property with the kind; default: kind
+kinds = { grass = "green" } # translates other words of the file into kinds
 # unit = "m"                # as in [[walls]]
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
 unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"
-up = "y"                    # axis that is upwards; left out: y for glTF, z for others
-turn = 90                   # counter-clockwise about its origin
-at = [35, 20, 0]            # where its origin comes to lie
+up = "y"                    # axis that points up; default: y for glTF, z for other formats
+turn = 90                   # degrees counter-clockwise about its origin
+at = [35, 20, 0]            # place of its origin in the scene
 
 [[walls]]
-file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT
-unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; left out: as the file says; else
-                            # degrees in GeoJSON, where [earth] must be known, and m in others
-name = "bottleneck"         # which of them
-# polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
-height = 2.0                # m above base; of GeoJSON's polygons those that have none of their own
-border = 0.2                # thickness of walls around the walkable area; left out: none
-at = [30, 10]               # added to their points
-base = 50.0                 # altitude of their foot; left out: the lowest ground
+file = "geometry.json"      # polygons of obstacles or of the walkable area: JSON, GeoJSON, WKT
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; default: the unit that the file
+                            # states; else degrees in GeoJSON, which requires [earth], m in others
+name = "bottleneck"         # which geometry of the file
+# polygons = "obstacles"    # or "walkable": meaning of the polygons in GeoJSON and WKT
+height = 2.0                # m above base, for polygons that have no height of their own
+border = 0.2                # m, thickness of walls around the walkable area; default: no walls
+at = [30, 10]               # added to the points
+base = 50.0                 # m, altitude of the foot; default: the lowest ground below
 
 [[tracks]]
-file = "people.txt"         # or a database of JuPedSim, or GPX, where [earth] is known; several
-                            # files on one clock: ["ada.gpx", "ben.gpx"]
-columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says; in place of x and y:
-                            # latitude and longitude, where [earth] is known
-unit = "cm"                 # "m", "cm", "mm", "ft" or "us-ft"; left out, as fps: as the file says
-fps = 16
-# time_unit = "ms"          # "s", "ms", "us" or "ns", of times; left out: as the file says, else s
-gap = 1.0                   # s between rows in which people walk straight on; left out: 1, and 10
-                            # within a segment of GPX
-begin = 37.0                # s of the tracks at step 0; left out: the first from which all are
-                            # there at all steps, which a longer gap may make late; dates, and
-                            # times since 1970, count from the first of them
-ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
-at = [40, 20]               # added to their points
-delimiter = " "             # left out: what the first row looks like
-still = 0.1                 # m/s; people who are slower keep their heading
+file = "people.txt"         # or a JuPedSim database, or GPX, which requires [earth]; several files
+                            # that share a clock: ["ada.gpx", "ben.gpx"]
+columns = ["id", "frame", "x", "y", "z"]   # default: the names in the file; for latitude and
+                            # longitude in place of x and y, [earth] is required
+unit = "cm"                 # "m", "cm", "mm", "ft" or "us-ft"; default: the unit the file states
+fps = 16                    # default: the frame rate that the file states
+# time_unit = "ms"          # "s", "ms", "us" or "ns"; default: the unit the file states, else s
+gap = 1.0                   # s, longest pause between rows that is bridged by a straight walk;
+                            # default: 1, within a segment of GPX 10
+begin = 37.0                # s, time of step 0 in the file; dates, and seconds since 1970, count
+                            # from the first row; default: the first time from which all people
+                            # are present at all steps
+ids = [12, 15, 16]          # or: count = 3, the first three people present at all steps
+at = [40, 20]               # added to the points
+delimiter = " "             # default: guessed from the first row
+still = 0.1                 # m/s; slower people keep their heading
 shape = { type = "prism", sides = 6, apothem = 0.25 }
-views_weight = 0.5          # times the weight of views in [objective]; left out: 1
-take = "rehearsed"          # or ["rehearsed", "late"]: takes in which they are; left out: all
+views_weight = 0.5          # factor on the weight of views in [objective]; default: 1
+take = "rehearsed"          # or ["rehearsed", "late"]: takes with these people; default: all
 
 [[walk]]
 points = [[20, 20], [60, 22]]
 name = "Ada"                # name of the person (optional)
-speed = 1.2
-first = 0.5                 # m of the way that are walked before step 0
-# heading = 90              # where the person looks all the time, from x to y; left out: ahead
+speed = 1.2                 # m/s
+first = 0.5                 # m walked before step 0
+# heading = 90              # degrees from x to y, constant; default: the person looks ahead
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
-views_weight = 2.0          # likewise: Ada is to be seen by two rather than the others
-# take = "late"             # likewise; left out: Ada is there in each take
+views_weight = 2.0          # as in [[tracks]]: views of Ada count twice as much
+# take = "late"             # as in [[tracks]]
 
-[[take]]                    # people may walk otherwise: one of several ways; left out: they do not
+[[take]]                    # one of several ways in which people may walk; default: only one
 name = "rehearsed"
-probability = 0.75          # those of all takes sum to 1
+probability = 0.75          # the probabilities of all takes sum to 1
 
 [[take]]
 name = "late"
 probability = 0.25
 
-# [spread]                  # in place of [[take]]: ways that are drawn around those above
-# takes = 3                 # equally probable; the first is as above
-# delay = 1.0               # s: standard deviation of how late a person is, or early
-# aside = 0.5               # m, to the left or right
-# speed = 0.1               # share by which a person is faster or slower
-# seed = 0                  # of the draws; they lead into no obstacle, nor off the map
+# [spread]                  # in place of [[take]]: draws takes that vary the walks above
+# takes = 3                 # number of equally probable takes; the first has no variation
+# delay = 1.0               # s, standard deviation of a person's delay, late or early
+# aside = 0.5               # m, standard deviation to the left or right
+# speed = 0.1               # standard deviation of a person's speed, as a share of it
+# seed = 0                  # seed of the draws; no walk is drawn into an obstacle or off the map
 
 [[drones]]
-count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
-                            # steps or people choose others, `starts` keeps them
-near = 15
-camera = "dji-mavic-pro-4k" # `cocap-opt scenes` lists them; in its place the numbers of any other:
+count = 3                   # the seed chooses cells, within 15 m of a person; they change with
+                            # steps and people, so write `starts` to keep them
+near = 15                   # m
+camera = "dji-mavic-pro-4k" # a name from `cocap-opt scenes`; or the numbers of another camera:
 # camera = { width = 3840, height = 2160, fov = 65 }   # px, and degrees across the width; or, in
 #                           # place of fov, one of: focal = 2900 (px), fov_vertical = 40,
-#                           # fov_diagonal = 72 (degrees), lens_35mm = 28 (mm, as on 35 mm film, by
-#                           # the diagonal), sensor = 6.17 with lens = 4.7 (mm, width of the sensor
-#                           # that makes the image); photo = [4, 3]: the maker tells the angle or
-#                           # lens_35mm of photos of this shape, from which film cuts its height
-tilts = [10, 40]            # below the horizon; several make a gimbal
-homes = [[8, 4], [10, 4], [12, 4]]   # m, where each takes off and lands, in the middle of a cell;
-                            # left out: straight below its first and its last place
-airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
+#                           # fov_diagonal = 72 (degrees), lens_35mm = 28 (mm, equivalent on 35 mm
+#                           # film, by the diagonal), sensor = 6.17 with lens = 4.7 (mm, width of
+#                           # the sensor area that the image uses); photo = [4, 3]: the angle or
+#                           # lens_35mm is that of photos of this shape, which film crops in height
+tilts = [10, 40]            # degrees below the horizon; several make a gimbal
+homes = [[8, 4], [10, 4], [12, 4]]   # m, where each drone takes off and lands, in the middle of a
+                            # cell; default: straight below its first and its last place
+airframe = "px4"            # whose limits apply; default: no limits but those in [drones.limits]
 
-[drones.motion]             # what the drones above can do in one step
+[drones.motion]             # what the drones of this table can do in one step
 layers = [4, 6]             # m, flight heights
-radius = 1                  # cells along each axis: with cells of 1 m and steps of 0.5 s 2.8 m/s
+radius = 1                  # cells along each axis; with cells of 1 m and steps of 0.5 s: 2.8 m/s
 climb = 1                   # layers, up or down
-headings = 8                # in a full turn
+headings = 8                # number of headings in a full turn
 turn = 1                    # headings, either way
 pitch_turn = 1              # tilts, either way
-spacing = 1                 # cells of which moves are multiples
-stride = { aside = 2.0, upright = 2.0, space = 3.0 }   # m, the longest moves; left out, as each
-                            # bound: as radius, climb and limits have it
-clearance = 0.5             # m that are free above and below
-corner_cutting = false      # true: a move may cut a wall's corner, only its ends must be free
+spacing = 1                 # cells; moves are multiples of it
+stride = { aside = 2.0, upright = 2.0, space = 3.0 }   # m, longest moves; default: as far as
+                            # radius, climb and limits allow
+clearance = 0.5             # m, free space above and below
+corner_cutting = false      # true: only the ends of a move must be free, so it may cut a corner
 
-[drones.limits]             # which bound motion; in place of the airframe's
-speed = 8                   # m/s; climb and descent likewise
+[drones.limits]             # limits that replace those of the airframe
+speed = 8                   # m/s; climb and descent, too
 climb = 5
 descent = 4
-acceleration = 8            # m/s2; a move from rest to rest within a step wants 5.8 x its length
-                            # / step^2: 0.34 m here, so cells of 1 m are divided by 3
-yaw_rate = 90               # degrees/s, as the gimbal's
+acceleration = 8            # m/s2; a move from rest to rest in a step needs 5.8 x its length /
+                            # step^2: at most 0.34 m here, so cells of 1 m are divided by 3
+yaw_rate = 90               # degrees/s; gimbal_rate, too
 gimbal_rate = 90
-endurance = 1200            # s for which the battery lasts
+endurance = 1200            # s that the battery lasts
 
 [[drones]]
-# A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
-starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
-homes = [[14, 4]]           # of all drones or of none
-# land = "ground"           # in place of homes: they end where they can land
-# starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }
-#                           # with a count: in the area, wherever it is best; "anywhere": on the
-#                           # whole map; heights, headings left out: all
+starts = [{ x = 30, y = 20, height = 4, heading = 90 }]   # in the middle of the cell that contains
+                            # x and y; heading 0 is along x
+homes = [[14, 4]]           # for all drones or for none
+# land = "ground"           # in place of homes: drones end where they can land
+# starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }   # needs a
+#                           # count: planners choose the best starts in the area, or with "anywhere"
+#                           # on the whole map; default of heights and headings: all
 
 [[no_fly]]
-polygon = [[40, 10], [50, 10], [50, 20]]   # no drone enters it, not even in part of a cell
-bottom = 0.0                # altitudes in m between which it is closed; left out: at all
+polygon = [[40, 10], [50, 10], [50, 20]]   # a cell that it covers in part is closed, too
+bottom = 0.0                # m, altitudes between which it is closed; default: at all altitudes
 top = 30.0
 
 [airspace]
-ceiling = 30.0              # m, as layers are; left out: there is none
-people = 3.0                # m from people, seen from above, at every moment; 0: none
-over_people = 5.0           # m above heads from which on drones may fly over; left out: never
+ceiling = 30.0              # m, measured as layers are; default: no ceiling
+people = 3.0                # m from people at every moment, seen from above; 0: no distance
+over_people = 5.0           # m above heads from which drones may fly over people; default: never
 
 [earth]
-crs = "EPSG:25830"          # x goes to its east, y to its grid's north; left out: the map's file's
-# latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), where no file says the place
+crs = "EPSG:25830"          # x points to its east, y to its grid north; default: the map file's
+# latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), if no file states the place
 # longitude = -2.935
-height = 20.0               # m, of z = 0
-heights = "above-sea"       # or "above-ellipsoid"; nothing is converted between them
+height = 20.0               # m, altitude of z = 0
+heights = "above-sea"       # or "above-ellipsoid"; they are never converted into each other
 
 [rules]
-vertex = true               # no two drones in one cell; false, and swap: they may share cells
-swap = true                 # nor may two exchange cells
-separation = 2.0            # m between drones at every moment; left out: 2, and 0 is none
-vertical = 0.0              # m in height that suffice as well; 0: only the distance counts
+vertex = true               # no two drones in one cell; false, as swap: they may share cells
+swap = true                 # no two drones exchange their cells
+separation = 2.0            # m between drones at every moment; default: 2; 0: no separation
+vertical = 0.0              # m, difference in height that is enough, too; 0: only distance counts
 
 [objective]
 pixels = 1.0                # weight of all pixels; 0: they do not count
-stationarity = 0.0          # of a drone that stays in its state for a step
-keep_cell = 0.0             # or in its cell
-keep_heading = 0.0          # or keeps its heading
-balanced = 0.0              # or moves by as many cells along x as against y, or not at all
-count_start = false         # true: what is seen at step 0 counts too
+stationarity = 0.0          # reward of a drone that keeps its state for a step
+keep_cell = 0.0             # reward of a drone that keeps its cell
+keep_heading = 0.0          # reward of a drone that keeps its heading
+balanced = 0.0              # reward of a drone that moves as many cells along x as along y, or none
+count_start = false         # true: step 0 counts, too
 over_time = false           # true: pixels add up over the steps before the root is taken
 
-[objective.views]           # drones that see a person count, too; left out: they do not
+[objective.views]           # reward for drones that see a person; default: none
 cameras = 2                 # more cameras than this add nothing
-# weight = 250.0            # px^0.5/m, of a drone that sees a person at a step; or a list, a number
-                            # for each person; left out: half of what a view of the person pays from
-                            # where the person fills a third of the image's height; "first": more
-                            # than all pixels can pay, so that people are seen before all else
-at_least = 0.3              # share that must be visible of all that a person shows in a direction
-# share = 0.95              # of all views, `cameras` of each person at each step, that plans should
-                            # keep: `plan` gives views more weight until they do; see `front`
+# weight = 250.0            # px^0.5/m, reward of a drone that sees a person at a step; or a list
+#                           # with a number for each person; default: half the reward of a view in
+#                           # which the person fills a third of the image's height; "first": more
+#                           # than all pixels together, so that views come before pixels
+at_least = 0.3              # share of the person, as seen without obstacles, that must be visible
+# share = 0.95              # share of all views (`cameras` of each person at each step) that plans
+#                           # should keep: `plan` raises the weight until they do; see `front`
 """

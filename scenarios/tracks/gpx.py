@@ -2,7 +2,7 @@
 
 Source of the format: topografix.com/GPX/1/0 and 1/1. A track (trk) is one person. A new segment
 (trkseg) begins where the receiver had lost its satellites or was off. Times are in UTC. Elevations
-(ele) are of the ground or of the receiver, which nobody says, and are not read.
+(ele) are of the ground or of the receiver, which is unknown, and are not read.
 
 gpxpy reads no names with a prefix, and takes a time that it cannot read for none.
 """

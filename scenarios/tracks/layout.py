@@ -267,7 +267,7 @@ class Name(NamedTuple):
 
 
 def _is_units(fields: Sequence[str]) -> bool:
-    """Returns True for words that are units, as stand below a header: s, -, m, m/s."""
+    """Returns True for words that are units, as below a header: s, -, m, m/s."""
     known = {*PER_METRE, *_REFUSED, *PER_SECOND}
     others = [field for field in fields if _of_row(field) not in known]
     return len(others) < len(fields) and not any(Name.of(field).role for field in others)

@@ -7,7 +7,7 @@ columns, their unit and the frame rate, as PeTrack and JuPedSim write them:
     # framerate: 25 fps
     # id frame x/m y/m z/m
 
-A row of units may stand below the names, as Pathfinder writes it.
+A row of units may follow the names, as Pathfinder writes it.
 """
 
 import io

@@ -123,7 +123,7 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
 
 
 def _about_stamps(table: TrackTable) -> Iterator[str]:
-    """Says whether frames and times of a file tell how long it lasts alike."""
+    """Says whether frames and times of a file agree on how long it lasts."""
     if table.stamps is None or table.rate is None:
         return
     by_frames, by_times = float(np.ptp(table.times)), float(np.ptp(table.stamps))

@@ -1,4 +1,4 @@
-"""Listings of algorithms: each line has its number beside the code, and a page tells the same."""
+"""Listings of algorithms: each line has its number beside the code, and pages have the same."""
 
 import importlib
 import inspect
@@ -8,7 +8,10 @@ from types import ModuleType
 
 import pytest
 
-PAGE = Path(__file__).parents[2] / "docs" / "concepts" / "cocap.md"
+PAGES = [
+    Path(__file__).parents[2] / "docs" / "concepts" / name
+    for name in ("cocap.md", "view-search.md")
+]
 ALG_1, TREE, ALG_2, LAZY = (
     importlib.import_module(f"cocap_opt.planners.{name}")
     for name in ("cocap", "constraint_tree", "view_search", "lazy_value_iteration")
@@ -43,7 +46,8 @@ def test_the_tree_does_what_the_algorithm_leaves_to_it() -> None:
     assert sorted(numbered(inspect.getsource(TREE))) == sorted(handed) != []
 
 
-def test_the_page_tells_the_listings_of_the_code() -> None:
+def test_the_pages_have_the_listings_of_the_code() -> None:
     """Alg. 1 and Alg. 2 have the same words and numbers wherever they are read."""
-    blocks = re.findall(r"```text\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    texts = [page.read_text(encoding="utf-8") for page in PAGES]
+    blocks = [block for text in texts for block in re.findall(r"(?s)```text\n(.*?)```", text)]
     assert [_LINE.findall(block) for block in blocks] == [listing(ALG_1), listing(ALG_2)]

@@ -11,6 +11,8 @@ from pages import DOCS, ROOT, blocks
 from test_cli import Run
 
 PAGE = DOCS / "how-to" / "from-a-map-to-a-flight.md"
+SHORTEST = DOCS / "how-to" / "shortest-recipe.md"
+REFUSED = DOCS / "how-to" / "refused.md"
 RESEARCH = DOCS / "tutorials" / "research.md"
 SHOW, FLY = "show scene.toml -o bad.html", "fly scene.toml plan.json --smooth -o bad.csv"
 
@@ -154,19 +156,19 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
 
 
 @pytest.mark.slow(seconds=9)
-def test_the_how_to_runs_as_it_is_written(
+def test_the_how_tos_run_as_they_are_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its blocks work one after the other; its messages come, as its table quotes them."""
+    """Their blocks work one after the other; messages come as the table of refusals quotes them."""
     pytest.importorskip("rasterio")
     pytest.importorskip("pyproj")
-    page = PAGE.read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")  # the page's lines are not folded
     reader = Reader(capsys)
-    for language, text in blocks(page):
-        reader.follow(language, text)
-    quoted = re.findall(r"^\| `(.+?)` \|", page, re.MULTILINE)
+    for page in (SHORTEST, PAGE):
+        for language, text in blocks(page.read_text(encoding="utf-8")):
+            reader.follow(language, text)
+    quoted = re.findall(r"^\| `(.+?)` \|", REFUSED.read_text(encoding="utf-8"), re.MULTILINE)
     assert quoted == list(WRONG)
     kept = {name: Path(name).read_bytes() for name in INPUTS}
     for words, (commands, spoil) in WRONG.items():

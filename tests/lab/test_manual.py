@@ -215,7 +215,7 @@ def test_worked_examples_are_consistent() -> None:
         assert all(a >= b - 1e-6 * b for a, b in pairwise(column))
     gap = worked.explained().explanation
     assert gap.total() == pytest.approx(gap.gap, rel=1e-9, abs=1e-6)
-    assert worked.paid_for_people().sum() == pytest.approx(gap.total("face"))
+    assert worked.overestimates().sum() == pytest.approx(gap.total("face"))
     assert max(worked.proof().bounds) <= worked.proof().file.proved
 
 

@@ -340,7 +340,7 @@ def test_the_words_for_and_against_the_objective_hold() -> None:
     assert all(few < many - 0.2 for few, many in zip(among, every, strict=True))
     beaten, of = map(int, re.findall(r"In (\d+) of (\d+) instances", against)[0])
     assert beaten > of / 2
-    assert price.startswith("There it shows ")
+    assert price.startswith("The gain is ")
     shown = {
         kind: {
             scene: fmean(p.by_two for p in stored_plans() if p[:3:2] == (scene, kind))

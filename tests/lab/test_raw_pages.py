@@ -11,7 +11,7 @@ import pytest
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from mdit_py_plugins.dollarmath import dollarmath_plugin
-from pages import DOCS, ROOT
+from pages import DOCS, ROOT, counted
 from PIL import Image
 
 import cocap_opt as co
@@ -87,6 +87,34 @@ def test_nothing_of_the_workshop_is_left_on_a_page(page: Path) -> None:
     fences = [token.info for token in parsed(page) if token.type == "fence"]
     assert [info for info in fences if "{" in info] == []
     assert "<!--" not in "".join(prose(page))
+
+
+def shown_raw(page: Path) -> str:
+    """Returns the text of a page as GitHub shows it, without what only the site has."""
+    return re.sub(r"<!--.*?-->", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@each
+def test_pages_are_whole_where_they_are_read_raw(page: Path) -> None:
+    """No page includes another file on the site alone: it holds the text, or links to the file.
+
+    Nor is a page left with a heading and a sentence.
+    """
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"(?m)^```\{(?:literal)?include\}", text) == []
+    assert counted(shown_raw(page)) > 80
+
+
+def test_the_page_of_the_checker_names_its_parts() -> None:
+    """What it says of `cocap_check.py` is there, in that order."""
+    page = (DOCS / "reference" / "cocap-check.md").read_text(encoding="utf-8")
+    source = (ROOT / "formulations" / "independent" / "cocap_check.py").read_text(encoding="utf-8")
+    listed = re.findall(r"^\d\. (.+)$", page, re.MULTILINE)
+    assert len(listed) == 6
+    firsts = [re.findall(r"`(\w+)`", line)[0] for line in listed]
+    places = [re.search(rf"^(?:def|class) {name}\b", source, re.MULTILINE) for name in firsts]
+    starts = [place.start() for place in places if place is not None]
+    assert len(starts) == len(firsts) and starts == sorted(starts)
 
 
 @each
@@ -271,6 +299,8 @@ def test_marks_are_filled() -> None:
     assert filled(new, {"x": "| t |", "y": "2"}.__getitem__) == new
     assert names_in(new) == ["x", "y"]
     assert without_marks(new) == "a\n| t |\n\nb 2 c\n"
+    # A mark at the end of a paragraph leaves the blank line before the next heading.
+    assert without_marks("b <!-- n: y -->2<!-- /n -->\n\n## c\n") == "b 2\n\n## c\n"
 
 
 def test_wrong_marks_are_refused() -> None:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -15,11 +16,12 @@ from zipfile import ZipFile
 import msgspec
 import pytest
 import yaml
+from jsonschema import Draft7Validator
 
 ROOT = Path(__file__).parents[2]
 CHANGES = ROOT / "CHANGELOG.md"
 PACKAGES = ("cocap_opt", "formulations", "scenarios", "experiments")
-PUBLISHED = ("pyproject.toml", "README.md", "LICENSE", *PACKAGES)
+PUBLISHED = ("pyproject.toml", "setup.py", "README.md", "LICENSE", *PACKAGES)
 
 
 def run(words: Sequence[object], folder: Path, seconds: float = 120, **environment: str) -> str:
@@ -139,6 +141,40 @@ def test_the_wheel_runs_every_command_of_the_readme(wheel: Path, tmp_path: Path)
     (line,) = studied.stderr.splitlines()
     assert "study" in line and "repository" in line
     assert {path.name for path in work.iterdir()} == made
+
+
+@pytest.mark.slow(seconds=9)
+def test_the_page_on_pypi_has_no_relative_link(wheel: Path) -> None:
+    """The wheel describes itself by the README, and each link and picture of that is absolute."""
+    with ZipFile(wheel) as content:
+        (name,) = (name for name in content.namelist() if name.endswith("METADATA"))
+        metadata = content.read(name).decode()
+    assert "Description-Content-Type: text/markdown" in metadata
+    assert "proves how good each plan is" in metadata
+    addresses = re.findall(r"\]\(([^)]*)\)", metadata)
+    assert addresses and [each for each in addresses if not each.startswith("https://")] == []
+
+
+def test_the_description_links_to_the_repository_where_its_address_is_known() -> None:
+    """Files are those of the release; without an address words stay, pictures do not."""
+    described = runpy.run_path(str(ROOT / "setup.py"))["described"]
+    readme = "[![A](docs/a.webp)](docs/b.md) [c](docs/c.md#d) [e](https://e.org) ![f](f.png)"
+    at = "https://git.example/p"
+    assert described(readme, at, "1.0") == (
+        f"[![A]({at}/raw/v1.0/docs/a.webp)]({at}/blob/v1.0/docs/b.md) "
+        f"[c]({at}/blob/v1.0/docs/c.md#d) [e](https://e.org) ![f]({at}/raw/v1.0/f.png)"
+    )
+    assert described(readme, None, "1.0") == " c [e](https://e.org) "
+
+
+def test_the_citation_is_valid() -> None:
+    """CITATION.cff has the form of its format, version 1.2.0."""
+    schema = msgspec.json.decode((ROOT / "tests" / "data" / "citation-schema.json").read_bytes())
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    citation["date-released"] = str(citation["date-released"])  # as the schema asks of readers
+    assert [error.message for error in Draft7Validator(schema).iter_errors(citation)] == []
+    urls = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
+    assert citation.get("repository-code") == urls.get("Repository")
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -21,9 +22,22 @@ def blocks(page: str) -> Iterator[tuple[str, str]]:
 
 
 def words(page: str) -> int:
-    """Returns how many words and numbers of a page are to be read.
+    """Returns how many words and numbers of a page in Markdown are to be read, code included.
 
-    Code, comments and the alternative texts of pictures are left out.
+    Comments, addresses and the alternative texts of pictures are left out.
     """
-    prose = re.sub(r"(?ms)^```.*?^```$|<!--.*?-->|!\[.*?\]", "", page)
-    return sum(any(map(str.isalnum, word)) for word in prose.split())
+    marks = r"<!--.*?-->|!\[[^\]]*\]\([^)]*\)|(?<=\])\([^)]*\)|^```\w*$"
+    return counted(re.sub(marks, " ", page, flags=re.DOTALL | re.MULTILINE))
+
+
+def words_built(html: str) -> int:
+    """Returns how many words and numbers the article of a built page shows, code included."""
+    article = re.search(r"(?s)<article.*</article>", html)
+    assert article is not None
+    hidden = r"(?s)<script.*?</script>|<style.*?</style>|<a class=\"headerlink\".*?</a>|<[^>]*>"
+    return counted(unescape(re.sub(hidden, "", article[0])))
+
+
+def counted(text: str) -> int:
+    """Returns the number of words that have a letter or a digit."""
+    return sum(any(map(str.isalnum, word)) for word in text.split())

@@ -100,7 +100,7 @@ def draw_tangent() -> Figure:
     ax = set_frame(figure.add_subplot())
     ax.plot(pixels, np.sqrt(pixels), color=BLUE, lw=2, label="the root")
     ax.plot(pixels, alpha * np.sqrt(pixels) + beta * pixels + constant, color=RED, lw=1.8,
-            label="what is paid, and the constant")  # fmt: skip
+            label="credits and constant")  # fmt: skip
     touch = 15.0**2 + 12.0**2
     ax.plot(touch, np.sqrt(touch), "o", color="black", label="the best plan's pixels")
     ax.set(xlabel="pixels on the front at step 3, all drones together (px/m2)", ylabel="reward",
@@ -130,11 +130,11 @@ def draw_parts() -> Figure:
 
 
 def draw_losses() -> Figure:
-    """Draws what drones lose by each move, and what is paid for people beyond what they give."""
+    """Draws the loss of drones by each move, and the excess of the bound for each person."""
     explanation = worked.explained().explanation
     figure = new_figure(WIDTH, 3.8)
     top, bottom = figure.subplots(2, 1, sharex=True)
-    people = worked.paid_for_people()
+    people = worked.overestimates()
     for ax, amounts, noun in ((top, explanation.losses(), "drone"), (bottom, people, "person")):
         shares = 100 * amounts / explanation.bound
         ax.imshow(shares, cmap="OrRd", aspect="auto", vmin=0, vmax=max(shares.max(), 1e-9))
@@ -147,7 +147,7 @@ def draw_losses() -> Figure:
     bottom.set_xticks(range(people.shape[1]))
     bottom.set_xlabel("step")
     top.set_title("lost by the move that begins at the step (% of the bound)", fontsize=TITLE)
-    bottom.set_title("paid for a person beyond the reward (% of the bound)", fontsize=TITLE)
+    bottom.set_title("overestimate of a person's reward (% of the bound)", fontsize=TITLE)
     return figure
 
 

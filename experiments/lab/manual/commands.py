@@ -8,17 +8,18 @@ from cyclopts import App, Group
 from cyclopts.argument import Argument
 
 _FAMILIES = ("figure", "library", "study")  # commands that hold others
+_OWN_PAGES = ("library", "study")  # families that are not on the page of their group
 
 
 def _group(title: str, program: App) -> str:
-    """Returns a part for each command of a group of the help page, but for studies."""
+    """Returns a part for each command of a group, but for families with pages of their own."""
     return "\n\n".join(_parts(title, program))
 
 
 def _parts(title: str, program: App) -> Iterator[str]:
     for name in _names(program):
         command = program[name]
-        if name == "study" or title not in _titles(command):
+        if name in _OWN_PAGES or title not in _titles(command):
             continue
         if name in _FAMILIES:
             yield _family(program, name)
@@ -38,20 +39,6 @@ def _studies(chosen: slice, program: App) -> str:
     return "\n\n".join(
         _command(f"cocap-opt study {name}", family[name]) for name in _names(family)[chosen]
     )
-
-
-_HALF = 14  # studies of the first page
-COMMANDS: Mapping[str, Callable[[App], str]] = {
-    **{
-        f"commands_{name}": partial(_group, title)
-        for name, title in (
-            ("plan", "Plan"), ("prove", "Prove"), ("look", "Look"), ("fly", "Fly"),
-            ("measure", "Measure"), ("program", "This program"),
-        )
-    },
-    "studies_first": partial(_studies, slice(_HALF)),
-    "studies_second": partial(_studies, slice(_HALF, None)),
-}  # fmt: skip
 
 
 def _family(app: App, name: str) -> str:
@@ -97,3 +84,18 @@ def _default(argument: Argument) -> str:
     default = argument.field_info.default
     is_none = any(default is absent for absent in (None, False, argument.field_info.empty))
     return "" if is_none else f"`{default}`"
+
+
+_HALF = 14  # studies of the first page
+COMMANDS: Mapping[str, Callable[[App], str]] = {
+    **{
+        f"commands_{name}": partial(_group, title)
+        for name, title in (
+            ("plan", "Plan"), ("prove", "Prove"), ("look", "Look"), ("fly", "Fly"),
+            ("measure", "Measure"), ("program", "This program"),
+        )
+    },
+    "commands_library": partial(_family, name="library"),
+    "studies_first": partial(_studies, slice(_HALF)),
+    "studies_second": partial(_studies, slice(_HALF, None)),
+}  # fmt: skip

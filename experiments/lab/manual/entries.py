@@ -6,6 +6,7 @@ from types import ModuleType
 
 from cyclopts import App
 
+from cocap_opt.experiments.lab.manual.changes import for_updates
 from cocap_opt.experiments.lab.manual.commands import COMMANDS
 from cocap_opt.experiments.lab.manual.formats import FORMATS
 from cocap_opt.experiments.lab.manual.lists import LISTS
@@ -25,6 +26,7 @@ ENTRIES: Mapping[str, Callable[[], str]] = {
     **TRUSTED,
     **FORMATS,
     "gallery": gallery_in_markdown,
+    "changes": for_updates,
     "checker_copied": copied_in_words,
 }
 

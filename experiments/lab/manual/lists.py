@@ -1,5 +1,6 @@
 """Lists that are made from the code: columns, parameters, scenes, formats, cameras, airframes."""
 
+import re
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from itertools import chain
@@ -22,6 +23,10 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe import EXAMPLE
 
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
+
+_PARTS = re.split(r"(?m)(?=^\[\[drones\]\]$)", EXAMPLE, maxsplit=1)  # of the recipe: a page each
+_COMMENTED = re.compile(r"(.*?\S) +# (.*)")  # a key, maybe commented out, and its comment
+_CONTINUED = re.compile(r"#? {8,}# ")
 
 _OF_ROOT = (
     "root", "large_root", "bundle", "ascent", "ruled_ascent", "relaxation", "alike_cuts",
@@ -56,11 +61,11 @@ def _search_parameters(of_root: bool) -> str:
     return markdown(rows)
 
 
-def _recipe() -> str:
-    """Returns the example of a recipe; comments that are too wide for a page stand above."""
+def _recipe(part: slice) -> str:
+    """Returns a part of the example of a recipe; comments too wide for a page precede their key."""
     keys: list[list[str]] = []  # each with the lines on which its comment goes on
-    for line in EXAMPLE.strip().splitlines():
-        if keys and line.startswith(" ") and line.lstrip().startswith("#"):
+    for line in "".join(_PARTS[part]).strip().splitlines():
+        if keys and _CONTINUED.match(line):
             keys[-1].append(line)
         else:
             keys.append([line])
@@ -69,12 +74,11 @@ def _recipe() -> str:
 
 def _narrow(lines: list[str]) -> list[str]:
     """Returns a key of TOML with its comment above it, if it is too wide for a page."""
-    content, sign, _ = lines[0].partition("  #")
-    if max(map(len, lines)) <= _WIDEST or not sign:
+    found = _COMMENTED.match(lines[0])
+    if max(map(len, lines)) <= _WIDEST or not found:
         return lines
-    comment = " ".join(line.partition("#")[2].strip() for line in lines)
-    above = wrap(comment, _WIDEST, initial_indent="# ", subsequent_indent="# ")
-    return [*above, content.rstrip()]
+    comment = " ".join([found[2], *(line.rpartition("  # ")[2] for line in lines[1:])])
+    return [*wrap(comment, _WIDEST, initial_indent="# ", subsequent_indent="# "), found[1]]
 
 
 def _long_tables() -> str:
@@ -113,7 +117,8 @@ LISTS: dict[str, Callable[[], str]] = {
     "exact_described": partial(_methods, EXACT),
     "root_parameters": partial(_search_parameters, True),
     "search_parameters": partial(_search_parameters, False),
-    "recipe": _recipe,
+    "recipe": partial(_recipe, slice(1)),
+    "recipe_drones": partial(_recipe, slice(1, None)),
     "long_tables": _long_tables,
     "tangents": _tangents,
     **{

@@ -1,8 +1,8 @@
 """Marks in Markdown: places where a page holds text that is made from code or stored results.
 
-A block stands between lines of its own, `<!-- quote: name -->` and `<!-- end of quote -->`; a few
-words stand in a sentence, `<!-- n: name -->12<!-- /n -->`. Nobody who reads the page sees a mark.
-Directives that only the built site can show stand between lines `<!-- on the site` and `-->`, and
+A block is between lines of its own, `<!-- quote: name -->` and `<!-- end of quote -->`; a few
+words are in a sentence, `<!-- n: name -->12<!-- /n -->`. Nobody who reads the page sees a mark.
+Directives that only the built site can show are between lines `<!-- on the site` and `-->`, and
 what takes their place elsewhere between `<!-- off the site -->` and `<!-- end -->`.
 """
 
@@ -16,7 +16,7 @@ _WORDS = re.compile(r"(<!-- n: (\S+) -->).*?(<!-- /n -->)", re.DOTALL)
 _BEGINS = re.compile(r"^ *<!-- n: (\S+) -->", re.MULTILINE)
 _FOR_SITE = re.compile(r"^<!-- on the site\n(.*?)^-->$", re.DOTALL | re.MULTILINE)
 _ELSEWHERE = re.compile(r"^<!-- off the site -->\n.*?^<!-- end -->\n", re.DOTALL | re.MULTILINE)
-_MARK = re.compile(r"<!-- (?:quote: \S+|end of quote|n: \S+|/n) -->\n*")
+_MARK = re.compile(r"<!-- (?:quote: \S+|end of quote) -->\n*|<!-- (?:n: \S+|/n) -->")
 _ANY = re.compile(
     r"<!-- (?:quote: \S+|n: \S+|off the site) -->|^<!-- on the site$"
     r"|<!-- (?:end of quote|/n|end) -->|^-->$",

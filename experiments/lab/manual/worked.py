@@ -257,13 +257,13 @@ def seen_from(actor: int) -> FloatArray:
     return found
 
 
-def paid_for_people() -> FloatArray:
-    """Returns the bottleneck's bound for each person beyond the reward [A, T+1]."""
+def overestimates() -> FloatArray:
+    """Returns the excess of the bottleneck's bound over the reward of each person [A, T+1]."""
     problem = bottleneck().problem
-    paid = np.zeros((len(problem.actors), problem.horizon + 1))
+    excess = np.zeros((len(problem.actors), problem.horizon + 1))
     for term in explained().explanation.of_kind("face"):
-        paid[term.actor or 0, term.step or 0] += term.amount
-    return paid
+        excess[term.actor or 0, term.step or 0] += term.amount
+    return excess
 
 
 # -- bounds compared, and a proof -------------------------------------------------------------

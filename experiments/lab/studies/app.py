@@ -26,13 +26,13 @@ STUDIES = {
     "paper": Study("paper.reproduction:paper", """\
 Reproduce the paper's experiments over many seeds, and answer its claims with bounds.
 
-It makes a verdict in sentences, reward curves, tables, an ablation, a search for where CoCap gains
-most, the test of giving way, and scaling. What is in the folder already is not computed again.
+It writes a verdict in sentences, reward curves, tables, an ablation, a search for CoCap's largest
+gain, the test of giving way, and scaling. Existing results in the folder are not computed again.
 
 Example: cocap-opt study paper --out paper --seeds 0-9
 """),
     "planners": Study("paper.planner_table:planners", """\
-Print the table of planners: what each takes and promises, its measured gap and time.
+Print the table of planners: requirements, promises, measured gap and time of each.
 
 Example: cocap-opt study planners --paper paper
 """),
@@ -46,7 +46,7 @@ Compare published plans of other projects with ours, with certified bounds.
 
 FOLDER holds scenes of Greedy Perspectives (seq.yaml, starts.csv, peer_paths.csv) or of Hughes et
 al. (NAME_data.json or scene.json, solutions, ppa_evaluation.csv), in folders as they are published.
-All plans are judged by one evaluator. What is in --out already is not computed again.
+One evaluator judges all plans. Existing results in --out are not computed again.
 
 Example: cocap-opt study others greedy_perspectives --limit 30 --out others
 """),
@@ -61,27 +61,27 @@ Measure planned against rendered coverage.
 Example: cocap-opt study views --scene corridor --poses 100 --out views
 """),
     "solvers": Study("solvers.table:solvers", """\
-Measure bounds and exact methods beside generic solvers.
+Compare bounds and exact methods with generic solvers.
 
-Seconds are of processor time, on one thread.
+Times are processor time on one thread.
 
 Example: cocap-opt study solvers --rows corridor cone-program --limit 20
 """),
     "steps": Study("steps:steps", """\
 Measure exact methods against the number of steps: time and bound.
 
-HiGHS, SCIP, CP-SAT and nonlinear SCIP each have the whole instance as one integer program; beside
-them are joint value iteration, brute force and branch-and-price. It takes about a quarter of an
-hour. The notebook solvers_compared draws the stored results.
+HiGHS, SCIP, CP-SAT and nonlinear SCIP each solve the whole instance as one integer program. They
+are compared with joint value iteration, brute force and branch-and-price. It takes about a quarter
+of an hour. The notebook solvers_compared draws the stored results.
 
 Example: cocap-opt study steps --steps 1-4 --seeds 0 --out steps
 """),
     "audit": Study("audit:audit", """\
-Compare the instances of built-in scenes with their scenes, by code that did not make them.
+Compare the instances of built-in scenes with their scenes, by independent code.
 
-Coverage is enclosed by interval arithmetic (the extra `audit`): of all reachable states, and where
-these are too many, of those of a greedy plan, of those with most pixels, and of as many that are
-drawn. It takes a quarter of an hour.
+Coverage is enclosed by interval arithmetic (the extra `audit`). If a scene has too many reachable
+states, only those of a greedy plan, those with most pixels, and as many random ones are enclosed.
+It takes a quarter of an hour.
 
 Example: cocap-opt study audit --scene corridor --out audit
 """),
@@ -98,32 +98,32 @@ Example: cocap-opt study gamma --scene corridor --seeds 0-1
     "lazy": Study("lazy:lazy", """\
 Measure lazy value iteration: views, rewards and time against all coverage.
 
-Without scenes it takes some with cheap views and some with expensive ones, which takes minutes.
+By default it runs scenes with cheap views and scenes with expensive ones, in a few minutes.
 
 Example: cocap-opt study lazy --scene corridor bridge --seeds 0
 """),
     "starts": Study("starts:starts", """\
-Measure what it is worth to choose where drones start: proved optima from sets and from anywhere.
+Measure the gain from choosing starts, by proved optima from given starts and from the best ones.
 
 Example: cocap-opt study starts --scene corridor --seeds 0
 """),
     "tripods": Study("tripods.tripods:tripods", """\
-Set fixed cameras on a room's walls, with proofs, beside those of lab-camera-optimizer 1.2.1.
+Place fixed cameras on the walls of a room, and compare them with lab-camera-optimizer 1.2.1.
 
-It is called in a Python of its own, given by --theirs, such as venv/bin/python.
+That program runs in a Python of its own, which --theirs names, e.g. venv/bin/python.
 
 Example: cocap-opt study tripods --theirs venv/bin/python --room demo --cameras 2-3
 """),
     "separation": Study("separation.separation:separation", """\
-Measure what it costs that drones keep apart at every moment, certified.
+Measure how much J a separation at every moment costs, with certified bounds.
 
 Example: cocap-opt study separation --scene corridor --seeds 0 --metres 1 2 --limit 20
 """),
     "flight": Study("flight.flight:flight", """\
-Fly plans in RotorPy, a simulator by others: errors, distances, and J of what is filmed.
+Fly plans in RotorPy, a simulator by others: errors, distances, and J of the filmed views.
 
-Smooth and straight flights, in still air and in wind. It needs the extra `flight`, and a quarter of
-an hour without scenes; what is stored needs neither.
+It flies smooth and straight flights, in still air and in wind. It needs the extra `flight`, and by
+default a quarter of an hour. --stored needs neither.
 
 Example: cocap-opt study flight bridge --seeds 0 --wind 0 --out flown
 """),
@@ -141,16 +141,16 @@ least squares and by a library (the extra `triangulation`). It takes three minut
 Example: cocap-opt study quality --scene corridor --seeds 0 --out quality
 """),
     "cameras": Study("cameras:cameras", """\
-Measure what it costs in J that two cameras see each person, and what it changes in proofs.
+Measure how much J two cameras on each person cost, and how proofs change.
 
-Without scenes it takes the built-in ones, some of them for two minutes of processor time.
+By default it runs the built-in scenes, some of them for two minutes of processor time.
 
 Example: cocap-opt study cameras --scene corridor --seeds 0 --limit 20 --out cameras
 """),
     "library": Study("library:library", """\
-Fill the library: make its instances, and submit a plan and a proof for each that has none.
+Fill the library: make its instances, and submit a plan and a proof for each one without them.
 
-Folders of other people's files are named as the families are, in the folder of --from.
+The folder of --from has a folder for each family of other projects, with the family's name.
 
 Example: cocap-opt study library bottleneck-0 --limit 5
 """),
@@ -160,12 +160,12 @@ Measure the speed of coverage, planners and the command line.
 Example: cocap-opt study speed --out speed
 """),
     "browser": Study("browser.browser:browser", """\
-Measure how fast cocap-check is in a browser, beside the command; needs Chromium and npm.
+Compare the speed of cocap-check in a browser with the command; needs Chromium and npm.
 
 Example: cocap-opt study browser --scene corridor --out browser
 """),
     "verified": Study("verified:verified", """\
-Measure the checker of bounds that is proved in Coq: the time it takes for claims of scenes.
+Measure the speed of the checker that is verified in Coq, on claims of scenes.
 
 The program is built by formulations/certificates/coq/build.sh. It takes some minutes.
 

@@ -66,10 +66,10 @@ def audit(
     *,
     scene: Scenes = None,
     views: Annotated[
-        int, Parameter(help="states with most pixels that are enclosed, and as many drawn ones")
+        int, Parameter(help="number of states with most pixels, and of random ones, to enclose")
     ] = 20_000,
     whole: Annotated[
-        int, Parameter(help="scenes with so many reachable states, or fewer, are enclosed whole")
+        int, Parameter(help="largest number of reachable states that are all enclosed")
     ] = 400_000,
     out: Out = None,
 ) -> None:

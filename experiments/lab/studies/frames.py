@@ -56,8 +56,10 @@ _ROWS = (
 def frames(
     scene: Annotated[str, Parameter(help="built-in scene")] = "field-large",
     *,
-    planner: Annotated[str, Parameter(help="of the plan that is played")] = "greedy",
-    drones: Annotated[int | None, Parameter(help="only so many, e.g. 18 (default: all)")] = None,
+    planner: Annotated[str, Parameter(help="planner of the plan to play")] = "greedy",
+    drones: Annotated[
+        int | None, Parameter(help="number of drones, e.g. 18 (default: all)")
+    ] = None,
 ) -> None:
     """Prints how fast a scene's plan is drawn while it plays or turns, row by row."""
     problem = load_scene(scene, 0)

@@ -24,15 +24,17 @@ from cocap_opt.stop import TimeLimit
 
 
 def library(
-    *name: Annotated[str, Parameter(help="of instances; those without a plan or bound if none")],
+    *name: Annotated[str, Parameter(help="instances (default: those without plan or bound)")],
     limit: Seconds = 5.0,
     method: Annotated[
         Literal["searchless", "branch-and-price", "column-generation"],
-        Parameter(help="proofs of the first need no search, which `cocap-check` may give up"),
+        Parameter(help="exact method; proofs of searchless are checked without a search"),
     ] = "searchless",
     sources: Annotated[
         Path | None,
-        Parameter(name="--from", help="folder with a folder for each family by reference"),
+        Parameter(
+            name="--from", help="folder with the scenes of other projects, a folder for each family"
+        ),
     ] = None,
     folder: Annotated[
         Path | None, Parameter(name="--library", help="folder of another copy of the library")

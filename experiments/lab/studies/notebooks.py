@@ -31,7 +31,7 @@ _METADATA = {
 
 
 def notebooks(
-    *names: Annotated[str, Parameter(help="such as first_tour; all if none is given")],
+    *names: Annotated[str, Parameter(help="names, e.g. first_tour (default: all)")],
 ) -> None:
     """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
 

@@ -39,11 +39,11 @@ Out = Annotated[Path | None, Parameter(help="folder for the results")]
 Scenes = Annotated[
     list[str] | None, Parameter(negative="", consume_multiple=True, help="scenes or files")
 ]
-Seeds = Annotated[str, Parameter(help="of each scene")]
+Seeds = Annotated[str, Parameter(help="seeds of each scene")]
 Seconds = Annotated[float, positive_seconds(help="seconds for each run")]
 Workers = Annotated[
     int | None,
-    Parameter(converter=_cores, help="processes, each on a core of its own; this one if not given"),
+    Parameter(converter=_cores, help="worker processes, one per core (default: this process only)"),
 ]
 
 

@@ -54,7 +54,7 @@ _NAMES = (
 
 
 def place(
-    source: Annotated[Path, Parameter(help="with surface.tif, ground.tif and map.geojson")],
+    source: Annotated[Path, Parameter(help="folder with surface.tif, ground.tif and map.geojson")],
     /,
     *,
     out: Annotated[Path, Parameter(help="folder for the files")],

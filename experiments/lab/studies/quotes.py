@@ -169,7 +169,8 @@ QUOTES: dict[str, Callable[[], str]] = {
 
 
 def quote(
-    name: Annotated[str | None, Parameter(help="what is quoted; without it, all names")] = None, /
+    name: Annotated[str | None, Parameter(help="name of a quote; default: list all names")] = None,
+    /,
 ) -> None:
     """Prints the Markdown of a name, or all names."""
     if name is not None and name not in QUOTES:

@@ -115,14 +115,16 @@ class Release(NamedTuple):
 
 def releases(
     version: Annotated[str, Parameter(help=f"such as 0.3.0, or {DEVELOPMENT}")],
-    date: Annotated[str, Parameter(help="of its tag or results, such as 2026-11-26")],
+    date: Annotated[str, Parameter(help="date of the tag or the results, e.g. 2026-11-26")],
     /,
     *,
     stored: Annotated[
-        Path | None, Parameter(help="folder of its stored results; if not given, the repository's")
+        Path | None, Parameter(help="folder of stored results (default: the repository's)")
     ] = None,
-    planner: Annotated[str, Parameter(help="that it recommended")] = RECOMMENDED,
-    coverage: Annotated[int | None, Parameter(help="its version of coverage; this one's")] = None,
+    planner: Annotated[str, Parameter(help="planner that the release recommends")] = RECOMMENDED,
+    coverage: Annotated[
+        int | None, Parameter(help="version of coverage (default: the current one)")
+    ] = None,
     out: Out = None,
 ) -> None:
     """Makes the row of a release, and puts it above all others (releases.csv)."""

@@ -163,7 +163,7 @@ def _coverage() -> list[_Speed]:
 
 def _cores() -> list[_Speed]:
     """Compares the time that coverage takes on one core with that on all of them."""
-    name = f"... on one core / on {usable_cores()}, as time passes"
+    name = f"... on one core / on {usable_cores()}, by wall-clock time"
     return [_Speed(name, _gain(load_scene(_LARGE, 0)), "x")]
 
 

@@ -54,8 +54,8 @@ METHODS: Mapping[str, Measurable] = {
 
 def steps(
     *,
-    steps: Annotated[str, Parameter(help="after which the corridor is cut off")] = "1-8",
-    seeds: Annotated[str, Parameter(help="of the corridor")] = "0-4",
+    steps: Annotated[str, Parameter(help="numbers of steps after which the corridor ends")] = "1-8",
+    seeds: Annotated[str, Parameter(help="seeds of the corridor")] = "0-4",
     limit: Seconds = 5.0,
     out: Annotated[Path, Parameter(help="folder for solvers.csv and solvers.png")],
 ) -> int:

@@ -72,7 +72,7 @@ class VerifiedClaim(NamedTuple):
 
 def verified(
     *,
-    program: Annotated[Path, Parameter(help="cocap-check-verified, as build.sh makes it")],
+    program: Annotated[Path, Parameter(help="program cocap-check-verified, built by build.sh")],
     scene: Annotated[
         list[str] | None,
         Parameter(negative="", consume_multiple=True, help=f"of {', '.join(_CLAIMS)}"),

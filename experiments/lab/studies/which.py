@@ -13,7 +13,7 @@ from cocap_opt.planners import RECOMMENDED
 _PLANNERS = {
     "the best plan": "cocap-prices",
     "a good plan in a fraction of the time": "cocap-lns",
-    "a plan that no drone alone can better, at once": "sequential-rounds",
+    "a plan that no single drone can improve, at once": "sequential-rounds",
     "any plan that obeys the rules, at once": "sequential",
     "the published planner, to compare with": "cocap",
     "the optimum of one or two drones": "joint",
@@ -45,7 +45,7 @@ def which_planner_in_markdown() -> str:
         of_planner = [row for row in rows if row.planner == name]
         gaps = GapRow.percent([row for row in of_planner if row.valid], "gap")
         table.append({
-            "you want": wish,
+            "you need": wish,
             "planner": f"`{name}`",
             "below the bound": f"{fmean(gaps):.2f} %",
             "at worst": f"{max(gaps):.2f} %",
@@ -63,7 +63,7 @@ def which_bound_in_markdown() -> str:
         found = [stored[name, figure] for figure in figures]
         said = [f"{_short(f['figure'])}: {in_unit(f['value'], f['unit'])}" for f in found]
         table.append({
-            "you want": wish,
+            "you need": wish,
             "method": method,
             "measured on": figures[0].partition(":")[0] if name == "relaxations" else name,
             "result": "; ".join(said),

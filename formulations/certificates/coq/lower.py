@@ -165,7 +165,7 @@ class Lowering:
         return share, self._constants[key], words
 
     def _most(self, curves: list[tuple[int, list[tuple[int, int]]]], square: int, paid: int) -> int:
-        """Returns the most that a root exceeds what is paid for it, at any corner."""
+        """Returns the most that a root exceeds its credits, at any corner."""
         if not curves:
             root = math.isqrt(square)
             return max(root + (root * root < square) - paid, 0)

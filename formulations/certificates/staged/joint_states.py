@@ -7,8 +7,8 @@ of the two,
     F(s) - sum_i price(s_i),     F(s) = sum_f w_f phi_f(sum_i c_f(s_i)).
 
 The return phi_f of a face is the root. Where drones that see people are counted, each person is one
-more face here, with c = 0 or 1 and phi = min(., k): prices pay for these, too, so that F would be
-too low without them.
+more face here, with c = 0 or 1 and phi = min(., k): prices include credits for these, too, so that
+F would be too low without them.
 
 Robots of one class are alike, so that joint states are multisets; states in conflict are not part
 of the same joint state. Only joint states count that some plan above a target may visit: their

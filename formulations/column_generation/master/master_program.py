@@ -6,7 +6,7 @@ It maximises rewards for moves + sum w u - penalty * slack, where the root u of 
     u <= sum of roots of pixels              (single-view row: the root is subadditive)
     u <= constant + sum of phi(roots)        (envelope cuts, `certificates.envelope`)
 
-the value u of a count, of which k drones are the most that pay,
+the value u of a count, of which at most k drones count,
 
     u <= number of drones,  u <= k           (the first is its single-view row)
 

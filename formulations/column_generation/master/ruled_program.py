@@ -83,7 +83,7 @@ class RuledProgram:
         return alpha, beta, shares, np.maximum(charges, 0.0)
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
-        """Returns the payment for each column by the multipliers, less its charges [n]."""
+        """Returns the credit of each column by the multipliers, less its charges [n]."""
         alpha, beta, shares, charges = self.multipliers(amounts)
         prices = self._base.priced(alpha, beta)
         prices += self._heights @ (self._base.weights[self._at] * shares)

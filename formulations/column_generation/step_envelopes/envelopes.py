@@ -2,7 +2,7 @@
 
 Each face of a step has a concave envelope of its own in the relaxation; what is left open is
 mostly that the faces of one step want different pairings of the robots. One envelope over all faces
-of a step closes that: robots are paid for states, not for pixels, and a step's constant is the
+of a step closes that: states have prices, not pixels, and a step's constant is the
 height of its highest joint state (`staged.stages`, `staged.joint_states`).
 
 Each round has three parts: the constants of the present prices are lowered by search; states that
@@ -11,12 +11,12 @@ Joint states are looked for by local search, and only once that finds none above
 the exact one.
 
 Where many states are left, each round has a short list of states for each step: those of the least
-slack. They are paid no less than before, and all other states so much more that none of these is
-in a joint state above the new constant (`staged.narrowing`); so the search is over the list
-alone. The next round's lists are those of the new prices, shorter where searches took long. Once
-such rounds close little, all states are paid one by one, if there are not too many. The mixture of
-paths behind the prices is where local search then looks for better plans, and plans are recombined.
-Once one is better, it is the target, and all stages are repeated for it.
+slack. Their prices are no lower than before, and those of all other states so much higher that
+none of these is in a joint state above the new constant (`staged.narrowing`); so the search is over
+the list alone. The next round's lists are those of the new prices, shorter where searches took
+long. Once such rounds close little, all states get prices of their own, if there are not too many.
+Local search then looks for better plans in the mixture of paths behind the prices, and plans are
+recombined. Once one is better, it is the target, and all stages are repeated for it.
 
 Before the first stage and after each the paths of all robots together may be few enough to be tried
 (`path_trials`), which proves what the best plan is. Where stages close no more, those of plans
@@ -176,7 +176,7 @@ class _Envelopes:
                 self.lists_stall = True
                 self.lengths.grow()
             if listed and self._is_small():
-                continue  # the next round pays all states
+                continue  # the next round prices all states
             if is_wide and closed < self._parameters.least_wide:
                 break
             if closed < self._parameters.least_round and not may_grow:
@@ -246,14 +246,14 @@ class _Envelopes:
         )
 
     def _is_small(self) -> bool:
-        """Returns True if all states are paid one by one, for the searches of the steps may end."""
+        """Returns True if all states have prices of their own, as the searches of steps may end."""
         left = states_left(self.narrowing)[self.steps.start :]
         return int(left.sum()) <= self._most_left() and int(left.max()) <= (
             self._parameters.most_at_a_step
         )
 
     def _most_left(self) -> int:
-        """Returns the largest number of states left at which all of them are paid."""
+        """Returns the largest number of states left at which all of them have prices."""
         if not self._can_be_listed():
             return self._parameters.most_unlisted
         parameters = self._parameters
@@ -334,7 +334,7 @@ class _Envelopes:
     def _joints(
         self, cutoff: Callable[[], float]
     ) -> tuple[dict[int, JointStates], dict[int, float]]:
-        """Returns the joint states that are paid, and the ceilings where these are not all."""
+        """Returns the joint states with prices, and the ceilings where these are not all."""
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}

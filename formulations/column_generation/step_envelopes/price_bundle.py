@@ -94,7 +94,7 @@ class PriceBundle:
     centre : [n] the prices of all their states, step by step
     rest : what the bound has beside the steps' constants and the paths
     constants : that the best prices are meant to have, by step; where lists are short, lower ones
-        prove less, since states that are not listed are paid more then
+        prove less, since states that are not listed have higher prices then
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class PriceBundle:
 
     @property
     def has_lists(self) -> bool:
-        """True if only some of the states are paid one by one."""
+        """True if only some of the states have prices of their own."""
         return bool(self._ceilings)
 
     def run(self, cutoff: Callable[[], float], report: Callable[[], None]) -> FloatArray | None:
@@ -359,7 +359,7 @@ class PriceBundle:
 
         Parameters
         ----------
-        constants : of steps, for which states without a price are paid more
+        constants : of steps, for which states without a price get higher ones
         """
         others = self.others(constants)
         total, paths = 0.0, []

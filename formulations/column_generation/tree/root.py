@@ -145,7 +145,7 @@ class Root:
     def solve(self) -> None:
         """Solves the relaxation; with every robot a class of its own where that is tighter.
 
-        Disaggregated robots need more columns and larger masters. Whether that pays is tried
+        Disaggregated robots need more columns and larger masters. Whether that helps is tried
         with one round of cuts: where robots start side by side they are as good as exchangeable.
 
         Raises

@@ -77,7 +77,7 @@ SCENES: dict[str, tuple[Callable[..., Problem], Callable[[Problem], Problem]]] =
 
 def coverage(
     *,
-    robots: Annotated[str, Parameter(help="how many, spread over the map")] = "2,6",
+    robots: Annotated[str, Parameter(help="numbers of drones, spread over the map")] = "2,6",
     steps: Annotated[int, Parameter(help="horizon T")] = STEPS,
     out: Out = None,
 ) -> None:

@@ -38,7 +38,7 @@ def peers(
     coverage: Annotated[Path, Parameter(help="their CSV of pixels")],
     /,
     *,
-    states: Annotated[int, Parameter(help="how many random ones are compared")] = 500,
+    states: Annotated[int, Parameter(help="number of random states to compare")] = 500,
 ) -> None:
     """Prints how far planned and rendered coverage are from theirs."""
     problem = greedy_perspectives.read(scene, options={"start-set": "yaml"})

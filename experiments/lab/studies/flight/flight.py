@@ -23,11 +23,11 @@ _STORM = 30.0  # m/s, beyond which nobody flies
 
 
 def flight(
-    *scenes: Annotated[str, Parameter(help="scenes or recipes; bridge and passage if none")],
-    seeds: Annotated[str, Parameter(help="of each scene, of the wind's gusts, too")] = "0-2",
+    *scenes: Annotated[str, Parameter(help="scenes or recipes (default: bridge, passage)")],
+    seeds: Annotated[str, Parameter(help="seeds of the scenes and of the gusts")] = "0-2",
     wind: Annotated[
         list[float] | None,
-        Parameter(negative="", consume_multiple=True, help="m/s; 0, 5 and 10 if not given"),
+        Parameter(negative="", consume_multiple=True, help="wind speeds, m/s (default: 0 5 10)"),
     ] = None,
     step: Annotated[
         float | None,
@@ -37,7 +37,7 @@ def flight(
     ] = None,
     out: Out = None,
     stored: Annotated[
-        bool, Parameter(negative="", help="simulate nothing: take the stored results")
+        bool, Parameter(negative="", help="print the stored results instead of simulating")
     ] = False,
 ) -> None:
     """Simulates, writes the rows (flight.csv) as they come, and tells what they are."""

@@ -134,7 +134,7 @@ def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
         enough += [wind] if fits else []
         yield (
             f"In {_air(wind)} the largest error of smooth flights is {most:.2f} m: two drones that "
-            f"are so far off towards each other have {_left(left)} left of {SEPARATION:g} m, which "
+            f"err so far towards each other have {_left(left)} left of {SEPARATION:g} m, which "
             f"is {'enough' if fits else 'too little'} for vehicles {width:g} m wide; "
             f"{_up(width + 2 * most):g} m would {'do' if fits else 'be needed'}. "
             f"The least distance of a team fell by {max([*lost, 0.0]):.2f} m at most."

@@ -41,8 +41,10 @@ def growth(
     *,
     robots: Annotated[str, Parameter(help="numbers of drones")] = "2,4,8,16,32,64",
     steps: Annotated[str, Parameter(help="numbers of steps")] = "8,16,32,64,80",
-    cells: Annotated[str, Parameter(help="along each edge")] = "15,30,48,64,96",
-    seeds: Annotated[str, Parameter(help="medians are taken over them")] = "0-4",
+    cells: Annotated[
+        str, Parameter(help="numbers of cells along each edge of the map")
+    ] = "15,30,48,64,96",
+    seeds: Annotated[str, Parameter(help="seeds, over which medians are taken")] = "0-4",
     limit: Seconds = 60.0,
     out: Out = None,
 ) -> int:

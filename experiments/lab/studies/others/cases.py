@@ -35,7 +35,7 @@ class Case:
 
     @classmethod
     def all_of(cls, scenes: Sequence[Scene], sets: Sequence[int] | None, tell: Tell) -> list[Self]:
-        """Reads scenes and the plans beside them; what cannot be read is told and left out.
+        """Reads scenes and the plans beside them; what cannot be read is reported and left out.
 
         Parameters
         ----------

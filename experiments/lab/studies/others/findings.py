@@ -16,13 +16,13 @@ _THEIR_BEST = "their-multipleroundsgreedy"
 ON_GREEDY_PERSPECTIVES = (
     "Greedy Perspectives: their coverage cache ignores whose camera asks, so that the reported "
     "rewards mix the drones' tilts; here each drone has its own.",
-    "Their planner also gets 100 for each move with dx + dy = 0, which no reward counts; their "
-    "published means are over one row too many, a spurious 0.",
+    "Their planner also gets 100 for each move with dx + dy = 0, which our reward does not "
+    "include; their published means are over one row too many, a spurious 0.",
 )
 ON_HUGHES = (
     "Hughes et al.: their planners also get 0.02 for keeping the heading and 0.01 for keeping the "
-    "cell, which no reward counts. They have no rule against collisions, so bound and planners "
-    "here have none either; the column collide counts how often two drones are in one cell.",
+    "cell, which our reward does not include. They have no rule against collisions, so bound and "
+    "planners here have none either; the column collide counts how often two drones share a cell.",
     "Their formation flies between the cells and starts in formation, not where the others start.",
     "In their published scene cluster the first two frames of ppa_evaluation.csv come from another "
     "version of their program.",
@@ -97,8 +97,8 @@ def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
         if least is not None:
             percent = signed_percent(100 * least)
             yield (
-                f"{planner} has at least the reward of {_THEIR_BEST.removeprefix('their-')} on "
-                f"{reached} of {len(scenes)} scenes, {percent} where that is least."
+                f"{planner} reaches the reward of {_THEIR_BEST.removeprefix('their-')} on "
+                f"{reached} of {len(scenes)} scenes; the smallest difference is {percent}."
             )
 
 

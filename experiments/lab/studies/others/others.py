@@ -52,7 +52,8 @@ their programs are not known.
 
 def others(
     folder: Annotated[
-        Path, Parameter(help="with scenes of Greedy Perspectives or of Hughes et al., however deep")
+        Path,
+        Parameter(help="folder with scenes of Greedy Perspectives or Hughes et al. at any depth"),
     ],
     /,
     *,
@@ -64,7 +65,7 @@ def others(
     ] = None,
     sets: Annotated[
         str | None,
-        Parameter(help="start sets of Greedy Perspectives, such as 0-9; all if none"),
+        Parameter(help="start sets of Greedy Perspectives, e.g. 0-9 (default: all)"),
     ] = None,
     limit: Annotated[float, positive_seconds(help="seconds for each plan and each bound")] = 60.0,
     workers: Workers = None,

@@ -94,7 +94,7 @@ class Published(NamedTuple):
 
     @classmethod
     def beside(cls, scene: Scene, problem: Problem, tell: Tell) -> list[Self]:
-        """Reads all that is published with a scene; what cannot be used is told and left out.
+        """Reads all that is published with a scene; what cannot be used is reported and left out.
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their
 def lines() -> str:
     """Says where the lines are drawn that claims are judged by."""
     return (
-        f"the paper gives no number for close; here it means within {_CLOSE:g} %, of planning "
+        f"the paper does not define close; here it means within {_CLOSE:g} %, of planning "
         "without collisions and of value iteration alike"
     )
 

@@ -199,7 +199,7 @@ class CorridorSearch(NamedTuple):
 
         Parameters
         ----------
-        tell : what is told how far it is
+        tell : called with the progress
         """
         rng, found = np.random.default_rng(seed), list[Trial]()
 

@@ -29,7 +29,7 @@ _OF_THE_TREE = (ablation.TREE_OR_ROUNDS, ablation.TREE, ablation.TREE_FROM_ROUND
 
 
 class Page(NamedTuple):
-    """Everything that the page tells of.
+    """Everything that the page describes.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Page(NamedTuple):
     giving : the table of who gives way
     example : the encounter that is drawn
     missing : scenes and seeds that are not computed yet
-    figures : the names of those that stand beside the page
+    figures : the names of those beside the page
     """
 
     rows: Sequence[GapRow]

@@ -83,7 +83,7 @@ def time_ratio(rows: Sequence[GapRow], base: dict[tuple[str, int | None], float 
 def planners(
     *,
     paper: Annotated[
-        Path | None, Parameter(help="folder of `study paper`; the stored results if not given")
+        Path | None, Parameter(help="folder of `study paper` (default: stored results)")
     ] = None,
 ) -> None:
     """Prints the table in Markdown, and a sentence on what its numbers are."""

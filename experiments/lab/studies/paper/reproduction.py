@@ -52,17 +52,17 @@ FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
 def paper(
     *,
     out: Annotated[Path, Parameter(help="folder for tables, figures, plans and certificates")],
-    seeds: Annotated[str, Parameter(help="of each scene")] = "0-29",
+    seeds: Annotated[str, Parameter(help="seeds of each scene")] = "0-29",
     robots: Annotated[str, Parameter(help="team sizes of the scaling experiment")] = "2,4,6,8,12",
-    scaling_seeds: Annotated[str, Parameter(help="of each team size")] = "0-4",
+    scaling_seeds: Annotated[str, Parameter(help="seeds of each team size")] = "0-4",
     time_limit: Annotated[float, positive_seconds(help="seconds for each plan")] = 60.0,
     bound_limit: Annotated[float, positive_seconds(help="seconds for each bound")] = 60.0,
     corridors: Annotated[
-        int, Parameter(help="drawn at random in the search for where CoCap gains most")
+        int, Parameter(help="random corridors in the search for CoCap's largest gain")
     ] = 200,
     workers: Workers = None,
     stored: Annotated[
-        bool, Parameter(negative="", help="compute nothing: write the page of the stored results")
+        bool, Parameter(negative="", help="only write the page of the stored results")
     ] = False,
 ) -> int:
     """Computes what is missing, and writes paper.md and its figures."""

@@ -12,7 +12,7 @@ from cocap_opt.vision.surfaces import Surface
 class Hiding:
     """Ground, columns, meshes and other people, which hide joints; a body does not hide its own.
 
-    Whoever finds joints in pictures guesses those that are behind the body itself.
+    A detector of joints in pictures guesses those that are behind the body itself.
     """
 
     def __init__(self, problem: Problem) -> None:

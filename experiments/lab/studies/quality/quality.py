@@ -42,11 +42,11 @@ def quality(
     *,
     scene: Scenes = None,
     seeds: Seeds = "0-2",
-    draws: Annotated[int, Parameter(help="of noise, for each joint")] = 20,
+    draws: Annotated[int, Parameter(help="number of draws of noise for each joint")] = 20,
     limit: Seconds = 10.0,
     out: Out = None,
     stored: Annotated[
-        bool, Parameter(negative="", help="compute nothing: tables and figure of what is stored")
+        bool, Parameter(negative="", help="only print tables and figure of the stored results")
     ] = False,
 ) -> None:
     """Measures, prints, and writes tables (quality.csv, quality-plans.csv) and the figure."""

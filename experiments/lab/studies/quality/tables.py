@@ -144,10 +144,10 @@ def _on_accuracy(steps: Sequence[PersonStep]) -> list[str]:
     kept = [step.kept for step in fine]
     far = "at most" if abs(middle[1] - 1) <= _NEAR else "more than"
     said = [
-        f"Over {counted(len(fine), 'person-step')} least squares have {_told(middle)} times the "
-        f"error that is told, that of the middle: the median is off by {far} "
-        f"{100 * _NEAR:g} %. Of the joints' own it is {_told(ratio)} times, and "
-        f"{_told(posed)} times with errors of the poses.",
+        f"Over {counted(len(fine), 'person-step')}, the error of least squares is {_told(middle)} "
+        f"times the reported error, that of the person's middle: the median is off by {far} "
+        f"{100 * _NEAR:g} %. It is {_told(ratio)} times the error predicted for the joints "
+        f"themselves, and {_told(posed)} times with errors of the poses.",
     ]
     if known := [step for step in fine if math.isfinite(step.library)]:
         library = _spread(step.library / step.measured for step in known)
@@ -156,9 +156,9 @@ def _on_accuracy(steps: Sequence[PersonStep]) -> list[str]:
         )
     less = [step.predicted_kept / step.predicted for step in fine if step.kept > 0]
     said.append(
-        f"A drone counts that has 30 % of a person. Of the joints {100 * fmean(kept):.0f} % are "
-        f"really in two pictures, with nothing before them, and these are {_told(_spread(less))} "
-        "times as uncertain as if all drones that count had them."
+        f"A drone counts if it sees 30 % of a person. In fact, {100 * fmean(kept):.0f} % of the "
+        "joints are in two pictures with nothing in front of them. Their error is "
+        f"{_told(_spread(less))} times that of joints which all counted drones see."
     )
     return said
 
@@ -178,19 +178,20 @@ def _on_objective(plans: Sequence[PlanRow]) -> list[str]:
         f"For J: over all plans, bad ones included, ranks by J agree with those by two views "
         f"({every['two views']}), by two at 30 degrees ({every['two at 30 degrees']}) and by "
         f"accuracy ({every['accuracy']}; 1 is the same order, 0 none). Random and hovering "
-        "drones, which see hardly anybody, are much of that.",
-        f"Against J: among plans that all look for the most J it is {among['two views']}, "
+        "drones, which see hardly anybody, account for much of this.",
+        f"Against J: among plans that maximise J, the agreement is only {among['two views']}, "
         f"{among['two at 30 degrees']} and {among['accuracy']}. In {len(beaten)} of "
-        f"{len(choices)} instances another of them shows more person-steps to two drones than "
-        "that of the most J.",
+        f"{len(choices)} instances, another of these plans shows more person-steps to two "
+        "drones than the plan of largest J.",
     ]
     if beaten:
         more = fmean(100 * (c.best.by_two - c.first.by_two) for c in beaten)
         price = fmean(100 * (1 - c.best.reward / c.first.reward) for c in beaten)
         left = fmean(100 * (1 - c.first.by_two) for c in choices)
         said.append(
-            f"There it shows {more:.0f} % of all person-steps more, for {price:.1f} % of J. The "
-            f"plan of the most J leaves {left:.0f} % to one drone or none, mean of all instances."
+            f"The gain is {more:.0f} % of all person-steps, and costs {price:.1f} % of J. On "
+            "average over all instances, the plan of largest J leaves "
+            f"{left:.0f} % of person-steps to one drone or none."
         )
     return said
 
@@ -201,7 +202,7 @@ def _ratios(steps: Sequence[PersonStep]) -> Record:
         "person-steps": len(steps),
         "predicted": f"{np.median([step.predicted for step in steps]):.3g} mm",
         "measured / predicted": _told(_spread(s.measured / s.predicted for s in steps)),
-        "measured / told": _told(_spread(s.measured / s.middle for s in steps)),
+        "measured / reported": _told(_spread(s.measured / s.middle for s in steps)),
         "library / least squares": _told(_spread(s.library / s.measured for s in steps)),
         "with pose errors": _told(_spread(s.measured_posed / s.predicted_posed for s in steps)),
         "joints kept": f"{100 * fmean(step.kept for step in steps):.0f} %",

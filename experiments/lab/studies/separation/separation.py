@@ -33,14 +33,12 @@ def separation(
     seeds: Seeds = "0-2",
     metres: Annotated[
         list[float] | None,
-        Parameter(
-            negative="", consume_multiple=True, help="separations; 0.5, 1, 2, 3 if not given"
-        ),
+        Parameter(negative="", consume_multiple=True, help="separations, m (default: 0.5 1 2 3)"),
     ] = None,
     limit: Annotated[float, positive_seconds(help="seconds for each plan and each proof")] = 60.0,
     out: Out = None,
     stored: Annotated[
-        bool, Parameter(negative="", help="compute nothing: tables and figure of the stored runs")
+        bool, Parameter(negative="", help="only print tables and figure of the stored runs")
     ] = False,
 ) -> int:
     """Measures, prints, and writes the table (separation.csv) and the figure (separation.png).
@@ -90,7 +88,7 @@ def _draw(points: Sequence[SeparationPoint], results: Results) -> None:
 def _measured(
     scene: str, seed: int, separations: Sequence[float], limit: float
 ) -> "list[SeparationPoint]":
-    """Plans and proves at each separation; those that fail are told, and left out.
+    """Plans and proves at each separation; those that fail are reported, and left out.
 
     Where it fails without a separation, there is nothing to compare with: all are left out.
     """

@@ -115,7 +115,7 @@ def _relaxations(options: RowOptions) -> list[Metric]:
         worst = median(above[_RELAXATIONS[0]])
         for method, shares in above.items():
             closed = 100 * (1 - median(shares) / worst) if worst > 0 else math.nan
-            note = f"closes {closed:.1f} % of what {_RELAXATIONS[0]} leaves"
+            note = f"closes {closed:.1f} % of the gap of {_RELAXATIONS[0]}"
             figures.append(
                 Metric(f"{name}, {steps} steps: {method} above the optimum, median",
                        median(shares), "%", None, None, note)

@@ -34,13 +34,11 @@ def solvers(
         ),
     ] = None,
     seeds: Annotated[
-        str | None, Parameter(help="such as 0-4; without it, each row has its own")
+        str | None, Parameter(help="seeds, e.g. 0-4 (default: those of each row)")
     ] = None,
     limit: Annotated[
         float | None,
-        positive_seconds(
-            help="seconds: cuts the rows' limits short, and sets that of the comparisons"
-        ),
+        positive_seconds(help="seconds: largest limit of the rows, and limit of the comparisons"),
     ] = None,
     large: Annotated[
         Path | None, Parameter(help="seq.yaml of Greedy Perspectives' scene `large`")

@@ -115,13 +115,13 @@ class TripodRow(NamedTuple):
 def tripods(
     *,
     theirs: Annotated[
-        Path, Parameter(help="Python with lab-camera-optimizer 1.2.1, in which it is called")
+        Path, Parameter(help="Python in which lab-camera-optimizer 1.2.1 is installed")
     ],
     room: Annotated[
         list[str] | None, Parameter(negative="", consume_multiple=True, help="rooms")
     ] = None,
     cameras: Annotated[str, Parameter(help="numbers of cameras")] = "2-8",
-    seen_by: Annotated[int, Parameter(help="cameras that are to see a point")] = 2,
+    seen_by: Annotated[int, Parameter(help="number of cameras to see each point")] = 2,
     limit: Seconds = 20.0,
     out: Out = None,
 ) -> None:
@@ -292,8 +292,9 @@ def tripods_in_words() -> str:
     higher = sum(row.theirs_score > row.ours_score for row in rows)
     least = min(rows, key=lambda row: row.theirs)
     return (
-        f"Our cameras see all points by two in {ours} of {len(rows)} rows, and {proved} are proved "
-        f"best. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the "
-        f"least is {100 * least.theirs:.1f} %, of {least.cameras} cameras in `{least.room}`. By "
-        f"its score its placement is better in {higher} of {len(rows)}."
+        f"In {ours} of {len(rows)} rows, two of our cameras see every point, and {proved} of our "
+        f"placements are proved best. Two of its cameras see every point in {theirs} rows in its "
+        f"own placement, and in {rounded} rows in our cells; the smallest share is "
+        f"{100 * least.theirs:.1f} %, with {least.cameras} cameras in `{least.room}`. By its "
+        f"score, its placement is better in {higher} of {len(rows)} rows."
     )
