@@ -40,7 +40,7 @@ def described(readme: str, repository: str | None, version: str) -> str:
 def _description() -> str:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    return described(readme, project["urls"].get("Repository"), project["version"])
+    return described(readme, project.get("urls", {}).get("Repository"), project["version"])
 
 
 if __name__ == "__main__":  # as setuptools runs it

@@ -223,7 +223,7 @@ def _people(found: Quality) -> Listing:
     if len(people) > _MOST_PEOPLE:
         people = sorted(people, key=lambda person: (person.by_two, person.by_three))
     notes = [
-        "two, three: % of steps at which at least so many drones see the person",
+        "two, three: % of steps at which at least that many drones see the person",
         "apart: % of steps at which two drones see the person from at least 30 degrees apart",
         "mm: RMS error of a point, which half of the steps do not exceed",
     ]

@@ -20,7 +20,7 @@ class Summary(NamedTuple):
     Attributes
     ----------
     person_steps : number of them
-    by_two, by_three : shares that are seen by at least so many drones
+    by_two, by_three : shares that are seen by at least two and three drones
     apart : share that two drones see from at least 30 degrees apart
     infinite : share whose error is infinite
     median, most_of_them : mm, errors that half and nine tenths of them do not exceed. They are
@@ -82,7 +82,7 @@ class OfPerson(NamedTuple):
     person : name
     actor : number of the person
     steps : number of steps that count
-    by_two, by_three : shares of these at which at least so many drones see the person
+    by_two, by_three : shares of these at which at least that many drones see the person
     apart : share at which two drones do so from at least 30 degrees apart
     median, most_of_them : mm, errors that half and nine tenths of these do not exceed
     worst : the worst moment in words, such as "one camera from 1.25 to 1.5 s"; empty without one

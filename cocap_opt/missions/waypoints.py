@@ -92,10 +92,10 @@ def waypoint_mission(
     late = lateness(autopilot, found)
     behind = max(map(autopilot.behind, found))
     warnings = (*late, *_too_late(behind, delay, to_people))
-    details = (*_waits(behind, autopilot), *_axes(found))
+    details = (*_axes(found),)
     words = (
         *warnings, *_ends(flight, autopilot), *_fences(flight, autopilot, has_fence, known, fence),
-        autopilot.note, *_clock(flight, delay), *people_and_delay(flight, to_people), *details,
+        autopilot.note, *_waits(behind, autopilot), *_clock(flight, delay), *people_and_delay(flight, to_people), *details,
     )  # fmt: skip
     return Export(
         {f"{autopilot.name}.{_PART}{i}": content for i, content in enumerate(contents)},

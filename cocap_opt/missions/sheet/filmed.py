@@ -106,7 +106,7 @@ def quality_notes(found: Quality) -> list[str]:
     return [
         f"Drones in shot: {f'{number} times in the take' if number else 'none'} (a drone at least "
         f"{had.drone_pixels:g} px wide in the picture of another, counted at each step).",
-        "Two cameras, three cameras: share of the take in which at least so many see at least "
+        "Two cameras, three cameras: share of the take in which at least that many see at least "
         f"{100 * had.at_least:g} % of the person. Typical error: for half of the take, a point on "
         f"the person is located to within this distance, if found in each picture to within "
         f"{had.pixel_error:g} px.",

@@ -72,7 +72,7 @@ class Heights(NamedTuple):
         """Returns a sentence on the datum of the heights."""
         over = {
             "take-off": "; above take-off: above the surface below the drone's first place",
-            "home": "; above home: above the ground at the drone's home",
+            "home": "; above home: above the surface at the drone's home",
         }.get(self.place, "")
         if self.takes_off_at_0:
             return f"Heights{over[1:].replace(':', ' are', 1)}, which is z = 0 of the map."

@@ -318,7 +318,9 @@ def _missions(flight: Flight) -> Iterator[Section]:
     yield Section(
         "Waypoint missions",
         [
-            "A mission flies on the autopilot that its file names, and on no other.",
+            "A mission flies on the autopilot that its file names, and on no other. "
+            "Altitudes in its file are above the take-off: the surface below the drone's first "
+            "place.",
             Table(("files", "autopilot", "note"), rows),
         ],
     )

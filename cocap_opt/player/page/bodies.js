@@ -49,7 +49,7 @@ export class Bodies {
   }
 
   // People in the colours of px/m2 at the step: figures, or the faces that count. Among a crowd of
-  // drones they stand on discs in the colour of the drones that film them most.
+  // drones, they stand on discs in the colour of their group.
   people(pen, time, { faces }) {
     this.data.people.forEach((_, j) => {
       const pose = this.person(j, time);
