@@ -95,7 +95,8 @@ def waypoint_mission(
     details = (*_axes(found),)
     words = (
         *warnings, *_ends(flight, autopilot), *_fences(flight, autopilot, has_fence, known, fence),
-        autopilot.note, *_waits(behind, autopilot), *_clock(flight, delay), *people_and_delay(flight, to_people), *details,
+        autopilot.note, *_waits(behind, autopilot), *_clock(flight, delay),
+        *people_and_delay(flight, to_people), *details,
     )  # fmt: skip
     return Export(
         {f"{autopilot.name}.{_PART}{i}": content for i, content in enumerate(contents)},

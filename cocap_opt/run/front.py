@@ -189,7 +189,7 @@ class Front:
         return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
-        """Returns the J that no plan with at least this many views exceeds; -inf: there is no plan."""
+        """Returns the J that no plan with at least this many views exceeds; -inf: there is none."""
         if views > self.views_bound * (1 + _SAME):
             return -math.inf
         return min(

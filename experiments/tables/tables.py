@@ -51,9 +51,9 @@ _NOTES = {
                   "many seeds it is better, equal or worse. Both plans must obey the rules.",
     _PRICE: "By how many % the rules of collision lower the best J that a scene allows, proved "
             "from both sides. Optimum known: seeds on which the best plan is proved.",
-    CAMERAS: "The share of person-steps at which at least that many cameras see the person, and the "
-             "error that half of the measured points of a person do not exceed. Only plans that "
-             "obey the rules count.",
+    CAMERAS: "The share of person-steps at which at least that many cameras see the person, and "
+             "the error that half of the measured points of a person do not exceed. Only plans "
+             "that obey the rules count.",
     _TIME: "Time of planning; the shift of geometric means is 10 s. A run without a valid plan "
            "counts as its time limit; a planner with plans that break rules has no mean. Times "
            "the fastest: the ratio of means over the scenes that all planners were run on.",
