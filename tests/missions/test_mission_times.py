@@ -269,6 +269,7 @@ def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
     flight = flight_of(WAYS["straight up"])
     export = FORMATS[".plan"].writer()(flight, None)
     assert "up to 3.67 s behind the plan" in said(export)
+    assert not any("behind the plan" in words for words in export.details)  # a crew must know it
     assert "TOO LATE" not in said(export)
     walk = np.column_stack([[9.6, 10.0, 10.8, 11.7], np.full(4, 7.0), np.zeros((4, 2))])
     for aside, bears in ((2.5, False), (1.0, True)):
