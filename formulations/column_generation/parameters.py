@@ -255,7 +255,7 @@ class EnvelopeParameters(Section):
         same time
     most_states_left : states of all steps
         the same limit once a round of lists has closed little: on field-long, 190,000 to 300,000
-        take two minutes, and close what twenty rounds of lists do not
+        states take two minutes and 2.2 GB of memory, and close what twenty rounds of lists do not
     most_states_of_few : states of all steps
         the same limit for few robots, whose searches take a tenth of a millisecond per state
     few_robots : robots
