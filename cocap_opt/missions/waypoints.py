@@ -30,6 +30,7 @@ from cocap_opt.flight.changes import (
     written_delay,
 )
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.ways import has_homes
 from cocap_opt.missions.autopilots import AUTOPILOTS, Autopilot
 from cocap_opt.missions.export import Export, require_nothing_else
 from cocap_opt.missions.items import Item
@@ -255,6 +256,11 @@ def _ends(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
         f"({autopilot.rises_by}), waits at its first place until {at} after the start, and hovers "
         "at its last place; no way home is in the missions"
     )
+    if has_homes(flight.flown.problem):
+        yield (
+            "put drones below their first places, not at home: these missions rise straight up, "
+            "and their altitudes are above the surface there"
+        )
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"
     yield (

@@ -101,6 +101,7 @@ def test_missions_do_not_hold_the_ways(tmp_path: Path, capsys: pytest.CaptureFix
     assert run(["fly", str(path), plan, "-o", str(tmp_path / "f.waypoints")]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert ".waypoints holds no ways from and to home: the sheet (.pdf) and --json have" in printed
+    assert "put drones below their first places, not at home" in printed
 
 
 def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
