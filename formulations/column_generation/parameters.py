@@ -254,8 +254,7 @@ class EnvelopeParameters(Section):
         largest number at which all states have prices; with more states, lists close more in the
         same time
     most_states_left : states of all steps
-        the same limit once a round of lists has closed little: on field-long, 190,000 to 300,000
-        states take two minutes and 2.2 GB of memory, and close what twenty rounds of lists do not
+        the same limit once a round of lists has closed little; 300,000 take 2.2 GB of memory
     most_states_of_few : states of all steps
         the same limit for few robots, whose searches take a tenth of a millisecond per state
     few_robots : robots
@@ -263,8 +262,7 @@ class EnvelopeParameters(Section):
     most_unlisted : states of all steps
         the same limit for teams too large for lists, whose searches take longer
     most_at_a_step : states of a step
-        largest number of states for which a step is searched: the table of their conflicts takes
-        40 MB
+        largest number of states for which a step is searched
     most_listed_robots : robots
         largest team for which lists are searched
     most_rounds : rounds
