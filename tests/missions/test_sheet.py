@@ -124,7 +124,7 @@ def test_a_plan_that_was_cut_short_says_so_first() -> None:
     problem, plan = scene()
     words = "cut short: 1 of 2 drones stays at its start"
     flight = Flight.of(problem, plan, False)._replace(cut_short=words)
-    assert framed(flight) == [f"ATTENTION: {words}."]
+    assert framed(flight)[0] == f"ATTENTION: {words}."
     assert words not in left_open(flight)
 
 
@@ -290,6 +290,7 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
         (words,) = each.near_without_rule()
+        assert [*each.too_near()][:1] == [words] * is_first
         assert framed(each)[:1] == ([f"ATTENTION: {words}."] if is_first else [])
         assert (words in left_open(each)) == (not is_first)
 

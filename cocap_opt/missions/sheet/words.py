@@ -25,7 +25,7 @@ from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.plausibility import misplaced_people
-from cocap_opt.problem import SEPARATION, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
 
@@ -81,8 +81,7 @@ def attention(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
 def _urgent(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
     if flight.cut_short:
         yield flight.cut_short
-    if flight.flown.least_distance() < SEPARATION:
-        yield from flight.near_without_rule()
+    yield from flight.too_near()
     yield from grounds.warnings()
     yield from misplaced_people(flight.flown.problem)
     yield from tight_timing(flight)
