@@ -39,7 +39,7 @@ _METHODS = {
     "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
     "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
-_SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
+_SHARES = ("gap", "gap without\nrules", "largest gap")  # printed in %
 
 
 class _Output(Console):
@@ -180,7 +180,8 @@ class Listing(NamedTuple):
                 listing = listing._replace(rows=rows)
         if not gone:
             return self
-        words = f"Hidden (terminal too narrow): {', '.join(k for k in self.rows[0] if k in gone)}"
+        hidden = [key for key in self.rows[0] if key in gone]
+        words = f"Hidden (terminal too narrow): {', '.join(map(_in_a_line, hidden))}"
         return listing._replace(notes=[f"{words}; {whole} shows all columns.", *listing.notes])
 
     def _folded(self) -> "list[Listing]":
@@ -252,6 +253,10 @@ class Listing(NamedTuple):
         """Returns text for a cell of a Markdown table, in which no character has a meaning."""
         escaped = html.escape(printable(text), quote=False)
         return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
+
+
+def _in_a_line(key: str) -> str:
+    return key.replace(_BREAK, " ")
 
 
 def _is_name(value: object) -> bool:
