@@ -237,6 +237,8 @@ def _shown(row: Record, key: str) -> str:
     value = row[key]
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
+    if key == "optimal":
+        return "yes" if value else "not proved"
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
         return f"{-100 * value:+.3f} % of J"
     if key == "takes":

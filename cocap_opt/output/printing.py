@@ -39,6 +39,7 @@ _METHODS = {
     "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
     "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
+_NAMES = ("seed", "draw")  # numbers that name something, whose digits are not grouped
 _SHARES = ("gap", "gap without\nrules", "largest gap")  # printed in %
 
 
@@ -295,6 +296,8 @@ def cell_text(key: str, value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:,.2f}"
+    if isinstance(value, int):
+        return str(value) if key in _NAMES else f"{value:,}"
     if isinstance(value, (list, tuple)):
         if value and all(isinstance(item, float) for item in value):
             return "  ".join(f"{item:,.2f}" for item in value)

@@ -121,7 +121,7 @@ def test_lines_between_rows_are_told(
     assert far == [[], [pytest.approx(off, rel=0.1)]]
     assert off > 0.01
     told = " ".join(Run(capsys, "fly", "--help").out.split())
-    assert "Not checked: wind, deviations from the planned flight" in told
+    assert "Wind, deviations from the planned flight, and" in told
 
 
 def beside_somebody() -> tuple[co.Problem, co.Plan]:
