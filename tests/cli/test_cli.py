@@ -317,6 +317,11 @@ def test_scenes_are_warned_of_and_recipes_printed(
     run = Run(capsys, "recipe")
     assert run.code == 0 and "[[drones]]" in run.out
     assert Run(capsys, "recipe", "--json").json["recipe"] == run.out
+    example = tmp_path / "example.toml"
+    example.write_text(run.out)
+    told = Run(capsys, "plan", example)
+    assert told.code == 2 and "houses.tif: no such file; " in told.err
+    assert "`cocap-opt recipe delft -o shoot`" in told.err and "shortest recipe" in told.err
     scene = tmp_path / "scene.toml"
     scene.write_text(
         "steps = 2\n[map]\nsize = [20, 12]\n[[walk]]\npoints = [[90, 60]]\n"
@@ -493,6 +498,16 @@ def test_a_bound_that_is_missing_is_not_said_to_be_certified(
     print_gap_table(gap_rows((2.0, "stopped"), (None, reason)))
     assert "gap to a certified bound" in (out := capsys.readouterr().out)
     assert "* A limit stopped" in out and FAILURES[reason] in out
+
+
+@pytest.mark.parametrize("command", ["fly", "export"])
+def test_long_help_is_short_above_the_options(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two paragraphs and an example; the rest of the docstring is below them."""
+    above, _, below = Run(capsys, command, "--help").out.partition("Arguments")
+    assert len(above.splitlines()) < 16 and "Example: " in above
+    assert len(below.rpartition("\u256f")[2].split()) > 80
 
 
 @pytest.mark.parametrize(("width", "left"), [
