@@ -56,7 +56,7 @@ class Stop:
     """A stopping criterion; this one never stops. Others override `reached`."""
 
     def reached(self) -> Limit | None:
-        """Return the limit that is reached, or None."""
+        """Return the limit that stops the computation, such as `Limit.TIME`; None: none yet."""
         return None
 
     def check(self) -> None:
@@ -109,7 +109,7 @@ class _Before(Stop):
         self._stop, self._seconds = stop, seconds
 
     def reached(self) -> Limit | None:
-        """Return the limit that is reached, or that of time once little of it is left."""
+        """Return the limit that the other stop has reached, or that of time once little is left."""
         early = Limit.TIME if self._stop.seconds_left <= self._seconds else None
         return self._stop.reached() or early
 

@@ -67,7 +67,7 @@ def verify(
     second_opinion : compute bounds a second time with independent code, which takes much longer:
         with networkx, or with cocap-check if a certificate is staged
     plain : use no code that is compiled by numba; staged certificates then take about twenty times
-        as long, others no longer
+        as long, other files the same time
 
     Returns
     -------

@@ -34,11 +34,28 @@ from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
 from cocap_opt.run.options import UsageError
 
+_MOST_PARAGRAPHS = 4  # of a command above its options, besides the example
 
-def _help(command: Callable[..., int]) -> str:
-    """Returns a command's docstring, each paragraph on one line, which is wrapped when shown."""
-    paragraphs = (inspect.getdoc(command) or "").split("\n\n")
-    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+
+class _Help(TypedDict):
+    """The words above the options of a command, and those below."""
+
+    help: str
+    help_epilogue: str | None
+
+
+def _help(command: Callable[..., int]) -> _Help:
+    """Returns a command's docstring, each paragraph on one line, which is wrapped when shown.
+
+    Of a long one, the first two paragraphs and the example are above the options.
+    """
+    texts = (inspect.getdoc(command) or "").split("\n\n")
+    *told, example = [" ".join(text.split()) for text in texts]
+    above = 2 if len(told) > _MOST_PARAGRAPHS else len(told)
+    return {
+        "help": "\n\n".join([*told[:above], example]),
+        "help_epilogue": "\n\n".join(told[above:]) or None,
+    }
 
 
 def _usage(name: str, command: Callable[..., int]) -> str:
@@ -94,7 +111,7 @@ for _family in (
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(
-            _command, name=_name, help=_help(_command), usage=_usage(_name, _command),
+            _command, name=_name, usage=_usage(_name, _command), **_help(_command),
             **_place(_name),
         )  # fmt: skip
 app.command(  # by name: matplotlib is slow to import

@@ -91,19 +91,23 @@ def _export(
 ) -> int:
     """Write a scene as a file for this program, other solvers or other programs.
 
-    The ending of the file's name says what is written. .json: the scene.
-    .mps, .lp: a mixed-integer linear program, with tangents in place of roots.
-    .cbf: the same with roots as cones, in the Conic Benchmark Format. .nl: with
-    roots as quadratic rows, for AMPL's solvers; .col and .row beside it have the
-    names. A solver's solution, FILE.sol, can be passed wherever a plan can.
+    The ending of the file's name says what is written. .json: the scene; .mps, .lp, .cbf, .nl: a
+    program for other solvers; .csv: a long table; .graphml: a drone's graph; .instance: what a
+    bound needs.
+
+    .mps, .lp: a mixed-integer linear program, with tangents in place of roots. .cbf: the same with
+    roots as cones, in the Conic Benchmark Format. .nl: with roots as quadratic rows, for AMPL's
+    solvers; .col and .row beside it have the names. A solver's solution, FILE.sol, can be passed
+    wherever a plan can.
 
     coverage.csv, views.csv, moves.csv, turns.csv, drones.csv and goals.csv, or names that
     end so, are long tables: who sees whom from where, and who can move how.
 
-    .graphml: the graph of a drone: one node for each state at each step that a
-    path of the drone can pass, with step, x, y, z (m), heading, tilt (rad) and
-    reward. .instance: all that a bound needs and no geometry, in exact numbers:
-    `cocap-check` checks plans, certificates and proofs with it.
+    .graphml: the graph of a drone: one node for each state at each step that a path of the drone
+    can pass, with step, x, y, z (m), heading, tilt (rad) and reward.
+
+    .instance: all that a bound needs and no geometry, in exact numbers: `cocap-check` checks plans,
+    certificates and proofs with it.
 
     Example: cocap-opt export corridor --steps 4 -o corridor-4.mps
     """

@@ -101,8 +101,10 @@ class FlightAnswer(NamedTuple):
 def attention(flight: Flight, parts: Sequence[Part]) -> Iterator[str]:
     """Yields what nobody must overlook.
 
-    Touchdowns, people out of place, tight timing, and pauses for new batteries.
+    Drones too near to each other or to people, touchdowns, people out of place, tight timing, and
+    pauses for new batteries.
     """
+    yield from flight.too_near()
     yield from Touchdowns.of(flight).warnings()
     yield from misplaced_people(flight.flown.problem)
     yield from tight_timing(flight)

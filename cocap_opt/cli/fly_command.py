@@ -65,17 +65,22 @@ def _fly(
 ) -> int:
     """Export a plan as a flight, checked against rules, obstacles and limits.
 
-    A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
-    counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
-    ground and take-off, and latitude and longitude where the scene has a reference system. A
-    .geojson or .kml file has tracks, cameras' footprints and people's walks on the Earth; a .glb
-    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
-    for the crew.
+    The ending of the file's name says what is written: a table, tracks, missions, a show, a film's
+    cameras, an animated scene, or a sheet for the crew. Wind, deviations from the planned flight,
+    and the ways up and down are not checked.
 
-    Not checked: wind, deviations from the planned flight, the ways up and down. The answer begins
-    with warnings: of drones that take off from or land on roofs, obstacles or water, or too near to
-    each other, of people who walk through obstacles, off the map or in the air, and of timing that
-    is too tight to see on a clock. It ends with what the crew must do, and what was not checked.
+    A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x, counter-
+    clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above ground
+    and take-off, and latitude and longitude where the scene has a reference system. A .geojson or
+    .kml file has tracks, cameras' footprints and people's walks by latitude and longitude; a .glb
+    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet for
+    the crew.
+
+    The answer begins with warnings: of drones that come too near to each other or to people where
+    no rule forbids it, of drones that take off from or land on roofs, obstacles or water, or too
+    near to each other, of people who walk through obstacles, off the map or in the air, and of
+    timing that is too tight to see on a clock. It ends with what the crew must do, and what was not
+    checked.
 
     A plan in which no drone moves is rejected unless you pass --hovering.
 
@@ -106,8 +111,10 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    watched = [f"ATTENTION: {words}" for words in attention(flight, parts)]
+    found = [*attention(flight, parts)]
+    watched = [f"ATTENTION: {words}" for words in found]
     notes = [*flight.notes(), *mission.notes, *_of_homes(parts, suffix)]
+    notes = [words for words in notes if words not in found]
     notes += _strays(output, suffix, files)
     if json:
         for words in (*mission.warnings, *filter(None, [pauses_of(parts)])):
@@ -125,13 +132,13 @@ def _fly(
         if cut_short:
             urgent.insert(0, f"ATTENTION: {cut_short}")
         known = [words for words in notes if words not in (*details, *mission.warnings, cut_short)]
-        found = FlightAnswer(
+        shown = FlightAnswer(
             flight, parts, [*files], answer | {"cut_short": None}, urgent, known, details
         )
         if verbose:
-            found.print_all()
+            shown.print_all()
         else:
-            found.print()
+            shown.print()
     return 0
 
 

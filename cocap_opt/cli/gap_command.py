@@ -189,17 +189,18 @@ def _gap(
     workforce: Workforce = HERE,
     retry: Annotated[
         bool,
-        FLAG(help="try again what has failed in the folder of --out"),
+        FLAG(help="try again what has failed in the --out folder"),
     ] = False,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
 
-    gap compares with the bound under the scene's rules, gap_free with the bound without rules.
+    The gap is to the bound under the scene's rules, the gap without rules (gap_free in JSON and
+    results.csv) to the bound of drones that may collide.
     Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and
     with one or two drones joint.
-    Results in the folder of --out are not computed again; for each scene, seed and
+    Results already in the --out folder are not recomputed; for each scene, seed and
     planner its table has the newest row, with the lowest bound that was proved.
     The exit code is 1 if a planner or a bound ended with an error.
 

@@ -48,7 +48,9 @@ class RestOptions:
         Whole | None,
         Parameter(help="step up to which --plan is flown, 1 to T - 1; the rest is planned again"),
     ] = None
-    plan: Annotated[Path | None, Parameter(help="file of the plan that is flown")] = None
+    plan: Annotated[Path | None, Parameter(help="plan being flown, to replan from --from-step")] = (
+        None
+    )
     without: Annotated[
         list[Whole] | None,
         Parameter(

@@ -48,11 +48,14 @@ def _recipe(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
+    """Print a recipe with every table, or copy the recipe and the maps of a built-in place.
 
-    For a built-in place it copies the recipe and the maps into a folder, where you can change them.
+    A recipe is a scene made of maps, meshes, tracks and drones. The printed one explains every key,
+    but names files that are yours to supply, so it cannot be planned as it stands. To begin with a
+    scene that can, copy a place, or write the shortest recipe, which needs no other file:
+    docs/how-to/shortest-recipe.md.
 
-    Example: cocap-opt recipe > scene.toml
+    Example: cocap-opt recipe delft -o shoot
     """
     if place is None:
         if output is not None:

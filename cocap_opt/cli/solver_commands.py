@@ -182,7 +182,7 @@ def _solve(
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Find the best plan and prove that no other is better by more than the gap.
+    """Find the best plan and prove that no other is better by more than --gap.
 
     At a limit or Ctrl-C it gives the best plan and bound so far.
     `verify` checks the file of --certificate, which proves the bound;

@@ -78,16 +78,16 @@ def _team(
     workforce: Workforce = HERE,
     retry: Annotated[
         bool,
-        FLAG(help="try again what has failed in the folder of --out"),
+        FLAG(help="try again what has failed in the --out folder"),
     ] = False,
     json: Json = False,
 ) -> int:  # fmt: skip
-    """Compare teams: how many drones, with which camera, at which height, and what none can do.
+    """Compare teams: how many drones, with which camera, at which height, and what no team can do.
 
     The drones are copies of the scene's, and start where it is best: in the areas that the scene
     gives them, or wherever they may be. Each team is planned twice, for J and for the drones that
-    see each person, and bounds are computed for both as far as time allows. Results that are in
-    the folder of --out already are not computed again. The exit code is 1 if a computation ended
+    see each person, and bounds are computed for both as far as time allows. Results
+    already in the --out folder are not recomputed. The exit code is 1 if a computation ended
     with an error.
 
     Example: cocap-opt team bottleneck --drones 1-4 --out teams

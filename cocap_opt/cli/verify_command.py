@@ -79,7 +79,7 @@ def _verify(
         bool,
         FLAG(
             help="use no compiled code (numba); staged certificates take twenty times as long, "
-            "others no longer"
+            "other files take the same time"
         ),
     ] = False,
     time_limit: Annotated[

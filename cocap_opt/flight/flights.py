@@ -15,12 +15,13 @@ from cocap_opt.flight.safety import Danger, Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.strain import steep_ground, sufficient_step
 from cocap_opt.flight.trajectory import Samples, Trajectory
-from cocap_opt.problem import Airspace, Plan, Problem
+from cocap_opt.problem import BODY, SEPARATION, Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
 
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
 _TOUCH = 1e-6  # m, less is rounding
+_TOO_NEAR = SEPARATION - _TOUCH  # m, between drones, and to people
 _EVEN = ", even where it changes its speed as shortly as it can; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
@@ -231,13 +232,41 @@ class Flight(NamedTuple):
 
     def near_without_rule(self) -> Iterator[str]:
         """Yields how near drones come to each other, where no rule asks for a distance."""
+        yield from self._drones_too_near()
         least = self.flown.least_distance()
-        if not self.flown.problem.rules.separation and math.isfinite(least):
+        if not self.flown.problem.rules.separation and _TOO_NEAR <= least < math.inf:
             kind = "smooth" if self.is_smooth else "straight"
             yield (
                 "the scene's rules ask for no distance between drones between the steps: on this "
                 f"{kind} flight they come within {least:.2f} m of each other"
             )
+
+    def too_near(self) -> Iterator[str]:
+        """Yields which drones come too near to each other or to people, where no rule forbids it.
+
+        That is nearer than scenes that are to be flown ask for.
+        """
+        yield from self._drones_too_near()
+        asked, nearest = self.asked or self.flown.problem.airspace, Nearest.of_people(self.flown)
+        if asked.people_aside or nearest is None or nearest.distance >= _TOO_NEAR:
+            return
+        yield (
+            f"drone {nearest.first} comes within {nearest.distance:.2f} m of "
+            f"{self.flown.problem.person(nearest.second)} at {nearest.t:.1f} s, seen from above; "
+            "plan with `people` under [airspace]"
+        )
+
+    def _drones_too_near(self) -> Iterator[str]:
+        """Yields the two drones that come nearest to each other, and when, if that is too near."""
+        nearest = Nearest.of_drones(self.flown)
+        if self.flown.problem.rules.separation or nearest is None:
+            return
+        drones = f"drones {nearest.first} and {nearest.second}"
+        when, way_out = f"at {nearest.t:.1f} s", "plan with `separation` under [rules]"
+        if nearest.distance < BODY:
+            yield f"{drones} collide {when} ({nearest.distance:.2f} m apart); {way_out}"
+        elif nearest.distance < _TOO_NEAR:
+            yield f"{drones} come within {nearest.distance:.2f} m of each other {when}; {way_out}"
 
     def axes(self) -> Iterator[str]:
         """Yields that y goes to the grid's north, and how far that is from the true one."""

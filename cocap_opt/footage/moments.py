@@ -35,12 +35,16 @@ class Moment(NamedTuple):
         ----------
         times : [T+1] s, of the steps; None where steps have no seconds
         """
-        what = {
+        return f"{self.what} {self._when(times)}"
+
+    @property
+    def what(self) -> str:
+        """The cameras at that moment, in words."""
+        return {
             NO_CAMERA: "no camera",
             ONE_CAMERA: "one camera",
             NARROW: f"cameras at most {self.angle:.0f} degrees apart",
         }[self.kind]
-        return f"{what} {self._when(times)}"
 
     def _when(self, times: FloatArray | None) -> str:
         """Says from when to when."""

@@ -9,7 +9,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.footage.assumptions import Assumptions
 from cocap_opt.footage.moments import APART
-from cocap_opt.footage.summary import Summary, share
+from cocap_opt.footage.summary import Summary, share, whole_percent
 from cocap_opt.letters import folded
 
 USUAL_WIDTH = 80  # characters of a line
@@ -44,9 +44,9 @@ def quality_words(
         f"Quality of the plan: {_counted(found.person_steps, 'person-step')} that "
         f"{'counts' if found.person_steps == 1 else 'count'}, "
         f"{_counted(len(has_pictures), 'drone')}",
-        line("seen by two or more", _percent(found.by_two)),
-        line("seen by three or more", _percent(found.by_three)),
-        line(f"two, {APART:g} degrees apart", _percent(found.apart)),
+        line("seen by two or more", whole_percent(found.by_two)),
+        line("seen by three or more", whole_percent(found.by_three)),
+        line(f"two, {APART:g} degrees apart", whole_percent(found.apart)),
         line("RMS error of a point", _told_errors(found, has_pictures)),
         line("blur", _told_blur(blur)),
         line("drones in pictures", _told_intruders(found)),
@@ -74,7 +74,7 @@ def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
         if math.isfinite(error)
     ]
     if found.infinite:
-        parts.append(f"infinite at {_percent(found.infinite)}")
+        parts.append(f"infinite at {whole_percent(found.infinite)}")
     return ", ".join(parts)
 
 
@@ -87,7 +87,7 @@ def _told_blur(blur: FloatArray | None) -> str:
         return "none: no pictures"
     return (
         f"{np.median(known):.2g} px median, {known.max():.2g} at most; above "
-        f"{_SHARP:g} px in {_percent(share(known > _SHARP))} of views"
+        f"{_SHARP:g} px in {whole_percent(share(known > _SHARP))} of views"
     )
 
 
@@ -95,7 +95,7 @@ def _told_intruders(found: Summary) -> str:
     """Says how many drones are large in the pictures of others."""
     if not found.in_pictures:
         return "none: no pictures" if math.isnan(found.disturbed) else "none"
-    return f"{found.in_pictures}, in {_percent(found.disturbed)} of all pictures"
+    return f"{found.in_pictures}, in {whole_percent(found.disturbed)} of all pictures"
 
 
 def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterator[str]:
@@ -128,10 +128,6 @@ def _line(label: str, words: str, width: int) -> str:
 
 def _counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
-def _percent(part: float) -> str:
-    return f"{100 * part:.1f} %"
 
 
 def _told_seconds(exposure: float) -> str:

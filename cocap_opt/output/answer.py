@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from cocap_opt.letters import columns_of, folded
-from cocap_opt.output.conflicts import grouped_conflicts
+from cocap_opt.output.conflicts import are_conflicts, grouped_conflicts
 from cocap_opt.output.printing import (
     Record,
     cell_text,
@@ -182,10 +182,19 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
         if is_internal and not verbose:
             hidden += 1
             continue
-        shown.append((_LABELS.get(key, key), _shown(row, key)))
+        if key == "conflicts" and row.get("violations"):  # which are listed
+            continue
+        shown.append((_label(row, key), _shown(row, key)))
     print_pairs(shown)
     if hidden:
         print_line(f" ({counted(hidden, 'more line')} with --verbose)")
+
+
+def _label(row: Record, key: str) -> str:
+    """Returns the label of a value; violations that are all conflicts are called so."""
+    if key == "violations" and are_conflicts(row[key]):
+        return "conflicts"
+    return _LABELS.get(key, key)
 
 
 def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
@@ -228,17 +237,25 @@ def _shown(row: Record, key: str) -> str:
     value = row[key]
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
+    if key == "optimal":
+        return "yes" if value else "not proved"
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
         return f"{-100 * value:+.3f} % of J"
     if key == "takes":
         return told_takes(value)
     if key == "violations":
-        return cell_text(key, grouped_conflicts(value))
+        return cell_text(key, [*_number(row), *grouped_conflicts(value)])
     if key in _SERIES and len(value) > _FEW:
         return _summary(value, *_SERIES[key])
     if isinstance(value, str) and not value[:1].isdigit():  # such as "unlimited"
         return cell_text(key, value)
     return _VALUES.get(key, "{}").format(cell_text(key, value))
+
+
+def _number(row: Record) -> Iterable[str]:
+    """Yields the number of conflicts, where an answer counts them and lists pairs of drones."""
+    if row["violations"] and row.get("conflicts"):
+        yield f"{row['conflicts']:,} in all:"
 
 
 def told_takes(rows: Sequence[Mapping[str, Any]]) -> str:

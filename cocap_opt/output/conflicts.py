@@ -40,6 +40,11 @@ def _apart(rules: CollisionRules, way: FloatArray) -> str:
     return f"{math.hypot(x, y, z):.3g} m apart, less than {rules.separation:g} m"
 
 
+def are_conflicts(lines: Sequence[str]) -> bool:
+    """Returns True if all lines, in the referee's words, are conflicts of two drones."""
+    return all(_LINE.fullmatch(line) for line in lines)
+
+
 def grouped_conflicts(lines: Sequence[str]) -> list[str]:
     """Returns a line for each pair of drones, with all of its steps, of a line for each conflict.
 

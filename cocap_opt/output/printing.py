@@ -39,7 +39,8 @@ _METHODS = {
     "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
     "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
-_SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
+_NAMES = ("seed", "draw")  # numbers that name something, whose digits are not grouped
+_SHARES = ("gap", "gap without\nrules", "largest gap")  # printed in %
 
 
 class _Output(Console):
@@ -180,7 +181,8 @@ class Listing(NamedTuple):
                 listing = listing._replace(rows=rows)
         if not gone:
             return self
-        words = f"Hidden (terminal too narrow): {', '.join(k for k in self.rows[0] if k in gone)}"
+        hidden = [key for key in self.rows[0] if key in gone]
+        words = f"Hidden (terminal too narrow): {', '.join(map(_in_a_line, hidden))}"
         return listing._replace(notes=[f"{words}; {whole} shows all columns.", *listing.notes])
 
     def _folded(self) -> "list[Listing]":
@@ -254,6 +256,10 @@ class Listing(NamedTuple):
         return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
 
 
+def _in_a_line(key: str) -> str:
+    return key.replace(_BREAK, " ")
+
+
 def _is_name(value: object) -> bool:
     """Returns True for words, which begin where their column begins; numbers end where it ends."""
     return isinstance(value, str) and not (value[:1].isdigit() or value[:1] == "-")
@@ -290,6 +296,8 @@ def cell_text(key: str, value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:,.2f}"
+    if isinstance(value, int):
+        return str(value) if key in _NAMES else f"{value:,}"
     if isinstance(value, (list, tuple)):
         if value and all(isinstance(item, float) for item in value):
             return "  ".join(f"{item:,.2f}" for item in value)

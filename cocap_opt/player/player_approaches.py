@@ -13,9 +13,8 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.flight.bernstein import Peak, squared_length
 from cocap_opt.flight.trajectory import DEGREE, Trajectory
-from cocap_opt.problem import SEPARATION, Plan, Problem, VertexConflict
+from cocap_opt.problem import BODY, SEPARATION, Plan, Problem, VertexConflict
 
-BODY = 0.7  # m, as wide as drones are drawn: nearer than that two of them touch in the picture
 _ROUNDING = 1e-6  # of distances
 _DIGITS = 4  # of distances (m), behind the point
 

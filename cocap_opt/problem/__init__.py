@@ -20,13 +20,14 @@ from cocap_opt.problem.plan import (
 )
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Limits, Robot
-from cocap_opt.problem.rules import NO_RULES, SEPARATION, VERTEX_ONLY, CollisionRules
+from cocap_opt.problem.rules import BODY, NO_RULES, SEPARATION, VERTEX_ONLY, CollisionRules
 from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 from cocap_opt.problem.starts import AnyStart, StartArea, StartSet, StartStates
 from cocap_opt.problem.takes import Take
 
 __all__ = [
+    "BODY",
     "COVERAGE_VERSION",
     "NO_RULES",
     "SEPARATION",

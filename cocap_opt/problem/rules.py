@@ -13,6 +13,7 @@ from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
 
 _TWICE = 2 * (1 + 1e-8)
 SEPARATION = 2.0  # m, of scenes that are to be flown; docs/results/flight.md says why
+BODY = 0.7  # m, as wide as drones are drawn: two that come nearer than that collide
 TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep it
 
 

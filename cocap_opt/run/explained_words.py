@@ -14,6 +14,14 @@ from cocap_opt.run.explained import SHOWN, Explained
 
 _TOLD = 6  # sentences on single terms
 _OVER = "the bound overestimates"
+# Parts of a gap, as sentences have them.
+_ADDING = {
+    "drones leave the best paths of the bound": "moves off the best paths of the bound",
+    "face rewards overestimated": "overestimated sides of people",
+    "views of people overestimated": "overestimated views of people",
+    "priced rules unused or broken": "priced rules, unused or broken,",
+    "priced decisions of the plan's leaf": "priced decisions of the plan's leaf",
+}
 _WANTED = "cells with a view of somebody at the last step"
 
 
@@ -50,11 +58,16 @@ def in_few_sentences(explained: Explained) -> list[str]:
         return [*map(_sentence, _told_gap(explained))]
     costliest_term = next(iter(_broken(explained) or _costly(explained)), None)
     name, amount = max(explained.parts().items(), key=lambda part: part[1])
+    off = _told_off(explained)
     largest = [f'the largest part of it is "{name}", {_amount(explained, amount)}']
+    if off:  # then a part may be larger than the gap
+        back = _amount(explained, explained.taken_off)
+        adds = f"{_ADDING.get(name, name)} add {_amount(explained, amount)}"
+        largest = [f"{adds}; stages and path search take back {back}"]
     if costliest_term is not None:
         largest.append(f"the largest single term: {_told(explained, costliest_term)}")
-    if off := _told_off(explained):
-        largest = [off] if explained.is_blurred else [*largest, off]
+    if explained.is_blurred:
+        largest = [off]
     told = [*_told_gap(explained), *largest, next(iter(_told_replans(explained)))]
     return [*map(_sentence, told)]
 

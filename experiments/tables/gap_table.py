@@ -25,19 +25,25 @@ _MISSING = {  # why there is no bound
 _DONE = (Reason.FINISHED, Reason.OPTIMAL)
 _UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
 _NAMED = 3  # cases that are named in a sentence
+GAP_FREE = "gap without\nrules"
+# Keys of rows, as people read them; JSON and results.csv have the keys.
+_LABELS = {"reward": "J", "reward_rendered": "J rendered", "gap_free": GAP_FREE}
+_GAPS = (
+    "Gap: J of the plan is at most so far below that of the best plan under the scene's rules; gap "
+    "without rules: below that of the best plan of drones that may collide."
+)
 # What a narrow terminal does without, the least useful first.
 _SPARE = (
-    "coverage_seconds", "gap_free", "seconds", "reason", "bound", "seed", "limit",
-    "reward_rendered", "reward",
+    "coverage_seconds", GAP_FREE, "seconds", "reason", "bound", "seed", "limit", "J rendered", "J",
 )  # fmt: skip
-_SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
+_SPARE_MEANS = (GAP_FREE, "seconds", "bound", "bounds proved", "J")
 _SPARE_CAMERAS = ("plans", "by three (%)", "median error (mm)")
 _SEEN = (
     "By two, by three: share of person-steps at which at least two or three drones see the person. "
     "Median error: at half of the person-steps, a point in space is located to within this error "
     "(median over plans). For details of one plan, run `cocap-opt quality`.",
 )
-_MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
+_MEANS = ("gap", "reward", "bound", "gap_free", "seconds")
 
 
 def print_gap_table(rows: Sequence[GapRow], verbose: bool = False) -> None:
@@ -58,9 +64,9 @@ def print_gap_table(rows: Sequence[GapRow], verbose: bool = False) -> None:
 
 
 def _print_rows(rows: Sequence[GapRow], verbose: bool) -> None:
-    keys = ["scene", "seed", "planner", "reward"]
+    keys = ["scene", "seed", "planner", "gap", "reward"]
     keys += ["reward_rendered"] if any(r.reward_rendered is not UNSET for r in rows) else []
-    keys += ["bound", "gap", "gap_free", "conflicts"]
+    keys += ["bound", "gap_free", "conflicts"]
     if verbose or any(row.reason not in _DONE for row in rows):
         keys.append("reason")
     if any(row.limit != NO_LIMIT for row in rows):
@@ -68,7 +74,9 @@ def _print_rows(rows: Sequence[GapRow], verbose: bool) -> None:
     keys.append("seconds")
     if verbose and any(row.coverage_seconds is not None for row in rows):
         keys.append("coverage_seconds")
-    table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
+    table: list[Record] = [
+        {_LABELS.get(key, key): _shown(row, key) for key in keys} for row in rows
+    ]
     listing = Listing(_title(rows), table).fitted(_spare(rows, table), "--json or --out DIR")
     listing._replace(notes=[*listing.notes, *_notes(rows, listing.rows)]).print()
 
@@ -101,6 +109,8 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
             "Coverage was computed once per scene and seed, before any time limit began; the "
             "planners' seconds do not include it."
         )
+    if any(shown.get(GAP_FREE) is not None for shown in table):
+        yield _GAPS
     yield from _missing_bounds(rows)
     sampled = [_name(row) for row in rows if row.coverage == SAMPLED_COVERAGE]
     if sampled:
@@ -114,7 +124,7 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
     yield from list(told)[:_NAMED]
     if any(row.conflicts for row in rows):
         yield (
-            "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
+            "A plan with conflicts breaks the scene's rules: its J may exceed the bound, "
             "and it has no gap."
         )
 
@@ -216,7 +226,7 @@ def _means(rows: Sequence[GapRow]) -> list[Record]:
                 "seeds": len(group),
                 "feasible": sum(row.valid for row in group),
                 "bounds proved": sum(row.bound_is_proved for row in group),
-                **{key: _mean(group, key) for key in _MEANS},
+                **{_LABELS.get(key, key): _mean(group, key) for key in _MEANS},
             }
         )
     return table

@@ -165,9 +165,9 @@ class ModelFile:
         """The number of tangents, and their error, in words."""
         n = self.n_tangents
         if self.error == 0:
-            return f"{n} tangents replace the roots; they are exact for all that drones can see"
+            return f"{n:,} tangents replace the roots; they are exact for all that drones can see"
         return (
-            f"{n} tangents replace the roots: the objective of a plan exceeds its J, by at most "
+            f"{n:,} tangents replace the roots: the objective of a plan exceeds its J, by at most "
             f"{self.error:.2g} of it"
         )
 

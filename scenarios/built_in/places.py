@@ -26,12 +26,13 @@ def files(name: str) -> dict[str, bytes]:
 
 
 def _delft(seed: int) -> Problem:
-    """Four people meet in a lane of old Delft, and five drones film them above the houses.
+    """Four people meet in a lane of old Delft, and five drones film them from 5 m above the ground.
 
     The map is a real one, with a place on the Earth. Two friends come up the lane from the canal, a
     third comes to meet them, and somebody crosses the lane. Gardens are closed to the drones, which
-    make the moves of their autopilot, keep 4 m from people, and end where they can land. Seed 0 is
-    the recipe as it stands; others choose the people's pace and how far they have walked at step 0.
+    stay within their autopilot's limits, keep 4 m from people, and end where they can land. Seed 0
+    is the recipe as it stands; others choose the people's pace and how far they have walked at
+    step 0.
     """
     return _of_recipe("delft", seed)
 

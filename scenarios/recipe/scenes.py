@@ -1,6 +1,8 @@
 """Scenes that recipes make."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +25,7 @@ from cocap_opt.scenarios.recipe.contents import (
     require_on_map,
 )
 from cocap_opt.scenarios.recipe.drones import Surroundings, say_moved
+from cocap_opt.scenarios.recipe.example import EXAMPLE
 from cocap_opt.scenarios.recipe.names import DroneName, names_in_table, names_of, renamed
 from cocap_opt.scenarios.recipe.schema import Recipe, decoded
 from cocap_opt.scenarios.recipe.strides import Strides
@@ -31,6 +34,8 @@ from cocap_opt.scenarios.site import Site
 from cocap_opt.scenarios.tables import ABOVE_GROUND
 from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Mesh, Workspace
+
+_MISSING = re.compile(r"([^/\\\s]+): no such file$")
 
 
 def read(
@@ -53,9 +58,24 @@ def read(
         If a file cannot be read, or something is not allowed or does not fit together; one
         line, naming file and field.
     """
-    with naming(path):
+    with naming(path), _naming_examples():
         place = _Place.of(change(decoded(path)), path)
         return place.problem(place.team(np.random.default_rng(seed)))
+
+
+@contextmanager
+def _naming_examples() -> Iterator[None]:
+    """Says where recipes with all their files are, if one that the example names is missing."""
+    try:
+        yield
+    except ProblemError as error:
+        name = _MISSING.search(str(error))
+        if name is None or f'"{name[1]}"' not in EXAMPLE:
+            raise
+        raise ProblemError(
+            f"{error}; the recipe of `cocap-opt recipe` names files that you supply: `cocap-opt "
+            "recipe delft -o shoot` writes one with all its files; the shortest recipe needs none"
+        ) from error
 
 
 def site(path: Path, seed: int = 0) -> Site:
@@ -66,7 +86,7 @@ def site(path: Path, seed: int = 0) -> Site:
     ProblemError
         If anything else is wrong; one line, naming file and field.
     """
-    with naming(path):
+    with naming(path), _naming_examples():
         place = _Place.of(decoded(path), path)
         rng, team = np.random.default_rng(seed), list[Robot]()
         names, notes = list[DroneName](), list[str]()

@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import math
+import re
 from collections import Counter, defaultdict
 from pathlib import Path
 
@@ -162,7 +163,11 @@ def test_a_solvers_solution_is_a_plan_for_commands(
     assert run["digest"] == cut["digest"] == problem_digest(load_scene("corridor", 0).until(2))
     file = ModelFile.with_tangents(compiled(load_scene("corridor", 0).until(2)), 1e-5)
     assert (run["variables"], run["constraints"]) == file.linear.rows.shape[::-1]
-    assert run["message"] == file.told_tangents and f"{file.n_tangents} tangents" in run["message"]
+    shown = Run(capsys, "export", scene, "-o", program, "--root-error", 1e-5).out
+    assert re.search(rf"variables +{run['variables']:,}\n", shown)
+    assert (
+        run["message"] == file.told_tangents and f"{file.n_tangents:,} tangents" in run["message"]
+    )
     text = program.read_text()
     assert text.startswith("* cocap-opt: corridor-steps2\n") and file.told_tangents in text
     solver = highspy.Highs()

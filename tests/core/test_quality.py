@@ -101,7 +101,7 @@ def test_drones_on_both_sides_measure_no_distance() -> None:
     # Half of two person-steps is the better one; nine tenths of them are both.
     assert started.summary.median < started.summary.most_of_them == math.inf
     assert started.summary.infinite == 0.5
-    assert "half within 27 mm, infinite at 50.0 %" in str(started)
+    assert "half within 27 mm, infinite at 50 %" in str(started)
 
 
 def test_a_drone_sees_who_is_visible_enough() -> None:
@@ -249,7 +249,7 @@ def test_drones_in_each_others_pictures() -> None:
     near = Quality.of(problem, plan, all_visible(problem), asked)
     assert near.intruders.tolist() == [2, 2]
     assert near.summary.disturbed == 2 / 3
-    assert "2, in 66.7 % of all pictures" in str(near)
+    assert "2, in 67 % of all pictures" in str(near)
     assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [0, 0]
     wide = Camera(tilts=(0.0,), focal=1900.0)
     robots = tuple(robot.replace(camera=wide) for robot in problem.robots)
@@ -347,7 +347,7 @@ def test_words_fit_a_terminal() -> None:
     found = Quality.of(problem, plan, shares)
     text = str(found)
     assert max(map(len, text.splitlines())) <= 80
-    assert "seen by two or more" in text and "50.0 %" in text
+    assert "seen by two or more" in text and "50 %" in text
     assert "one camera from 0.5 to 1 s" in " ".join(text.split())
     assert "&lt;xxx" in found._repr_html_() and "<xxx" not in found._repr_html_()
 

@@ -121,7 +121,7 @@ def test_lines_between_rows_are_told(
     assert far == [[], [pytest.approx(off, rel=0.1)]]
     assert off > 0.01
     told = " ".join(Run(capsys, "fly", "--help").out.split())
-    assert "Not checked: wind, deviations from the planned flight" in told
+    assert "Wind, deviations from the planned flight, and" in told
 
 
 def beside_somebody() -> tuple[co.Problem, co.Plan]:
@@ -177,6 +177,35 @@ def test_bad_ground_and_tight_timing_are_told_first(
     assert ground == f"ATTENTION: {lands}"
     assert timing.startswith("ATTENTION: drones keep 2.99 m from people only if no drone or ")
     assert not any("ATTENTION" in note for note in others)
+
+
+@pytest.mark.parametrize(("row", "words"), [
+    (4, "drones 0 and 1 collide at 0.0 s (0.00 m apart); plan with `separation` under [rules]"),
+    (5, "drones 0 and 1 come within 1.00 m of each other at 0.0 s; plan with `separation` under "
+     "[rules]"),
+    (6, ""),
+])  # fmt: skip
+def test_drones_and_people_that_meet_without_a_rule_are_told_first(
+    row: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The short answer names who, when and how near; from 2 m on there is no warning."""
+    problem, _ = beside_somebody()
+    paths = tuple(tuple(co.State(4 + t, y) for t in range(5)) for y in (4, row))
+    problem = problem.replace(
+        robots=tuple(co.Robot(start=path[0]) for path in paths),
+        rules=co.NO_RULES, airspace=co.Airspace(),
+    )  # fmt: skip
+    scene, file, out = saved(tmp_path, problem, co.Plan(paths=paths))
+    told = Run(capsys, "fly", scene, file, "-o", out, "--json").json["notes"]
+    assert [note for note in told if "drones 0 and 1" in note and "off" not in note
+            and "land" not in note] == ([f"ATTENTION: {words}"] if words else [])  # fmt: skip
+    near = problem.replace(actors=(problem.actors[0].replace(
+        poses=problem.actors[0].poses + np.array([3.0, 0.0, 0.0, 0.0])
+    ),))  # fmt: skip
+    saved(tmp_path, near, co.Plan(paths=paths))
+    short = Run(capsys, "fly", scene, file, "-o", out).out
+    assert "ATTENTION: drone 0 comes within 0.00 m of person 0 at" in short
+    assert (words in " ".join(short.split())) and "person 0" not in "".join(told)
 
 
 @pytest.mark.parametrize("ending", [".csv", ".plan", ".kml", ".skyc", ".opencv.json"])

@@ -11,7 +11,6 @@ import cocap_opt as co
 from cocap_opt.cli.commands import run
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions.sheet.clock import phases_of
 from cocap_opt.missions.sheet.words import running_order, to_check
 from cocap_opt.planners import PLANNERS
@@ -116,7 +115,7 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
         assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
     assert found["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
     assert "nobody is on the ways from and to home" in [*to_check(flown, True)]
-    order = running_order(flown, clock, Touchdowns.of(flown)).rows
+    order = running_order(flown, clock).rows
     assert [row[2].split(",")[0] for row in order if row[1].startswith("drone ")] == [
         "takes off", "takes off", "flies home", "flies home"
     ]  # fmt: skip
@@ -129,7 +128,7 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
     assert len(clock.parts) > 1 and "Ways of steps 0..6" not in text_of(parted)
     pause = clock.parts[0].last * 2.0
     assert clock.at(pause, 1) == "T2+0:00" and clock.at(pause, 0) == f"T+0:{pause:02.0f}"
-    assert any(row[1] == "crew" for row in running_order(parted, clock, Touchdowns.of(parted)).rows)
+    assert any(row[1] == "crew" for row in running_order(parted, clock).rows)
 
 
 @pytest.mark.parametrize(("homes", "words"), [

@@ -133,7 +133,7 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         urgent.append(f"ATTENTION: {pause}.")
     if urgent:
         pages.box(urgent)
-    pages.section("Running order", [running_order(flight, clock, grounds)], BODY)
+    pages.section("Running order", [running_order(flight, clock)], BODY)
     if clock.start is None:
         pages.sentence("T is the time of step 0, when people get their signal.", SMALL)
 
@@ -146,7 +146,7 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phas
     """Draws a map for each phase."""
     ground = ground_of(flight)
     height = _map_height(pages.room - _HEADING - _LEGEND - _TITLE)
-    pages.heading("Maps", _LEGEND + height + _TITLE)
+    pages.heading("Map" if len(phases) == 1 else "Maps", _LEGEND + height + _TITLE)
     legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
     pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
     if any(actor.name for actor in flight.flown.problem.actors):
@@ -170,10 +170,10 @@ def _write_filmed(
     pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
     pages.sentence("Drones that see the person at half of the steps or more; in brackets: drones "
                    "that see the person less often.", SMALL)  # fmt: skip
-    pages.section("How people are filmed", [quality_table(found, names)], BODY)
+    pages.section("How people are filmed", [quality_table(found, names, clock)], BODY)
     for words in quality_notes(found):
         pages.sentence(words, SMALL)
-    for height, draw_strips in strips(found):
+    for height, draw_strips in strips(found, clock):
         pages.picture(height, draw_strips, STRIP)
 
 

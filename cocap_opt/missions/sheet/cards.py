@@ -21,6 +21,7 @@ from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
 _ROWS = 12  # cues of a card, at most
 _LEAST_RESERVE = 0.2  # of a battery, below which the crew is warned
+_AUTOPILOTS = {"px4": "PX4"}  # whose defaults are among the limits of airframes
 _STANDS = 0.05  # m/s
 _DIGITS = 6  # of degrees: 0.1 m
 
@@ -86,7 +87,7 @@ def _drone_card(
     start, end = ends.place[ends.drone == drone].tolist()
     facts = [
         ("camera", camera_name(robot.camera) or ""),
-        ("airframe", airframe_name(robot.limits) or ""),
+        ("airframe", _airframe(robot)),
         ("battery", _battery(flight, clock, drone)),
     ]
     if robot.home is not None:
@@ -98,6 +99,12 @@ def _drone_card(
         ("films", filmed_by(found, drone, problem)),
     ]
     return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, heights, drone), ("pilot", ""))
+
+
+def _airframe(robot: Robot) -> str:
+    """Returns the airframe whose limits a drone has; an autopilot's are no airframe's."""
+    name = airframe_name(robot.limits) or ""
+    return f"________; limits of {_AUTOPILOTS[name]}" if name in _AUTOPILOTS else name
 
 
 def _battery(flight: Flight, clock: Clock, drone: int) -> str:
@@ -123,7 +130,7 @@ def _drone_cues(flight: Flight, clock: Clock, heights: Heights, drone: int) -> T
     if flight.geodesy is not None:
         looks = flight.geodesy.compass(place[:, 0], place[:, 1], yaw)
     rows = [
-        (_time(clock, t), *(f"{metres:.1f}" for metres in (x, y, *heights.columns(z, drone))),
+        (clock.time(t), *(f"{metres:.1f}" for metres in (x, y, *heights.columns(z, drone))),
          f"{round(look) % 360}", f"{down:.0f}")
         for t, x, y, z, look, down in np.column_stack([times, place, looks, pitch]).tolist()
     ]  # fmt: skip
@@ -140,7 +147,7 @@ def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
     times = _moments(flight)
     x, y = (np.interp(times, steps, axis) for axis in walk.T)
     facts = [("stands by at", _place(flight, float(x[0]), float(y[0])))]
-    cues, signal = _person_cues(flight, clock, times, x, y), ("signal", _time(clock, 0.0))
+    cues, signal = _person_cues(flight, clock, times, x, y), ("signal", clock.time(0.0))
     return Card(label_of(problem, person), facts, cues, signal)
 
 
@@ -165,7 +172,7 @@ def _person_cues(
             stops = (after <= _STANDS).any() and speeds[k] < before - _STANDS
             pace = f"{far[k]:.2f} m, stops" if stops else f"{speeds[k]:.2f} m/s"
             goes = pace, f"{round(float(ways[k])) % 360}"
-        rows.append((_time(clock, t), f"{x[k]:.1f}", f"{y[k]:.1f}", *goes))
+        rows.append((clock.time(t), f"{x[k]:.1f}", f"{y[k]:.1f}", *goes))
     heads = ("time", "x (m)", "y (m)", "then walks", _direction(flight))
     return Table(heads, rows, frozenset(range(1, 5)))
 
@@ -176,10 +183,6 @@ def _moments(flight: Flight) -> FloatArray:
     every = math.ceil(steps / (_ROWS - 1))
     found = [*range(0, steps, every), steps]
     return np.array(found) * flight.flown.step
-
-
-def _time(clock: Clock, t: float) -> str:
-    return clock.at(t, clock.part_of(t))
 
 
 def _direction(flight: Flight) -> str:

@@ -53,6 +53,10 @@ class Clock(NamedTuple):
         tenth = moment.microsecond // 100_000
         return f"{moment:%H:%M:%S}" + (f".{tenth}" if tenth else "")
 
+    def time(self, t: float) -> str:
+        """Returns the time of a moment (s since step 0), whichever part of the take it is in."""
+        return self.at(t, self.part_of(t))
+
     def part_of(self, t: float) -> int:
         """Returns the number of the part in which a moment (s) is; the next one, between two."""
         return sum(t >= part.first * self.step - 1e-9 for part in self.parts[1:])
@@ -64,12 +68,13 @@ class Clock(NamedTuple):
 
     @property
     def step_0(self) -> str:
-        """The time of step 0 with its offset, and in UTC; empty if unknown."""
+        """The time of step 0, and in UTC, with its date if it is another; empty if unknown."""
         if self.start is None:
             return ""
-        utc = f"{self.start.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
-        here = self.start.isoformat(" ", "seconds")
-        return f"{here}, which is {utc}" if self.start.utcoffset() else utc
+        utc = self.start.astimezone(UTC)
+        day = "" if utc.date() == self.start.date() else f"{utc:%Y-%m-%d} "
+        there = f"{day}{utc:%H:%M:%S} UTC"
+        return f"{self.start:%H:%M:%S} ({there})" if self.start.utcoffset() else there
 
 
 class Phase(NamedTuple):

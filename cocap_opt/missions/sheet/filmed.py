@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from cocap_opt.data import BoolArray
 from cocap_opt.flight.flights import Flight
+from cocap_opt.footage.moments import Moment, worst_moments
 from cocap_opt.footage.quality import Quality
 from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import whole_percent
@@ -83,12 +84,14 @@ def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
     return ", ".join(told[:_MOST_NAMES]) + rest or "nobody"
 
 
-def quality_table(found: Quality, names: Sequence[str]) -> Table:
-    """Returns the table of people's quality, with the worst moment of each."""
+def quality_table(found: Quality, names: Sequence[str], clock: Clock) -> Table:
+    """Returns the table of people's quality, with the worst moment of each by the clock."""
+    moments = reversed(worst_moments(found.views, found.angles, found.counts))
+    worst = {moment.person: _by_clock(moment, clock) for moment in moments}
     rows = [
         (
             name, whole_percent(person.by_two), whole_percent(person.by_three),
-            _millimetres(person.median), person.worst or "none",
+            _millimetres(person.median), worst.get(person.actor, "none"),
         )
         for person, name in zip(found.by_person, names, strict=True)
     ]  # fmt: skip
@@ -100,20 +103,40 @@ def quality_table(found: Quality, names: Sequence[str]) -> Table:
     return Table(heads, rows, frozenset({1, 2, 3}))
 
 
+def _by_clock(moment: Moment, clock: Clock) -> str:
+    begin, end = (clock.time(step * clock.step) for step in (moment.first, moment.last))
+    return f"{moment.what} {f'at {begin}' if begin == end else f'from {begin} to {end}'}"
+
+
 def quality_notes(found: Quality) -> list[str]:
     """Returns sentences below the table."""
     had, number = found.assumptions, found.summary.in_pictures
     return [
-        f"Drones in shot: {f'{number} times in the take' if number else 'none'} (a drone at least "
-        f"{had.drone_pixels:g} px wide in the picture of another, counted at each step).",
+        f"Drones appear in another's picture {_times(number)} (at least {had.drone_pixels:g} px "
+        "wide, counted at each step).",
         "Two cameras, three cameras: share of the take in which at least that many see at least "
         f"{100 * had.at_least:g} % of the person. Typical error: for half of the take, a point on "
         f"the person is located to within this distance, if found in each picture to within "
         f"{had.pixel_error:g} px.",
+        *_of_pale_steps(found),
     ]
 
 
-def strips(found: Quality) -> Iterator[tuple[float, Callable[[Axes], None]]]:
+def _times(number: int) -> str:
+    return {0: "at no time", 1: "once"}.get(number, f"{number:,} times")
+
+
+def _of_pale_steps(found: Quality) -> Iterator[str]:
+    """Yields what is pale in the strips; nothing if nothing is."""
+    shown = [person.actor for person in found.by_person]
+    counts = found.counts[:, shown]
+    if counts.all():
+        return
+    is_first = found.first_step > 0 and counts[1:].all()
+    yield f"Pale: {'the first step, which does' if is_first else 'steps that do'} not count."
+
+
+def strips(found: Quality, clock: Clock) -> Iterator[tuple[float, Callable[[Axes], None]]]:
     """Yields pictures of strips, of so many people each that a page holds it.
 
     Yields
@@ -124,15 +147,17 @@ def strips(found: Quality) -> Iterator[tuple[float, Callable[[Axes], None]]]:
     for k in range(0, len(people), _MOST_STRIPS):
         part = people[k : k + _MOST_STRIPS]
         height = STRIP.below + STRIP.above + _ROW * len(part)
-        yield height, partial(_draw_strips, found=found, people=part)
+        yield height, partial(_draw_strips, found=found, people=part, clock=clock)
 
 
-def _draw_strips(ax: Axes, found: Quality, people: Sequence[int]) -> None:
+def _draw_strips(ax: Axes, found: Quality, people: Sequence[int], clock: Clock) -> None:
     """Draws the number of cameras that see each of some people at each moment."""
     counts = found.counts & np.isin(np.arange(found.counts.shape[1]), people)
     share = found.assumptions.at_least
     draw_strip(ax, found.people, found.views, counts, found.times, share)
     ax.set_yticks(ax.get_yticks(), [f"P{person}" for person in people])
+    ax.xaxis.set_major_formatter(lambda t, _: clock.time(t))
+    ax.set_xlabel("")
 
 
 def _millimetres(error: float) -> str:

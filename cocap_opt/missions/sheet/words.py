@@ -12,7 +12,7 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
-from cocap_opt.flight.touchdowns import HOME, LANDING, TAKE_OFF, Touchdowns
+from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import routes, seconds_to_step_0
@@ -25,7 +25,7 @@ from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.plausibility import misplaced_people
-from cocap_opt.problem import SEPARATION, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
 
@@ -56,7 +56,7 @@ def sections(
         Section("Places and heights", list(_places_and_heights(flight))),
         Section(
             "Distances and limits",
-            [*_distances(flight), *_limits(flight)],
+            [*_distances(flight, clock), *_limits(flight, clock)],
         ),
         Section("Late drones and people", list(_delays(flight))),
         *take_off(flight, clock, grounds),
@@ -81,16 +81,15 @@ def attention(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
 def _urgent(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
     if flight.cut_short:
         yield flight.cut_short
-    if flight.flown.least_distance() < SEPARATION:
-        yield from flight.near_without_rule()
+    yield from flight.too_near()
     yield from grounds.warnings()
     yield from misplaced_people(flight.flown.problem)
     yield from tight_timing(flight)
 
 
-def running_order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Table:
+def running_order(flight: Flight, clock: Clock) -> Table:
     """Returns the table of events, by the clock."""
-    return Table(("time", "who", "what"), list(_order(flight, clock, grounds)))
+    return Table(("time", "who", "what"), list(_order(flight, clock)))
 
 
 def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
@@ -121,11 +120,9 @@ def unchecked(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
             yield words
 
 
-def _order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[tuple[str, str, str]]:
+def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
     problem, flown = flight.flown.problem, flight.flown
     parts = clock.parts or (None,)
-    for words in grounds.warnings({TAKE_OFF, HOME}):
-        yield "before", "all", f"ATTENTION: {words}"
     for number, part in enumerate(parts):
         first, last = (0, problem.horizon) if part is None else (part.first, part.last)
         begin, end = first * flown.step, last * flown.step
@@ -151,9 +148,6 @@ def _order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[tuple[
         if problem.actors:
             yield clock.at(begin, number), "all people", f"{what} ({step})"
         yield clock.at(begin, number), "all drones", f"the take begins ({step})"
-        if number == 0:
-            for words in tight_timing(flight):
-                yield clock.at(begin), "all", f"ATTENTION: {words}"
         is_last = number == len(parts) - 1
         pause = "latest time to pause the take; people stop as well"
         what = "the take ends" if is_last else pause
@@ -166,9 +160,6 @@ def _order(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[tuple[
                        f"flies home, on the ground at {clock.at(lands, number)}")  # fmt: skip
         else:
             yield "after", "all drones", "land at their last places, one after the other"
-        if is_last:
-            for words in grounds.warnings({LANDING}):
-                yield "after", "all", f"ATTENTION: {words}"
         if not is_last:
             yield "then", "crew", f"new batteries; T{number + 2} is when the take resumes"
 
@@ -218,7 +209,7 @@ def _angles(flight: Flight) -> str:
     return f"Degrees: {yaw}; pitch is the camera's, 0 is level, below is negative."
 
 
-def _distances(flight: Flight) -> Iterator[str]:
+def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
     """Yields how near drones come to each other and to people, and the rules for it."""
     problem = flight.flown.problem
     near = Nearest.of_drones(flight.flown)
@@ -229,15 +220,15 @@ def _distances(flight: Flight) -> Iterator[str]:
         x, y, z = near.place.tolist()
         yield (
             f"Minimum distance between drones: {near.distance:.2f} m (drones {near.first} and "
-            f"{near.second}, at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, {heights.told(z)}); "
-            f"rules: {rules}."
+            f"{near.second}, at {clock.time(near.t)} near x {x:.1f}, y {y:.1f}, "
+            f"{heights.told(z)}); rules: {rules}."
         )
     close = Nearest.of_people(flight.flown)
     if close is not None:
         x, y, z = close.place.tolist()
         yield (
             f"Minimum distance to people, seen from above: {close.distance:.2f} m (drone "
-            f"{close.first} and {problem.person(close.second)}, at {close.t:.2f} s near "
+            f"{close.first} and {problem.person(close.second)}, at {clock.time(close.t)} near "
             f"x {x:.1f}, y {y:.1f}, {heights.told(z)})."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
@@ -276,29 +267,29 @@ def _delays(flight: Flight) -> Iterator[str]:
         )
 
 
-def _limits(flight: Flight) -> Iterator[Block]:
+def _limits(flight: Flight, clock: Clock) -> Iterator[Block]:
     """Yields the tightest moment of each drone."""
     found = flight.rows()
     if all(row["limit"] is None for row in found):
         yield "The tightest moment of each drone (limits unknown):"
         speeds = [
-            (str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
+            (str(row["drone"]), row["tightest"], clock.time(row["at (s)"]),
              f"{row['value']:.2f} {row['unit']}")
             for row in found
         ]  # fmt: skip
-        yield Table(("drone", "tightest", "at (s)", "value"), speeds, frozenset({0, 2, 3}))
+        yield Table(("drone", "tightest", "time", "value"), speeds, frozenset({0, 2, 3}))
         return
     yield "The tightest moment of each drone:"
     rows = [
         (
-            str(row["drone"]), row["tightest"], f"{row['at (s)']:.2f}",
+            str(row["drone"]), row["tightest"], clock.time(row["at (s)"]),
             f"{row['value']:.2f} {row['unit']}",
             "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}",
             row["of the limit"] or "-",
         )
         for row in found
     ]  # fmt: skip
-    heads = ("drone", "tightest", "at (s)", "value", "limit", "of the limit")
+    heads = ("drone", "tightest", "time", "value", "limit", "of the limit")
     yield Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
 
 

@@ -55,7 +55,8 @@ def _names(family: App) -> Sequence[str]:
 def _command(called: str, command: App) -> str:
     """Returns the part of one command, with its options as a table."""
     paragraphs = [" ".join(words.split()) for words in re.split(r"\n\s*\n", command.help or "")]
-    told, *examples = "\n\n".join(paragraphs).split("Example: ")
+    above, *examples = "\n\n".join(paragraphs).split("Example: ")
+    told = f"{above}{command.help_epilogue or ''}"
     lines = "\n".join(example.strip() for example in examples)
     arguments = [argument for argument in command.assemble_argument_collection() if argument.show]
     usage = " ".join([called, *(a.name for a in arguments if not a.name.startswith("-"))])
