@@ -1043,7 +1043,10 @@ def test_seconds_stand_beside_steps_where_they_are_known(player: Any, tmp_path: 
 
 @pytest.mark.slow
 def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) -> None:
-    """The badge is green only if drones are as far apart as they should fly, red if they touch."""
+    """The badge is green only if drones are as far apart as they should fly, red if they touch.
+
+    It says "no conflicts" in green alone.
+    """
     if not Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     problem, crossed = crossing()
@@ -1056,13 +1059,15 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
         badges = value(driver, f"{panels}.map((p) => p.querySelector('.badge').textContent)")
         last = f"{panels}.map((p) => [...p.querySelectorAll('.badge')].at(-1))"
         words = value(driver, f"{last}.map((badge) => badge.textContent)")
-        assert words == [f"no conflicts; closest {d} m ▸" for d in (0, 1, 1)]
+        one_metre = "no rule broken, but 1 m apart ▸"
+        assert words == ["drones touch: 0 m ▸", one_metre, one_metre]
         levels = value(driver, f"{last}.map((badge) => badge.className)")
         assert levels == [f"badge next {level}" for level in ("bad", "mild", "mild")]
         assert badges[1] == "no drone moves"
         value(driver, f"{last}[0].click()")
-        said = "drones 0 and 1 come within 0 m of each other"
+        said = "drones 0 and 1 collide"
         wait_until(driver, f"document.querySelector('.words').textContent === '{said}'")
+        assert value(driver, "document.querySelector('.words').className") == "words"
         still = value(driver, f"{panels}.map((p) => p.querySelector('.still')?.textContent ?? '')")
         assert still == ["", "no drone moves", "1 drone hovers"]
         red = value(driver, "getComputedStyle(document.querySelector('.still')).color")
@@ -1075,6 +1080,7 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
     with Browser.opened(page) as driver:
         badge = "[...document.querySelectorAll('.badge')].at(-1)"
         assert value(driver, f"{badge}.className") == "badge next good"
+        assert value(driver, f"{badge}.textContent") == "no conflicts; closest 1 m ▸"
 
 
 @pytest.mark.slow
@@ -1114,7 +1120,8 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
     heights = """[...document.querySelectorAll(
         "#slider, .hold, .mark, .badge.next, footer label, footer button")]
       .filter((target) => target.offsetParent)
-      .map((target) => [target.textContent, target.getBoundingClientRect().height])"""
+      .map((target) => [target.textContent, Math.max(target.getBoundingClientRect().height,
+        parseFloat(getComputedStyle(target, "::after").height) || 0)])"""
     outside = """["top", "bottom", "left", "right"].map((side) =>
       document.querySelector(".inset").getBoundingClientRect()[side] -
       document.querySelector(".place").getBoundingClientRect()[side])"""
@@ -1129,6 +1136,8 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
         assert value(browser, "matchMedia('(pointer: coarse)').matches")
         assert [one for one in value(browser, heights) if one[1] < 44] == []
         assert len(value(browser, heights)) > 12
+        pills = "[...document.querySelectorAll('.mark, .badge.next')].map((e) => e.offsetHeight)"
+        assert max(value(browser, pills)) <= 28  # the room for fingers is around them
         browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
         area = "(({ offsetWidth, offsetHeight }) => offsetWidth * offsetHeight)"
         covered, whole = (
@@ -1148,6 +1157,27 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
         row = "document.querySelector('.inset .bar')"
         assert value(browser, f"{row}.scrollWidth <= {row}.clientWidth")
         assert value(browser, "document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.slow
+def test_a_phone_on_its_side_shows_the_picture(tmp_path: Path) -> None:
+    """Options are shown on demand, numbers have one line, and the bar at the bottom one row."""
+    page = tmp_path / "delft.html"
+    problem = load_scene("delft", 0)
+    still = Plan(paths=tuple((robot.start,) * 4 for robot in problem.robots))
+    Player(problem.replace(horizon=3), [("still", still)]).save(page)
+    high = "document.querySelector('%s').offsetHeight"
+    with Browser.opened(page) as browser:
+        browser.resize((844, 390))
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        browser.go_to(2)
+        assert value(browser, high % "footer") <= 64
+        assert value(browser, high % ".facts") <= 26
+        top = value(browser, "document.querySelector('.place').getBoundingClientRect().top")
+        assert 390 - 64 - top >= 190 and value(browser, high % ".place") >= 200
+        assert value(browser, "document.documentElement.scrollWidth") <= 844
+        value(browser, "document.getElementById('more').click()")
+        assert value(browser, high % "#options") > 0
 
 
 @pytest.mark.slow
@@ -1349,6 +1379,7 @@ def test_the_badge_offers_the_certificate(tmp_path: Path) -> None:
         badge = "document.querySelector('.badge')"
         assert value(driver, f"{badge}.textContent") == "proved optimal ▸"
         assert value(driver, f"{badge}.className") == "badge next good"
+        assert value(driver, f"{badge}.textContent") == "no conflicts; closest 1 m ▸"
         value(driver, f"{badge}.click()")
         box = "document.querySelector('dialog.proof')"
         assert value(driver, f"{box}.open")
