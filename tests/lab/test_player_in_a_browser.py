@@ -28,7 +28,7 @@ from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
 from cocap_opt.player.scripts import bundled
-from cocap_opt.problem import CollisionRules, Plan, Problem, State
+from cocap_opt.problem import CollisionRules, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
@@ -155,6 +155,17 @@ return [...people, ...drones].map((point) => {
   return [0.5 + along / width, 0.5 - up / height];
 });
 """
+
+
+@pytest.mark.slow
+def test_pictures_of_two_plans_are_alike(player: Any) -> None:
+    """Their sizes, and where they and the charts begin, are the same whatever words are beside."""
+    for step in (0, 1, 5):
+        player.go_to(step)
+        for name in ("canvas.view", ".strip", ".chart"):
+            places = f"[...document.querySelectorAll('{name}')].map((e) => e.getBoundingClientRect())"
+            one, other = value(player, f"{places}.map(({{ top, height }}) => [top, height])")
+            assert one == other
 
 
 @pytest.mark.slow
@@ -631,6 +642,8 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.by import By
 
+    player.refresh()  # nobody is picked
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
     player.go_to(3)
     strips = player.find_elements(By.CSS_SELECTOR, "canvas.strip")
     rows = [plan["filmed"]["rows"] for plan in told(player.page_source)["plans"]]
@@ -643,7 +656,6 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
         count = f"{views} camera{'' if views == 1 else 's'}" if views else "no camera sees "
         return f"person {row['person']}, step {step}: {count}"
 
-    press(player, "p")
     press(player, "p")
     wait_until(player, f"{words}.startsWith({json.dumps(expected(rows[0][1], 3))})")
     press(player, "o")
@@ -788,13 +800,52 @@ def test_keys_tell_what_is_seen_of_each_side_of_a_person(player: Any) -> None:
         names = ["front", "left", "back", "right", "top"]
         assert said.startswith(f"person {person}, px/m²: ")
         for name, pixels in zip(names, plan["seen"][6][5 * person :], strict=False):
-            assert f"{name} {f'{pixels:,.0f}' if pixels else 'not seen'}" in said
+            assert f"{name}: {f'{pixels:,.0f}' if pixels else 'not seen'}" in said
         assert value(player, "document.querySelector('.sides').classList.contains('on')")
         if person == 0:
             for key in "op":  # around to the last, and on to the first
                 press(player, key)
+    assert said.count("; ") == 4  # commas group digits only
     press(player, "s")
     assert not value(player, "document.querySelector('.sides').classList.contains('on')")
+
+
+@pytest.mark.slow
+def test_sides_in_halves_have_a_sum(tmp_path: Path) -> None:
+    """Each side is told once, with the coverage of both of its triangles."""
+    problem, page = tiny(), tmp_path / "page.html"
+    actors = tuple(actor.replace(shape=TriangulatedCuboid()) for actor in problem.actors)
+    problem = problem.replace(actors=actors)
+    Player(problem, planned(problem, "greedy")).save(page)
+    with Browser.opened(page) as driver:
+        press(driver, "s")
+        driver.go_to(1)
+        said = value(driver, "document.querySelector('.sides').textContent")
+        assert "half" not in said and said.count(";") == 4
+        (plan,) = told(driver.page_source)["plans"]
+        front = [f"{pixels:,.0f}" for pixels in plan["seen"][1][:2]]
+        assert f"front: {' + '.join(front)};" in said or "front: not seen" in said
+
+
+@pytest.mark.slow
+def test_keys_that_lead_nowhere_say_so(tmp_path: Path) -> None:
+    """Without marks of a kind the step stays, and a line tells why; the first P is the next."""
+    problem, page = load_scene("delft", 0), tmp_path / "page.html"
+    Player(problem, planned(problem, "greedy")).save(page)
+    with Browser.opened(page) as driver:
+        (plan,) = told(driver.page_source)["plans"]
+        driver.go_to(2)
+        kinds = {"c": plan["conflicts"], "n": plan["near"], "m": []}
+        words = {"c": "no rule is broken", "n": "no close approaches",
+                 "m": "what moves cost is known only with a certificate"}  # fmt: skip
+        for key, marks in kinds.items():
+            assert marks == []
+            press(driver, key)
+            assert value(driver, "document.getElementById('said').textContent") == words[key]
+            assert step_of(driver) == 2
+        press(driver, "p")
+        told_of = "document.querySelector('.told').textContent"
+        wait_until(driver, f"{told_of}.startsWith('{problem.actors[1].name}')")
 
 
 @pytest.mark.slow

@@ -220,8 +220,7 @@ export class Panel {
     box.classList.toggle("on", Boolean(told));
     if (!told) return;
     const seen = plan.seen[Math.round(time)], first = view.bodies.first[j];
-    const each = told.names.map((name, f) => `${name} ${seen[first + f] > 0 ? density(seen[first + f]) : "not seen"}`);
-    put(box, `${told.called}, ${data.unit}: ${each.join(", ")}`);
+    put(box, `${told.called}, ${data.unit}: ${sidesWords(told.names, seen.slice(first, first + told.names.length))}`);
     const [x, y, z] = view.bodies.person(j, time), [middle, head] = view.at([x, y, z + told.height]);
     tipAt(box, view.canvas, [middle - box.clientWidth / 2, head - box.clientHeight]); // above the label
   }
@@ -242,6 +241,17 @@ export class Panel {
       hold.setAttribute("aria-pressed", String(Boolean(held[name])));
     }
   }
+}
+
+// The coverage of each side; a side in parts ("front, half 1") has a sum. Commas group digits only.
+export function sidesWords(names, seen) {
+  const sides = new Map();
+  names.forEach((name, f) => {
+    const [side] = name.split(", ");
+    sides.set(side, [...(sides.get(side) ?? []), seen[f]]);
+  });
+  const told = (parts) => (parts.some((pixels) => pixels > 0) ? parts.map(density).join(" + ") : "not seen");
+  return [...sides].map(([side, parts]) => `${side}: ${told(parts)}`).join("; ");
 }
 
 // Puts a hint beside a point of a picture, inside of it.
