@@ -29,9 +29,10 @@ def show(
     Parameters
     ----------
     problem : the problem that the plans are for
-    plans : plans, or results that have one, shown with their planners and J in the titles; None, or a result
-        without a plan, is left out. Without any plan the drones are shown at their starts; for
-        drones that may choose their start, the ground above which they may start is shown
+    plans : plans, or results that have one, shown with their planners and J in the titles; None,
+        or a result without a plan, is left out. Without any plan the drones are shown at their
+        starts; for drones that may choose their start, the ground above which they may start is
+        shown
     certificate : a certificate, a proof or a result that has one, from which the player shows the
         bound, what is proved about each plan, and the cost of each move
 

@@ -49,7 +49,8 @@ def test_output_in_columns_stays_as_it_is() -> None:
 
 def test_options_are_whole() -> None:
     """A line is folded neither within an option nor between its dashes; minus stays minus."""
-    found = with_lines(block("sh", 'show plan.json<span class="w"> </span>--steps 1,4 -o x-1 --a-b'))
+    code = 'show plan.json<span class="w"> </span>--steps 1,4 -o x-1 --a-b'
+    found = with_lines(block("sh", code))
     for name in ("--steps", "-o", "--a-b"):
         assert f'<span class="option">{name}</span>' in found
     assert found.count('class="option"') == 3
@@ -83,7 +84,8 @@ def test_code_does_not_scroll_on_a_phone(tmp_path: Path) -> None:
         pytest.skip("needs chromium and chromedriver")
     style = (DOCS / "_static" / "pages.css").read_text(encoding="utf-8")
     code = [("sh", "cocap-opt plan " + "scene.toml " * 6), ("py", "    a: " + "x" * 80)]
-    blocks = [with_lines(block(*each)) for each in (*code, ("text", "  ".join("a" * 30 for _ in range(3))))]
+    code += [("text", "  ".join("a" * 30 for _ in range(3)))]
+    blocks = [with_lines(block(*each)) for each in code]
     page = tmp_path / "page.html"
     page.write_text(
         "<!doctype html><meta name=viewport content='width=device-width'>"

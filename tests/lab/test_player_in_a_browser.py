@@ -163,8 +163,9 @@ def test_pictures_of_two_plans_are_alike(player: Any) -> None:
     for step in (0, 1, 5):
         player.go_to(step)
         for name in ("canvas.view", ".strip", ".chart"):
-            places = f"[...document.querySelectorAll('{name}')].map((e) => e.getBoundingClientRect())"
-            one, other = value(player, f"{places}.map(({{ top, height }}) => [top, height])")
+            found = f"[...document.querySelectorAll('{name}')]"
+            sizes = f"{found}.map((e) => [e.getBoundingClientRect().top, e.offsetHeight])"
+            one, other = value(player, sizes)
             assert one == other
 
 
@@ -1211,6 +1212,26 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_numbers_of_the_chart_stand_apart_on_a_phone(tmp_path: Path) -> None:
+    """Fewer of them where the chart is low."""
+    page, problem = tmp_path / "field.html", load_scene("field", 0)
+    Player(problem, planned(problem, "greedy")).save(page)
+    spy = """const write = CanvasRenderingContext2D.prototype.fillText; window.written = [];
+        CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+          if (this.canvas.className === "chart" && this.textAlign === "right") written.push(y);
+          write.call(this, text, x, y);
+        };"""
+    with Browser.opened(page) as browser:
+        browser.resize((390, 844))
+        browser.go_to(2)
+        browser.execute_script(spy)
+        browser.go_to(3)
+        heights = sorted(set(value(browser, "window.written")))
+        assert len(heights) >= 3  # with the words above
+        assert min(np.diff(heights)) >= 13
+
+
+@pytest.mark.slow
 def test_a_phone_on_its_side_shows_the_picture(tmp_path: Path) -> None:
     """Options are shown on demand, numbers have one line, and the bar at the bottom one row."""
     page = tmp_path / "delft.html"
@@ -1430,7 +1451,6 @@ def test_the_badge_offers_the_certificate(tmp_path: Path) -> None:
         badge = "document.querySelector('.badge')"
         assert value(driver, f"{badge}.textContent") == "proved optimal ▸"
         assert value(driver, f"{badge}.className") == "badge next good"
-        assert value(driver, f"{badge}.textContent") == "no conflicts; closest 1 m ▸"
         value(driver, f"{badge}.click()")
         box = "document.querySelector('dialog.proof')"
         assert value(driver, f"{box}.open")

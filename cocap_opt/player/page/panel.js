@@ -244,7 +244,7 @@ export class Panel {
 }
 
 // The coverage of each side; a side in parts ("front, half 1") has a sum. Commas group digits only.
-export function sidesWords(names, seen) {
+function sidesWords(names, seen) {
   const sides = new Map();
   names.forEach((name, f) => {
     const [side] = name.split(", ");

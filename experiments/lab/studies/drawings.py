@@ -163,7 +163,8 @@ def with_players(page: str) -> str:
     """
     return re.sub(
         r'<img ([^>]*src="[^"]*/gallery-([\w-]+)\.svg"[^>]*>)',
-        r'<img class="small" \1<iframe class="player" src="players/\2.html" title="\2" loading="lazy"></iframe>'
+        r'<img class="small" \1<iframe class="player" src="players/\2.html" title="\2" '
+        r'loading="lazy"></iframe>'
         r'<a href="players/\2.html">The player of \2 on a page of its own</a>',
         page,
     )
