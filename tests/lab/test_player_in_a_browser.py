@@ -951,7 +951,7 @@ def test_axe_finds_nothing(player: Any, tmp_path: Path) -> None:
     for page in (before, (tmp_path / "crowd.html").as_uri()):
         player.get(page)
         press(player, "d")
-        for size in ((1280, 800), (390, 844)):
+        for size in ((1280, 800), (390, 844), (844, 390)):
             player.resize(size)
             for mode in ("dark", "light"):
                 screen = [{"name": "prefers-color-scheme", "value": mode}]
