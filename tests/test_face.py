@@ -328,12 +328,13 @@ def test_registries_are_read_only() -> None:
 
 
 def test_played_plans_have_titles() -> None:
-    """A result is called by its J; a plan, whose J is not known before it is checked, is not."""
+    """A result has its planner's name and its J; a plan, which nobody has judged, neither."""
     problem = co.load("bottleneck")
     result = co.plan(problem, "cocap")
     lost = co.Result.without_plan(co.Reason.FAILED, "none was found")
-    said = repr(co.show(problem, result, lost, result.plan))
-    assert ": 1: J = 54,614 | plan 2;" in said
+    player = co.show(problem, result, lost, result.plan)
+    assert ": 1: J = 54,614 | plan 2;" in repr(player)
+    assert [plan["planner"] for plan in player.data()["plans"]] == ["cocap", None]
 
 
 def test_things_describe_themselves() -> None:

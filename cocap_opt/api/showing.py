@@ -29,9 +29,10 @@ def show(
     Parameters
     ----------
     problem : the problem that the plans are for
-    plans : plans, or results that have one, shown with their J in the titles; None, or a result
-        without a plan, is left out. Without any plan the drones are shown at their starts; for
-        drones that may choose their start, the ground above which they may start is shown
+    plans : plans, or results that have one, shown with their planners and J in the titles; None,
+        or a result without a plan, is left out. Without any plan the drones are shown at their
+        starts; for drones that may choose their start, the ground above which they may start is
+        shown
     certificate : a certificate, a proof or a result that has one, from which the player shows the
         bound, what is proved about each plan, and the cost of each move
 
@@ -66,7 +67,8 @@ def show(
         gaps = gaps_of(problem, [p for _, p in known], required_bound(certificate))
     titled = [(_title(n, given), found) for n, (given, found) in enumerate(known, 1)]
     cut_short = ["" if given is None else given.cut_short for given, _ in known]
-    return Player(problem, titled, gaps, cut_short=cut_short)
+    planners = [given.method if isinstance(given, Result) else None for given, _ in known]
+    return Player(problem, titled, gaps, [name or None for name in planners], cut_short)
 
 
 def _title(number: int, given: Plan | Result) -> str:

@@ -115,4 +115,6 @@ def _is_less(distance: float, least: float) -> bool:
 
 def _words(moment: Data) -> str:
     (first, second), apart = moment["robots"], round(moment["apart"], 2)
+    if not apart:
+        return f"drones {first} and {second} collide"
     return f"drones {first} and {second} come within {apart:g} m of each other"

@@ -28,7 +28,7 @@ from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
 from cocap_opt.player.scripts import bundled
-from cocap_opt.problem import CollisionRules, Plan, Problem, State
+from cocap_opt.problem import CollisionRules, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
@@ -155,6 +155,18 @@ return [...people, ...drones].map((point) => {
   return [0.5 + along / width, 0.5 - up / height];
 });
 """
+
+
+@pytest.mark.slow
+def test_pictures_of_two_plans_are_alike(player: Any) -> None:
+    """Their sizes, and where they and the charts begin, are the same whatever words are beside."""
+    for step in (0, 1, 5):
+        player.go_to(step)
+        for name in ("canvas.view", ".strip", ".chart"):
+            found = f"[...document.querySelectorAll('{name}')]"
+            sizes = f"{found}.map((e) => [e.getBoundingClientRect().top, e.offsetHeight])"
+            one, other = value(player, sizes)
+            assert one == other
 
 
 @pytest.mark.slow
@@ -631,6 +643,8 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.by import By
 
+    player.refresh()  # nobody is picked
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
     player.go_to(3)
     strips = player.find_elements(By.CSS_SELECTOR, "canvas.strip")
     rows = [plan["filmed"]["rows"] for plan in told(player.page_source)["plans"]]
@@ -643,7 +657,6 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
         count = f"{views} camera{'' if views == 1 else 's'}" if views else "no camera sees "
         return f"person {row['person']}, step {step}: {count}"
 
-    press(player, "p")
     press(player, "p")
     wait_until(player, f"{words}.startsWith({json.dumps(expected(rows[0][1], 3))})")
     press(player, "o")
@@ -788,13 +801,52 @@ def test_keys_tell_what_is_seen_of_each_side_of_a_person(player: Any) -> None:
         names = ["front", "left", "back", "right", "top"]
         assert said.startswith(f"person {person}, px/m²: ")
         for name, pixels in zip(names, plan["seen"][6][5 * person :], strict=False):
-            assert f"{name} {f'{pixels:,.0f}' if pixels else 'not seen'}" in said
+            assert f"{name}: {f'{pixels:,.0f}' if pixels else 'not seen'}" in said
         assert value(player, "document.querySelector('.sides').classList.contains('on')")
         if person == 0:
             for key in "op":  # around to the last, and on to the first
                 press(player, key)
+    assert said.count("; ") == 4  # commas group digits only
     press(player, "s")
     assert not value(player, "document.querySelector('.sides').classList.contains('on')")
+
+
+@pytest.mark.slow
+def test_sides_in_halves_have_a_sum(tmp_path: Path) -> None:
+    """Each side is told once, with the coverage of both of its triangles."""
+    problem, page = tiny(), tmp_path / "page.html"
+    actors = tuple(actor.replace(shape=TriangulatedCuboid()) for actor in problem.actors)
+    problem = problem.replace(actors=actors)
+    Player(problem, planned(problem, "greedy")).save(page)
+    with Browser.opened(page) as driver:
+        press(driver, "s")
+        driver.go_to(1)
+        said = value(driver, "document.querySelector('.sides').textContent")
+        assert "half" not in said and said.count(";") == 4
+        (plan,) = told(driver.page_source)["plans"]
+        front = [f"{pixels:,.0f}" for pixels in plan["seen"][1][:2]]
+        assert f"front: {' + '.join(front)};" in said or "front: not seen" in said
+
+
+@pytest.mark.slow
+def test_keys_that_lead_nowhere_say_so(tmp_path: Path) -> None:
+    """Without marks of a kind the step stays, and a line tells why; the first P is the next."""
+    problem, page = load_scene("delft", 0), tmp_path / "page.html"
+    Player(problem, planned(problem, "greedy")).save(page)
+    with Browser.opened(page) as driver:
+        (plan,) = told(driver.page_source)["plans"]
+        driver.go_to(2)
+        kinds = {"c": plan["conflicts"], "n": plan["near"], "m": []}
+        words = {"c": "no rule is broken", "n": "no close approaches",
+                 "m": "what moves cost is known only with a certificate"}  # fmt: skip
+        for key, marks in kinds.items():
+            assert marks == []
+            press(driver, key)
+            assert value(driver, "document.getElementById('said').textContent") == words[key]
+            assert step_of(driver) == 2
+        press(driver, "p")
+        told_of = "document.querySelector('.told').textContent"
+        wait_until(driver, f"{told_of}.startsWith('{problem.actors[1].name}')")
 
 
 @pytest.mark.slow
@@ -899,7 +951,7 @@ def test_axe_finds_nothing(player: Any, tmp_path: Path) -> None:
     for page in (before, (tmp_path / "crowd.html").as_uri()):
         player.get(page)
         press(player, "d")
-        for size in ((1280, 800), (390, 844)):
+        for size in ((1280, 800), (390, 844), (844, 390)):
             player.resize(size)
             for mode in ("dark", "light"):
                 screen = [{"name": "prefers-color-scheme", "value": mode}]
@@ -1043,7 +1095,10 @@ def test_seconds_stand_beside_steps_where_they_are_known(player: Any, tmp_path: 
 
 @pytest.mark.slow
 def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) -> None:
-    """The badge is green only if drones are as far apart as they should fly, red if they touch."""
+    """The badge is green only if drones are as far apart as they should fly, red if they touch.
+
+    It says "no conflicts" in green alone.
+    """
     if not Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     problem, crossed = crossing()
@@ -1056,13 +1111,15 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
         badges = value(driver, f"{panels}.map((p) => p.querySelector('.badge').textContent)")
         last = f"{panels}.map((p) => [...p.querySelectorAll('.badge')].at(-1))"
         words = value(driver, f"{last}.map((badge) => badge.textContent)")
-        assert words == [f"no conflicts; closest {d} m ▸" for d in (0, 1, 1)]
+        one_metre = "no rule broken, but 1 m apart ▸"
+        assert words == ["drones touch: 0 m ▸", one_metre, one_metre]
         levels = value(driver, f"{last}.map((badge) => badge.className)")
         assert levels == [f"badge next {level}" for level in ("bad", "mild", "mild")]
         assert badges[1] == "no drone moves"
         value(driver, f"{last}[0].click()")
-        said = "drones 0 and 1 come within 0 m of each other"
+        said = "drones 0 and 1 collide"
         wait_until(driver, f"document.querySelector('.words').textContent === '{said}'")
+        assert value(driver, "document.querySelector('.words').className") == "words"
         still = value(driver, f"{panels}.map((p) => p.querySelector('.still')?.textContent ?? '')")
         assert still == ["", "no drone moves", "1 drone hovers"]
         red = value(driver, "getComputedStyle(document.querySelector('.still')).color")
@@ -1075,6 +1132,7 @@ def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) ->
     with Browser.opened(page) as driver:
         badge = "[...document.querySelectorAll('.badge')].at(-1)"
         assert value(driver, f"{badge}.className") == "badge next good"
+        assert value(driver, f"{badge}.textContent") == "no conflicts; closest 1 m ▸"
 
 
 @pytest.mark.slow
@@ -1114,7 +1172,8 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
     heights = """[...document.querySelectorAll(
         "#slider, .hold, .mark, .badge.next, footer label, footer button")]
       .filter((target) => target.offsetParent)
-      .map((target) => [target.textContent, target.getBoundingClientRect().height])"""
+      .map((target) => [target.textContent, Math.max(target.getBoundingClientRect().height,
+        parseFloat(getComputedStyle(target, "::after").height) || 0)])"""
     outside = """["top", "bottom", "left", "right"].map((side) =>
       document.querySelector(".inset").getBoundingClientRect()[side] -
       document.querySelector(".place").getBoundingClientRect()[side])"""
@@ -1129,6 +1188,8 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
         assert value(browser, "matchMedia('(pointer: coarse)').matches")
         assert [one for one in value(browser, heights) if one[1] < 44] == []
         assert len(value(browser, heights)) > 12
+        pills = "[...document.querySelectorAll('.mark, .badge.next')].map((e) => e.offsetHeight)"
+        assert max(value(browser, pills)) <= 28  # the room for fingers is around them
         browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
         area = "(({ offsetWidth, offsetHeight }) => offsetWidth * offsetHeight)"
         covered, whole = (
@@ -1148,6 +1209,47 @@ def test_a_phone_has_targets_for_fingers(tmp_path: Path) -> None:
         row = "document.querySelector('.inset .bar')"
         assert value(browser, f"{row}.scrollWidth <= {row}.clientWidth")
         assert value(browser, "document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.slow
+def test_numbers_of_the_chart_stand_apart_on_a_phone(tmp_path: Path) -> None:
+    """Fewer of them where the chart is low."""
+    page, problem = tmp_path / "field.html", load_scene("field", 0)
+    Player(problem, planned(problem, "greedy")).save(page)
+    spy = """const write = CanvasRenderingContext2D.prototype.fillText; window.written = [];
+        CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+          if (this.canvas.className === "chart" && this.textAlign === "right") written.push(y);
+          write.call(this, text, x, y);
+        };"""
+    with Browser.opened(page) as browser:
+        browser.resize((390, 844))
+        browser.go_to(2)
+        browser.execute_script(spy)
+        browser.go_to(3)
+        heights = sorted(set(value(browser, "window.written")))
+        assert len(heights) >= 3  # with the words above
+        assert min(np.diff(heights)) >= 13
+
+
+@pytest.mark.slow
+def test_a_phone_on_its_side_shows_the_picture(tmp_path: Path) -> None:
+    """Options are shown on demand, numbers have one line, and the bar at the bottom one row."""
+    page = tmp_path / "delft.html"
+    problem = load_scene("delft", 0)
+    still = Plan(paths=tuple((robot.start,) * 4 for robot in problem.robots))
+    Player(problem.replace(horizon=3), [("still", still)]).save(page)
+    high = "document.querySelector('%s').offsetHeight"
+    with Browser.opened(page) as browser:
+        browser.resize((844, 390))
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        browser.go_to(2)
+        assert value(browser, high % "footer") <= 64
+        assert value(browser, high % ".facts") <= 26
+        top = value(browser, "document.querySelector('.place').getBoundingClientRect().top")
+        assert 390 - 64 - top >= 190 and value(browser, high % ".place") >= 200
+        assert value(browser, "document.documentElement.scrollWidth") <= 844
+        value(browser, "document.getElementById('more').click()")
+        assert value(browser, high % "#options") > 0
 
 
 @pytest.mark.slow

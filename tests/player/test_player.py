@@ -104,7 +104,7 @@ def test_close_approaches_are_told_and_conflicts_are_not_told_twice() -> None:
     """Drones that cross come to 0 m in the middle of the step; a swap is a conflict only."""
     problem, plan = crossing()
     (shown,) = Player(problem, [("", plan)]).data()["plans"]
-    words = "drones 0 and 1 come within 0 m of each other"
+    words = "drones 0 and 1 collide"
     assert shown["near"] == [{"time": 0.5, "robots": [0, 1], "apart": 0, "words": words}]
     assert shown["closest"]["apart"] == 0
     (one, other) = plan.paths

@@ -10,6 +10,7 @@ export const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
 const LEFT = [46, 150, 0.22]; // px at least and at most, and at most so much of the window
 const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
 const TOUCH = 9; // px around a mark
+const TICK = 14; // px from one number to the next
 
 const widest = () => Math.min(LEFT[1], LEFT[2] * window.innerWidth);
 
@@ -19,6 +20,13 @@ export const fitsMargin = (wide) => wide + 12 <= Math.max(LEFT[0], widest());
 // The margin becomes as wide as names need it.
 export function fitMargin(wide) {
   MARGIN.left = Math.max(LEFT[0], Math.min(wide + 12, widest()));
+}
+
+// From one number of an axis to the next: round, few, and far enough apart to be read.
+function tickGap(most, long) {
+  let gap = rounded(most / 1.9);
+  while (gap < most && (long * gap) / most < TICK) gap = rounded(2.5 * gap); // 1, 2, 5, 10, ..
+  return gap;
 }
 
 export class Chart {
@@ -88,7 +96,7 @@ export class Chart {
   ticks(context, y, most, w) {
     context.textAlign = "right";
     context.textBaseline = "middle";
-    const gap = this.data.mostReward ? rounded(most / 1.9) : Infinity;
+    const gap = this.data.mostReward ? tickGap(most, y(0) - y(most)) : Infinity;
     for (let value = 0; value <= most; value += gap) {
       context.fillStyle = words.line;
       context.fillRect(MARGIN.left, Math.round(y(value)), w - MARGIN.left - MARGIN.right, 1);

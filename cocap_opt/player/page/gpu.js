@@ -237,7 +237,7 @@ export function openGpu(isAnyWelcome) {
     try {
       return new Gpu(gl);
     } catch (error) {
-      console.warn(`The processor draws: ${error.message}`); // a shader that this card's driver refuses
+      console.warn(`Drawn without the graphics card: ${error.message}`); // a shader that this card's driver refuses
     }
   }
   gl.getExtension("WEBGL_lose_context")?.loseContext(); // its memory is free again

@@ -179,7 +179,7 @@ export class Labels {
     context.font = `600 11px ${FONT}`;
     this.haloedLine([[x, y - 4], [x, y], [x + long, y], [x + long, y - 4]]);
     context.textAlign = "left";
-    this.haloed(this.view.camera.isAbove ? `${metres} m` : `${metres} m mid-picture`, x, y - 10);
+    this.haloed(this.view.camera.isAbove ? `${metres} m` : `${metres} m mid-picture`, x, y - 14); // clear of the bar's ends
     context.textAlign = "center";
   }
 

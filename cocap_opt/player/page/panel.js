@@ -82,13 +82,13 @@ export class Panel {
   }
 
   // Whether drones keep the rules, and how near they come to each other: red if they break a rule or
-  // would touch, green only if they are as far apart as drones should fly. A press goes there.
+  // would touch, green and "no conflicts" only if they are as far apart as drones should fly. A press
+  // goes there.
   kept() {
-    const { plan, actions } = this, { conflicts: { length: count }, closest, waits } = plan;
-    const broken = count ? `${count} conflict${count > 1 ? "s" : ""}` : waits ? "" : "no conflicts";
-    const words = [broken, closest ? `closest ${distance(closest.apart)}` : ""].filter(Boolean).join("; ");
+    const { plan, actions } = this, { conflicts: { length: count }, closest } = plan;
+    const words = keptWords(plan);
     if (!words) return [];
-    const isBad = count || (closest && !closest.isKept && closest.apart < closest.body);
+    const isBad = count || (closest && isTouch(closest));
     const level = isBad ? "bad" : !closest || closest.isKept ? "good" : "mild";
     if (!count && !closest) return [make("span", `badge ${level}`, words)];
     const go = () => (count ? actions.next("conflict", plan) : actions.jump(closest.time));
@@ -150,8 +150,8 @@ export class Panel {
       const words = ` ${count} ${count > 1 ? many : one}`;
       const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
       dot.style.color = colour;
-      const isTouch = kind === "near" && this.plan.closest.apart < this.plan.closest.body;
-      box.append(button(`mark ${kind}${isTouch ? " touch" : ""}`, words, `go to the next ${one} (${key})`, go));
+      const touches = kind === "near" && isTouch(this.plan.closest);
+      box.append(button(`mark ${kind}${touches ? " touch" : ""}`, words, `go to the next ${one} (${key})`, go));
       box.lastChild.prepend(dot);
     }
     return box;
@@ -209,7 +209,8 @@ export class Panel {
     const most = this.canvas.clientWidth < PHONE ? 1 : MOST_WORDS;
     const told = [...conflictsAt(plan, time), ...nearAt(plan, time)].map((one) => one.words);
     put(this.words, several(told, most));
-    this.words.classList.toggle("mild", !conflictsAt(plan, time).length);
+    const isMild = !conflictsAt(plan, time).length && nearAt(plan, time).every(({ apart }) => apart >= plan.closest.body);
+    this.words.classList.toggle("mild", isMild);
     this.describeDrones(step, options);
   }
 
@@ -219,8 +220,7 @@ export class Panel {
     box.classList.toggle("on", Boolean(told));
     if (!told) return;
     const seen = plan.seen[Math.round(time)], first = view.bodies.first[j];
-    const each = told.names.map((name, f) => `${name} ${seen[first + f] > 0 ? density(seen[first + f]) : "not seen"}`);
-    put(box, `${told.called}, ${data.unit}: ${each.join(", ")}`);
+    put(box, `${told.called}, ${data.unit}: ${sidesWords(told.names, seen.slice(first, first + told.names.length))}`);
     const [x, y, z] = view.bodies.person(j, time), [middle, head] = view.at([x, y, z + told.height]);
     tipAt(box, view.canvas, [middle - box.clientWidth / 2, head - box.clientHeight]); // above the label
   }
@@ -243,6 +243,17 @@ export class Panel {
   }
 }
 
+// The coverage of each side; a side in parts ("front, half 1") has a sum. Commas group digits only.
+function sidesWords(names, seen) {
+  const sides = new Map();
+  names.forEach((name, f) => {
+    const [side] = name.split(", ");
+    sides.set(side, [...(sides.get(side) ?? []), seen[f]]);
+  });
+  const told = (parts) => (parts.some((pixels) => pixels > 0) ? parts.map(density).join(" + ") : "not seen");
+  return [...sides].map(([side, parts]) => `${side}: ${told(parts)}`).join("; ");
+}
+
 // Puts a hint beside a point of a picture, inside of it.
 export function tipAt(tip, canvas, [x, y]) {
   tip.style.left = `${Math.max(Math.min(x + 12, canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
@@ -254,6 +265,18 @@ const flightOf = ({ knots }) => (knots
   : "in straight lines, as cocap-opt fly writes it: no smooth flight obeys the rules");
 
 const distance = (metres) => `${Number(metres.toFixed(2))} m`; // as cocap-opt fly rounds it
+
+// Whether the bodies of two drones touch as they are drawn, though no rule of the scene forbids it.
+const isTouch = ({ apart, isKept, body }) => !isKept && apart < body;
+
+// What the badge says of rules and distances.
+function keptWords({ conflicts: { length: count }, closest, waits }) {
+  const apart = closest ? distance(closest.apart) : "", near = apart ? `closest ${apart}` : "";
+  if (count) return [`${count} conflict${count > 1 ? "s" : ""}`, near].filter(Boolean).join("; ");
+  if (!closest || closest.isKept) return [waits ? "" : "no conflicts", near].filter(Boolean).join("; ");
+  if (apart === distance(0)) return `drones touch: ${apart}`;
+  return `no rule broken, but ${isTouch(closest) ? "only " : ""}${apart} apart`;
+}
 
 // Which drones are nearest to each other, when, and in which flight, and how far apart they should be.
 function nearest({ closest: { robots, apart, time, straight, kept }, knots }) {

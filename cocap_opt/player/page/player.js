@@ -23,6 +23,7 @@ const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
 const ZOOM = 1.25; // by a key
+const SAID = 4000; // ms that a message stays
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
@@ -150,13 +151,32 @@ function pace(spent) {
 function next(kind, plan) {
   const plans = plan ? [plan] : data.plans;
   const times = plans.flatMap(marksOf).filter((mark) => mark.kind === kind).map((mark) => mark.time).sort((a, b) => a - b);
-  jump(times.find((time) => time > state.time + 1e-6) ?? times[0] ?? state.time);
+  goOn(times, nothing(kind));
+}
+
+// To the next of some moments, or say that there is none.
+function goOn(times, words) {
+  if (times.length) jump(times.find((time) => time > state.time + 1e-6) ?? times[0]);
+  say(times.length ? "" : words);
+}
+
+// What is said where there is no mark of a kind.
+function nothing(kind) {
+  if (kind === "conflict") return "no rule is broken";
+  if (kind === "near") return "no close approaches";
+  return data.plans.some(({ gap }) => gap) ? "no costly moves" : "what moves cost is known only with a certificate";
+}
+
+// A line over the page for a while, which a screen reader reads out.
+function say(words) {
+  put(find("said"), words);
+  clearTimeout(state.said);
+  state.said = setTimeout(() => put(find("said"), ""), SAID);
 }
 
 // To the next step at which somebody is seen by fewer than two drones, in any plan.
 function nextBad() {
-  const steps = data.plans.flatMap(badSteps).sort((a, b) => a - b);
-  jump(steps.find((step) => step > state.time + 1e-6) ?? steps[0] ?? state.time);
+  goOn(data.plans.flatMap(badSteps).sort((a, b) => a - b), "nobody is seen by fewer than two drones");
 }
 
 // A person of the strips, who is in the same row of all plans, and a step.
@@ -167,7 +187,7 @@ function watch(step, person) {
 
 function watchNext(way) {
   const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? data.people.length));
-  if (count) watch(state.time, ((state.person ?? (way > 0 ? -1 : count)) + way + count) % count);
+  if (count) watch(state.time, ((state.person ?? 0) + way + count) % count); // the strip begins with person 0
 }
 
 function toggleSides() {
@@ -315,7 +335,7 @@ function lay() {
 // Pictures of a lost graphics card are drawn again by the processor.
 function tellRenderer() {
   document.documentElement.dataset.renderer = renderer();
-  put(find("drawn"), renderer() === "webgl" ? "The graphics card draws the pictures." : "The processor draws the pictures.");
+  put(find("drawn"), renderer() === "webgl" ? "Drawn by the graphics card." : "Drawn without the graphics card.");
   refresh();
 }
 

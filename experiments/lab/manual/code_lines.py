@@ -1,7 +1,8 @@
 """Lines of code on the built site, each an element of its own.
 
 The style sheet folds a line that is too long, on phones above all, and indents the rest of it below
-its beginning. Output in columns stays as it is: folded, its columns would be lost.
+its beginning; of a label and a sentence, below the sentence. Names of options are never divided.
+Output in three columns or more stays as it is: folded, its columns would be lost.
 """
 
 import re
@@ -14,26 +15,43 @@ _CODE = re.compile(
 )
 _TAG = re.compile(r"<[^>]*>")
 _OUTPUT = ("text", "none", "default")  # languages of what programs print
-_COLUMNS = re.compile(r"\S {2,}\S")
+_GAP = re.compile(r"(?<=\S) {2,}(?=\S)")  # between two columns
+_TEXT = re.compile(r"(<[^>]*>)")  # what divides HTML into text and tags
+_OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*")
+_HANGING = 2  # characters by which the style sheet indents the rest of a line
+_INLINE = re.compile(r'<span class="pre">(?=-)')  # of inline code, a word that is an option
 
 
 def with_lines(body: str) -> str:
     """Returns the HTML of a page in which each line of code can be folded."""
-    return _CODE.sub(_divided, body)
+    return _INLINE.sub('<span class="pre option">', _CODE.sub(_divided, body))
 
 
 def _divided(found: re.Match[str]) -> str:
     head, language, code, end = found.groups()
-    if language in _OUTPUT and _COLUMNS.search(_plain(code)):
+    is_output, lines = language in _OUTPUT, code.split("\n")
+    if is_output and any(len(_GAP.findall(_plain(line))) > 1 for line in lines):
         return found[0]
-    return head + "".join(map(_line, code.split("\n"))) + end
+    return head + "".join(_line(line, is_output) for line in lines) + end
 
 
-def _line(line: str) -> str:
+def _line(line: str, is_output: bool) -> str:
     text = _plain(line)
     depth = len(text) - len(text.lstrip(" "))
+    if is_output and (gap := _GAP.search(text)):
+        depth = gap.end() - _HANGING
     style = f' style="--depth: {depth}"' if depth and text.strip() else ""
-    return f'<span class="line"{style}>{line}\n</span>'
+    return f'<span class="line"{style}>{_kept_whole(line)}\n</span>'
+
+
+def _kept_whole(line: str) -> str:
+    """Returns a line whose options are whole, and that may be folded after a bracket opens."""
+    parts = _TEXT.split(line)  # text, tag, text, ..
+    parts[::2] = [
+        _OPTION.sub(r'<span class="option">\g<0></span>', part).replace("(", "(<wbr>")
+        for part in parts[::2]
+    ]
+    return "".join(parts)
 
 
 def _plain(code: str) -> str:

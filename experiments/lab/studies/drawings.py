@@ -157,11 +157,15 @@ def _scene_part(name: str) -> str:
 
 
 def with_players(page: str) -> str:
-    """Returns the page of the gallery in HTML with players in place of its pictures."""
+    """Returns the page of the gallery in HTML with players beside its pictures.
+
+    The style sheet shows the pictures on phones, and the players elsewhere.
+    """
     return re.sub(
-        r'<img [^>]*src="[^"]*/gallery-([\w-]+)\.svg"[^>]*>',
-        r'<iframe class="player" src="players/\1.html" title="\1" loading="lazy"></iframe>'
-        r'<a href="players/\1.html">The player of \1 on a page of its own</a>',
+        r'<img ([^>]*src="[^"]*/gallery-([\w-]+)\.svg"[^>]*>)',
+        r'<img class="small" \1<iframe class="player" src="players/\2.html" title="\2" '
+        r'loading="lazy"></iframe>'
+        r'<a href="players/\2.html">The player of \2 on a page of its own</a>',
         page,
     )
 
