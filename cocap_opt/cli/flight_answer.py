@@ -82,10 +82,10 @@ class FlightAnswer(NamedTuple):
         reward = rounded(found[f"reward_{way}"])
         yield "J", f"{reward} in flight, {rounded(found['reward'])} at the steps of the plan"
         if found["least_distance"] is not None:
-            rule = _rule(rules.separation)
+            rule = _rule(rules.separation, rules.vertical, "in height", "between the steps")
             yield "between drones", f"{found['least_distance']:.2f} m at least; {rule}"
         if found["people_distance"] is not None:
-            rule = _rule(asked.people_aside)
+            rule = _rule(asked.people_aside, asked.people_above, "above", "on people")
             yield "to people", f"{found['people_distance']:.2f} m at least, from above; {rule}"
         tightest = max(self.flight.rows(), key=_tightness)
         if tightest["limit"] is not None:
@@ -112,8 +112,11 @@ def attention(flight: Flight, parts: Sequence[Part]) -> Iterator[str]:
         yield pause
 
 
-def _rule(least: float) -> str:
-    return f"the scene's rule is {least:g} m" if least else "the scene has no rule"
+def _rule(least: float, over: float | None, way: str, none: str) -> str:
+    """Returns words for a rule on distances: aside (m), or else so far (m) in height."""
+    if not least:
+        return f"the scene has no rule {none}"
+    return f"the scene's rule is {least:g} m" + (f", or {over:g} m {way}" if over else "")
 
 
 def _told_demand(row: Record) -> str:
@@ -123,14 +126,19 @@ def _told_demand(row: Record) -> str:
 
 
 def _told_air(parts: Sequence[Part]) -> str:
-    """Returns words for the drone with the least left in its battery; else for the longest time."""
+    """Returns words for the longest time in the air, and for the battery with the least left."""
     drones = [drone for part in parts for drone in part.drones]
+    longest = max(drones, key=lambda each: each.seconds)
+    words = f"{longest.seconds:.0f} s at most (drone {longest.drone})"
     known = [(each.endurance - each.seconds, each) for each in drones if each.endurance is not None]
     if known:
         left, drone = min(known, key=lambda pair: pair[0])
-        return f"{drone.seconds:.0f} s at most (drone {drone.drone}), {left:.0f} s of battery left"
-    drone = max(drones, key=lambda each: each.seconds)
-    return f"{drone.seconds:.0f} s at most (drone {drone.drone}); endurance of batteries unknown"
+        words += f"; {left:.0f} s of battery left at least (drone {drone.drone})"
+    unknown = sorted({each.drone for each in drones if each.endurance is None})
+    if unknown:
+        which = f" of drone{'s' if unknown[1:] else ''} {', '.join(map(str, unknown))}"
+        words += f"; endurance{which if known else ''} unknown"
+    return words
 
 
 def _in_the_air(parts: Sequence[Part]) -> Listing:

@@ -61,7 +61,9 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     capsys.readouterr()
     assert run(["fly", scene, plan, "-o", out]) == 0
     printed = capsys.readouterr().out
-    assert re.search(r"in the air +\d+ s at most \(drone \d\), \d+ s of battery left", printed)
+    assert re.search(
+        r"in the air +\d+ s at most \(drone \d\); \d+ s of battery left at least", printed
+    )
     assert "people were not considered there" in " ".join(printed.split())
     assert "batteries do not last" not in caplog.text + printed
     assert run(["fly", scene, plan, "-o", out, "--verbose"]) == 0
@@ -152,3 +154,23 @@ def test_all_tables_have_homes_or_none(tmp_path: Path) -> None:
         ProblemError, match=r"drones\[1\].homes\[0\]: must be given for all drones, or"
     ):
         read(path)
+
+
+def test_the_answer_names_unknown_batteries_and_whole_rules(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A known battery hides no unknown one, and a distance in height belongs to the rule."""
+    one, other = (
+        f"[[drones]]\nstarts = [{{ x = 6.5, y = {y} }}]\nhomes = [[2.5, {y}]]\n"
+        f"motion = {{ layers = [5] }}\nlimits = {{ {endurance}speed = 5 }}\n"
+        for y, endurance in ((3.5, "endurance = 60, "), (8.5, ""))
+    )
+    before, _ = RECIPE.split("[[drones]]")
+    scene, plan = tmp_path / "scene.toml", str(tmp_path / "plan.json")
+    scene.write_text(f"{before}[rules]\nseparation = 2\nvertical = 1.5\n{one}{other}")
+    assert run(["plan", str(scene), "--planner", "sequential", "-o", plan]) == 0
+    capsys.readouterr()
+    assert run(["fly", str(scene), plan, "-o", str(tmp_path / "flight.csv")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"battery left at least \(drone 0\); endurance of drone 1 unknown", printed)
+    assert "m at least; the scene's rule is 2 m, or 1.5 m in height" in printed
