@@ -60,22 +60,23 @@ class Approaches:
         """Returns when which two drones are nearest to each other; None if there are no two.
 
         `apart` is how far (m) in the flight that is shown, `straight` in straight lines from step
-        to step. `kept` is the distance (m) from which on nobody need worry: the separation of
-        the scene's rules, or without one what scenes keep that are to be flown. `isKept` is
-        true if they keep it, as plans without conflicts keep rules. `body` is how wide (m) drones
-        are.
+        to step. `kept` is the distance (m) from which on nobody need worry, or `above` in
+        height: those of the scene's rules, or where these let bodies touch what scenes keep
+        that are to be flown. `isKept` is true if they keep it, as plans without conflicts keep
+        rules. `body` is how wide (m) drones are.
         """
         if not self._pairs:
             return None
         found = self._nearest(np.arange(len(self._pairs)), 0, self._problem.horizon)
         there = sorted({i for pair in self._pairs for i in pair})
         legs = -Peak.of(_nearness(straight, there).reshape(-1, 2 * DEGREE + 1)).value
-        separation = self._problem.rules.separation
-        kept = separation or SEPARATION
+        rules = self._problem.rules
+        is_wide = rules.separation >= BODY and (not rules.vertical or rules.vertical >= BODY)
         return found | {
             "straight": round(math.sqrt(max(legs, 0.0)), _DIGITS),
-            "kept": kept,
-            "isKept": bool(separation) or not _is_less(found["apart"], kept),
+            "kept": rules.separation if is_wide else SEPARATION,
+            "above": rules.vertical if is_wide else 0.0,
+            "isKept": is_wide or not _is_less(found["apart"], SEPARATION),
             "body": BODY,
         }
 

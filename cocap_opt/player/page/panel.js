@@ -266,7 +266,7 @@ const flightOf = ({ knots }) => (knots
 
 const distance = (metres) => `${Number(metres.toFixed(2))} m`; // as cocap-opt fly rounds it
 
-// Whether the bodies of two drones touch as they are drawn, though no rule of the scene forbids it.
+// Whether the bodies of two drones touch as drawn, though no rule forbids it.
 const isTouch = ({ apart, isKept, body }) => !isKept && apart < body;
 
 // What the badge says of rules and distances.
@@ -278,11 +278,11 @@ function keptWords({ conflicts: { length: count }, closest, waits }) {
   return `no rule broken, but ${isTouch(closest) ? "only " : ""}${apart} apart`;
 }
 
-// Which drones are nearest to each other, when, and in which flight, and how far apart they should be.
-function nearest({ closest: { robots, apart, time, straight, kept }, knots }) {
-  const flight = knots ? `on the smooth flight (cocap-opt fly --smooth); on straight legs the closest is ${distance(straight)}` : "on straight legs";
+// Which drones are nearest, when, in which flight, and how far apart they should be.
+function nearest({ closest: { robots, apart, time, straight, kept, above }, knots }) {
+  const flight = knots ? `on the smooth flight (cocap-opt fly --smooth), ${distance(straight)} on straight legs` : "on straight legs";
   return `drones ${robots.join(" and ")} are ${distance(apart)} apart at step ${digits(time, 1)}, ${flight}. `
-    + `Green from ${distance(kept)} on. Go there`;
+    + `Green from ${distance(kept)} on${above ? `, or ${distance(above)} in height` : ""}. Go there`;
 }
 
 // Cost of the drones' moves from a step, in % of the bound, with the costliest drone named.
