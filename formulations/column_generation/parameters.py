@@ -251,8 +251,7 @@ class EnvelopeParameters(Section):
     Attributes
     ----------
     few_states_left : states of all steps
-        largest number at which all states have prices; with more states, lists close more in the
-        same time
+        largest number at which all states have prices; with more, lists close more in the same time
     most_states_left : states of all steps
         the same limit once a round of lists has closed little; 300,000 take 2.2 GB of memory
     most_states_of_few : states of all steps
@@ -262,11 +261,11 @@ class EnvelopeParameters(Section):
     most_unlisted : states of all steps
         the same limit for teams too large for lists, whose searches take longer
     most_at_a_step : states of a step
-        largest number of states for which a step is searched
+        most states for which a step is searched
     most_listed_robots : robots
         largest team for which lists are searched
     most_rounds : rounds
-        largest number of rounds of stages
+        most rounds of stages
     many_nodes : nodes
         largest search of a step in compiled code
     many_plain_nodes : nodes
@@ -293,8 +292,7 @@ class EnvelopeParameters(Section):
     responses : iterations' worth of responses
         budget for plans after each bundle
     most_corrections : times
-        largest number of times that a bundle is corrected by joint states that only the exact
-        search finds
+        most corrections of a bundle by joint states that only the exact search finds
     least_round : share
         least share of what is open that a round must close for another one to follow
     wide : times the first slack
