@@ -396,7 +396,7 @@ def test_copies_of_a_scene_have_the_same_j(copy: Copy, name: str) -> None:
 
 
 def without_sides(problem: Problem) -> Problem:
-    """The problem with four headings, no goals, and actors whose sides are alike."""
+    """The problem with four headings, no goals, and actors and moves whose sides are alike."""
     robots = [
         robot.replace(
             motion=robot.motion.replace(headings=4),
@@ -411,7 +411,9 @@ def without_sides(problem: Problem) -> Problem:
         actor.replace(shape=Cuboid()) if isinstance(actor.shape, TriangulatedCuboid) else actor
         for actor in actors
     ]
-    return problem.replace(robots=tuple(robots), actors=tuple(actors))
+    # dx + dy = 0 rewards one diagonal, which a turned or mirrored move leaves.
+    objective = problem.objective.replace(balanced=0.0)
+    return problem.replace(robots=tuple(robots), actors=tuple(actors), objective=objective)
 
 
 @examples(15)
