@@ -192,9 +192,12 @@ def _compiled(
         *joint.sparse, joint.weights, *joint.returns, joint.price, joint.charge, ranges,
         joint.conflicts.place_of, joint.conflicts.too_near,
     )  # fmt: skip
-    is_few = teams.shape[1] <= parameters.few_robots
-    most_full = parameters.full_starts if is_few else len(teams)
-    ascend(views, joint.floor - joint.margin, teams, most_full, parameters.high_states)
+    full, high = (
+        (parameters.full_starts, parameters.high_states)
+        if teams.shape[1] <= parameters.few_robots
+        else (parameters.many_full_starts, parameters.many_high_states)
+    )
+    ascend(views, joint.floor - joint.margin, teams, full, high)
     return teams[(teams >= 0).all(axis=1)]
 
 
