@@ -4,10 +4,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cocap_opt.flight.changes import tight_timing
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.touchdowns import Touchdowns
-from cocap_opt.flight.ways import Part, pauses_of
+from cocap_opt.flight.ways import Part
 from cocap_opt.output.answer import print_pairs, print_result
 from cocap_opt.output.printing import (
     Listing,
@@ -18,7 +16,6 @@ from cocap_opt.output.printing import (
     print_texts,
     rounded,
 )
-from cocap_opt.plausibility import misplaced_people
 
 _MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
 
@@ -96,20 +93,6 @@ class FlightAnswer(NamedTuple):
             off = found["accuracy"]
             known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
             yield "on the Earth", f"{found['crs']}, {known}"
-
-
-def attention(flight: Flight, parts: Sequence[Part]) -> Iterator[str]:
-    """Yields what nobody must overlook.
-
-    Drones too near to each other or to people, touchdowns, people out of place, tight timing, and
-    pauses for new batteries.
-    """
-    yield from flight.too_near()
-    yield from Touchdowns.of(flight).warnings()
-    yield from misplaced_people(flight.flown.problem)
-    yield from tight_timing(flight)
-    if pause := pauses_of(parts):
-        yield pause
 
 
 def _rule(least: float, over: float | None, way: str, none: str) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.flight_answer import FlightAnswer, attention
+from cocap_opt.cli.flight_answer import FlightAnswer
 from cocap_opt.cli.flight_options import (
     AS_PLANNED,
     Every,
@@ -19,6 +19,8 @@ from cocap_opt.cli.flight_options import (
 )
 from cocap_opt.cli.flown_plan import Order
 from cocap_opt.cli.options import FLAG, Json, Output, PlanPath, Scene, Seed, Whole
+from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.urgent import attention
 from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.answer import print_result
@@ -111,11 +113,11 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    found = [*attention(flight, parts)]
-    watched = [f"ATTENTION: {words}" for words in found]
-    notes = [*flight.notes(), *mission.notes, *_of_homes(parts, suffix)]
-    notes = [words for words in notes if words not in found]
-    notes += _strays(output, suffix, files)
+    watched = [*attention(flight, Touchdowns.of(flight), parts)]
+    notes = [
+        *flight.notes(), *mission.notes, *_of_homes(parts, suffix),
+        *_strays(output, suffix, files),
+    ]  # fmt: skip
     if json:
         for words in (*mission.warnings, *filter(None, [pauses_of(parts)])):
             _log.warning("%s: %s", plan, words)
@@ -129,9 +131,7 @@ def _fly(
             return 0
         details = [*flight.axes(), *mission.details]
         urgent = [*watched, *mission.warnings]
-        if cut_short:
-            urgent.insert(0, f"ATTENTION: {cut_short}")
-        known = [words for words in notes if words not in (*details, *mission.warnings, cut_short)]
+        known = [words for words in notes if words not in (*details, *mission.warnings)]
         shown = FlightAnswer(
             flight, parts, [*files], answer | {"cut_short": None}, urgent, known, details
         )

@@ -231,8 +231,10 @@ class Flight(NamedTuple):
             yield "height datum unknown; set `heights` under [earth] of a recipe"
 
     def near_without_rule(self) -> Iterator[str]:
-        """Yields how near drones come to each other, where no rule asks for a distance."""
-        yield from self._drones_too_near()
+        """Yields how near drones come to each other, where no rule asks for a distance.
+
+        Nothing if that is too near, which `too_near` says.
+        """
         least = self.flown.least_distance()
         if not self.flown.problem.rules.separation and _TOO_NEAR <= least < math.inf:
             kind = "smooth" if self.is_smooth else "straight"

@@ -1,4 +1,5 @@
 import io
+import json
 import os
 import re
 import signal
@@ -18,8 +19,10 @@ from cocap_opt.flight import flights
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Danger
 from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.urgent import attention
 from cocap_opt.missions import FORMATS, Export, MissionFormat, table
-from cocap_opt.missions.sheet.words import attention
+from cocap_opt.missions.sheet import pages_of
+from cocap_opt.missions.sheet.fonts import USUAL
 
 STRAIGHT = 'flown = "straight"'
 RECIPE = """
@@ -258,8 +261,33 @@ def test_somebody_who_walks_through_a_wall_is_told_by_name(
     told = [f"ATTENTION: person 0 (Cleo) is {words}"] if words else []
     assert [note for note in run.json["notes"] if "Cleo" in note and "ATT" in note][:1] == told
     flight = Flight.of(problem, plan, False)
-    framed = [*attention(flight, Touchdowns.of(flight))]
-    assert [each for each in framed if "obstacle" in each] == [f"{each}." for each in told]
+    framed = [*attention(flight, Touchdowns.of(flight), ())]
+    assert [each for each in framed if "obstacle" in each] == told
+
+
+def test_fly_and_the_sheet_warn_of_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a limit, of drones and people that meet, and of the ground: in one order, each once."""
+    problem, _ = beside_somebody()
+    paths = tuple(tuple(co.State(4 + t, y) for t in range(5)) for y in (4, 5))
+    robots = tuple(co.Robot(start=path[0]) for path in paths)
+    problem = problem.replace(robots=robots, rules=co.NO_RULES, airspace=co.Airspace())
+    near = problem.actors[0].replace(poses=problem.actors[0].poses + np.array([3.0, 0, 0, 0]))
+    problem, plan = problem.replace(actors=(near,)), co.Plan(paths=paths)
+    scene, file, out = saved(tmp_path, problem, plan)
+    words = "cut short: 1 of 2 drones stays at its start"
+    content = json.loads(file.read_text()) | {"cut_short": words}
+    file.write_text(json.dumps(content))
+    run = Run(capsys, "fly", scene, file, "-o", out, "--json")
+    told = [note for note in run.json["notes"] if note.startswith("ATTENTION: ")]
+    assert told == run.json["notes"][:5] and told[0] == f"ATTENTION: {words}"
+    lines = Run(capsys, "fly", scene, file, "-o", out).out.split("\n\n")[0]
+    assert " ".join(lines.split()) == " ".join(f"{each}." for each in told)
+    flight = Flight.of(problem, plan, False)._replace(cut_short=words)
+    pages = pages_of(flight, None, [USUAL])
+    (first, *_), printed = pages.figures, " ".join(f"{each}." for each in told)
+    assert printed in " ".join(" ".join(text.get_text() for text in first.texts).split())
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from cocap_opt.flight.changes import TIGHT, tolerated_delay
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.urgent import attention
 from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.sheet import pages_of
@@ -39,7 +40,6 @@ from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
 from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
 from cocap_opt.missions.sheet.words import (
-    attention,
     running_order,
     sections,
     to_check,
@@ -74,12 +74,13 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
 
 def framed(flight: Flight) -> list[str]:
     """The warnings in the frame of the first page."""
-    return [*attention(flight, Touchdowns.of(flight))]
+    parts = clock_of(flight).parts
+    return [f"{words}." for words in attention(flight, Touchdowns.of(flight), parts)]
 
 
 def left_open(flight: Flight) -> list[str]:
     """What is to be checked on the spot, without homes, and what the program did not check."""
-    return [*to_check(flight, False), *unchecked(flight, Touchdowns.of(flight))]
+    return [*to_check(flight, False), *unchecked(flight)]
 
 
 def order_of(flight: Flight) -> list[str]:
@@ -290,10 +291,10 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     paths = tuple((robot.start, robot.start) for robot in beside.robots)
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
-        (words,) = each.near_without_rule()
-        assert [*each.too_near()][:1] == [words] * is_first
-        assert framed(each)[:1] == ([f"ATTENTION: {words}."] if is_first else [])
-        assert (words in left_open(each)) == (not is_first)
+        urgent, others = [*each.too_near()], [*each.near_without_rule()]
+        assert (len(urgent), len(others)) == ((1, 0) if is_first else (0, 1))
+        assert framed(each)[:1] == [f"ATTENTION: {words}." for words in urgent]
+        assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
 
 
 def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
@@ -800,10 +801,9 @@ def test_the_sheet_has_no_marks_of_other_papers() -> None:
     What the program did not check is a list of its own.
     """
     flight = Flight.of(*scene(), False)
-    grounds = Touchdowns.of(flight)
     lines = [line for lines in text_of(flight).values() for line in lines]
     assert not any(line.startswith("- ") or "`" in line for line in lines)
-    checks, others = {*to_check(flight, False)}, {*unchecked(flight, grounds)}
+    checks, others = {*to_check(flight, False)}, {*unchecked(flight)}
     assert checks and others and not checks & others
     assert not any("not checked" in words for words in checks)
     pages = pages_of(flight, None, [USUAL])

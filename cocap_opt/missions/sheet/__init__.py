@@ -16,7 +16,8 @@ from matplotlib.backends.backend_pdf import PdfPages
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.touchdowns import Touchdowns
-from cocap_opt.flight.ways import has_homes, parts_of_take, pauses_of
+from cocap_opt.flight.urgent import attention
+from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
@@ -35,7 +36,6 @@ from cocap_opt.missions.sheet.maps import draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import Inset, Pages
 from cocap_opt.missions.sheet.places import degrees
 from cocap_opt.missions.sheet.words import (
-    attention,
     label_of,
     running_order,
     sections,
@@ -95,7 +95,7 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     pages.cards(title, [*drones, *people_cards(flight, clock)])
     for title, blocks in sections(flight, clock, grounds, every):
         pages.section(title, blocks)
-    others = [*map(_begun, unchecked(flight, grounds))]
+    others = [*map(_begun, unchecked(flight))]
     pages.checklist("Not checked by the program", others, "\N{BULLET}")
     pages.foot(shortened(printable(problem.name)))
     return pages
@@ -128,9 +128,8 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         ("Abort signal", ""),
     ], 2)  # fmt: skip
     pages.skip(2.0)
-    urgent = [*attention(flight, grounds), *battery_warnings(flight, clock)]
-    if pause := pauses_of(clock.parts):
-        urgent.append(f"ATTENTION: {pause}.")
+    urgent = [f"{words}." for words in attention(flight, grounds, clock.parts)]
+    urgent += battery_warnings(flight, clock)
     if urgent:
         pages.box(urgent)
     pages.section("Running order", [running_order(flight, clock)], BODY)

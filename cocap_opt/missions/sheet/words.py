@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from cocap_opt.flight.changes import (
     TIGHT,
     people_and_delay,
-    tight_timing,
     tolerated_delay,
     tolerated_delay_of_people,
 )
@@ -24,7 +23,6 @@ from cocap_opt.missions.sheet.places import places, walks
 from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
-from cocap_opt.plausibility import misplaced_people
 from cocap_opt.problem import Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
@@ -73,20 +71,6 @@ def label_of(problem: Problem, person: int) -> str:
     return printable(f"P{person} {names}".strip())
 
 
-def attention(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
-    """Yields warnings that nobody must overlook; those of batteries are elsewhere."""
-    yield from (f"ATTENTION: {words}." for words in _urgent(flight, grounds))
-
-
-def _urgent(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
-    if flight.cut_short:
-        yield flight.cut_short
-    yield from flight.too_near()
-    yield from grounds.warnings()
-    yield from misplaced_people(flight.flown.problem)
-    yield from tight_timing(flight)
-
-
 def running_order(flight: Flight, clock: Clock) -> Table:
     """Returns the table of events, by the clock."""
     return Table(("time", "who", "what"), list(_order(flight, clock)))
@@ -111,12 +95,11 @@ def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
         yield f"drones have the ceiling, {ceiling:g} m {over_datum(problem)}, as a limit"
 
 
-def unchecked(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
+def unchecked(flight: Flight) -> Iterator[str]:
     """Yields what the program did not check or does not know."""
     yield "distances hold for drones and people that keep exactly to the plan"
-    told = {*_urgent(flight, grounds)}
     for words in flight.warnings():
-        if words not in told and not words.startswith(_ONLY_FOR_SCENES):
+        if not words.startswith(_ONLY_FOR_SCENES):
             yield words
 
 
