@@ -261,7 +261,7 @@ def test_somebody_who_walks_through_a_wall_is_told_by_name(
     told = [f"ATTENTION: person 0 (Cleo) is {words}"] if words else []
     assert [note for note in run.json["notes"] if "Cleo" in note and "ATT" in note][:1] == told
     flight = Flight.of(problem, plan, False)
-    framed = [*attention(flight, Touchdowns.of(flight), ())]
+    framed = [*map(str, attention(flight, Touchdowns.of(flight), ()))]
     assert [each for each in framed if "obstacle" in each] == told
 
 
@@ -376,9 +376,11 @@ def test_a_new_format_is_one_module_and_one_line(
 ) -> None:
     """A registered format is written, named in messages, and asked only what its line promises."""
     (tmp_path / "places_format.py").write_text(
+        "from cocap_opt.flight.notes import Kind, Note\n"
         "from cocap_opt.missions import Export\n"
         "def write(flight, every):\n"
-        "    return Export({'': flight.columns(every)['x'].tobytes()}, ('only x is in it',))\n"
+        "    notes = Note('only x is in it'), Note('x is in m', Kind.READING)\n"
+        "    return Export({'': flight.columns(every)['x'].tobytes()}, notes)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(FORMATS, ".places.txt", MissionFormat("places_format"))
@@ -386,7 +388,7 @@ def test_a_new_format_is_one_module_and_one_line(
     co.save(plan, co.plan(co.load("tiny-queue"), "sequential"))
     run = Run(capsys, "fly", "tiny-queue", plan, "-o", out, "--step", 4, "--hovering")
     assert run.code == 0 and out.read_bytes()
-    assert "only x is in it" in run.out
+    assert "only x is in it" in run.out and "x is in m" not in run.out
     run = Run(capsys, "fly", "tiny-queue", plan, "-o", tmp_path / "flight.odd")
     assert run.code == 2 and ".places.txt" in run.err
     for option, value in (("--start", "2026-05-01T10:00:00Z"), ("--autopilot", "px4")):

@@ -17,7 +17,7 @@ from test_gltf import scene
 
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.flight.changes import TIGHT, tolerated_delay
+from cocap_opt.flight.changes import TIGHT, people_and_delay, tolerated_delay
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.touchdowns import Touchdowns
@@ -75,7 +75,7 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
 def framed(flight: Flight) -> list[str]:
     """The warnings in the frame of the first page."""
     parts = clock_of(flight).parts
-    return [f"{words}." for words in attention(flight, Touchdowns.of(flight), parts)]
+    return [f"{note}." for note in attention(flight, Touchdowns.of(flight), parts)]
 
 
 def left_open(flight: Flight) -> list[str]:
@@ -291,10 +291,26 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     paths = tuple((robot.start, robot.start) for robot in beside.robots)
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
-        urgent, others = [*each.too_near()], [*each.near_without_rule()]
+        urgent, others = [*each.too_near()], [note.text for note in each.near_without_rule()]
         assert (len(urgent), len(others)) == ((1, 0) if is_first else (0, 1))
         assert framed(each)[:1] == [f"ATTENTION: {words}." for words in urgent]
         assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
+
+
+def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
+    """The sheet leaves such remedies out, and has its own words for heights."""
+    problem, plan = scene()
+    flight = Flight.of(problem.replace(earth=co.Earth(crs="EPSG:25830")), plan, False)
+    notes = [*flight.notes(), *people_and_delay(flight, None)]
+    remedies = [note.remedy for note in notes if note.remedy]
+    told = "".join(map(str, notes))
+    assert len(remedies) == 2 and all(f"; {words}" in told for words in remedies)
+    texts = [text.get_text() for figure in pages_of(flight, None, [USUAL]).figures
+             for text in figure.texts]  # fmt: skip
+    printed = " ".join(" ".join(texts).split())
+    assert not any(words in printed for words in (*remedies, "eight datum unknown"))
+    assert "which is z = 0 of the map." in printed
+    assert "how near a late drone comes to them was not checked." in printed
 
 
 def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:

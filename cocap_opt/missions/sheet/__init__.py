@@ -15,6 +15,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.urgent import attention
 from cocap_opt.flight.ways import has_homes, parts_of_take
@@ -67,8 +68,8 @@ def write(flight: Flight, every: float | None) -> Export:
     lacking = f"characters missing from all installed fonts are printed as boxes: {missing}"
     return Export(
         {"": content},
+        notes=(Note(lacking, Kind.URGENT),) if missing else (),
         facts={"pages": len(pages.figures)},
-        warnings=(lacking,) if missing else (),
     )
 
 
@@ -128,7 +129,7 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         ("Abort signal", ""),
     ], 2)  # fmt: skip
     pages.skip(2.0)
-    urgent = [f"{words}." for words in attention(flight, grounds, clock.parts)]
+    urgent = [f"{note}." for note in attention(flight, grounds, clock.parts)]
     urgent += battery_warnings(flight, clock)
     if urgent:
         pages.box(urgent)

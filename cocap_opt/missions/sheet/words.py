@@ -10,6 +10,7 @@ from cocap_opt.flight.changes import (
     tolerated_delay_of_people,
 )
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind
 from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions import FORMATS
@@ -27,17 +28,12 @@ from cocap_opt.problem import Problem
 from cocap_opt.problem.takes import told_take
 from cocap_opt.text import printable
 
-_LEGS = "take-off and landing spots, and the air above them, are clear"
 _CHECKS = (
-    "wind and gusts are within the drones' limits",
-    _LEGS,
     "batteries are charged; radio links and satellite reception are good",
     "no obstacles that the map lacks, such as cranes, cables or trees",
     "nobody is there who is not on this sheet; everybody knows their walk and their signal",
     "airspace and its rules are clear, and the owners of the ground agree",
 )
-_FOR_RECIPES = "; a recipe"  # begins what is for whoever writes the scene
-_ONLY_FOR_SCENES = "height datum unknown"  # begins a note for whoever writes the scene
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
 
@@ -79,10 +75,12 @@ def running_order(flight: Flight, clock: Clock) -> Table:
 def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
     """Yields what somebody checks on the spot and ticks, as it should be."""
     problem = flight.flown.problem
-    yield from (
-        "nobody is on the ways from and to home" if has_homes and words == _LEGS else words
-        for words in _CHECKS
-    )
+    yield "wind and gusts are within the drones' limits"
+    if has_homes:
+        yield "nobody is on the ways from and to home"
+    else:
+        yield "take-off and landing spots, and the air above them, are clear"
+    yield from _CHECKS
     if not problem.height_map.knows_ground:
         yield (
             "no roofs or obstacles are below take-offs and landings: the map has no ground heights"
@@ -98,9 +96,9 @@ def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
 def unchecked(flight: Flight) -> Iterator[str]:
     """Yields what the program did not check or does not know."""
     yield "distances hold for drones and people that keep exactly to the plan"
-    for words in flight.warnings():
-        if not words.startswith(_ONLY_FOR_SCENES):
-            yield words
+    for note in flight.notes():
+        if note.kind in {Kind.UNCHECKED, Kind.NO_RULE}:
+            yield note.text
 
 
 def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
@@ -168,7 +166,7 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
         known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
-        yield from (f"{words}." for words in flight.axes())
+        yield from (f"{note}." for note in flight.axes())
     yield Heights.of(flight).sentence()
     yield _angles(flight)
 
@@ -241,8 +239,8 @@ def _delays(flight: Flight) -> Iterator[str]:
     elif delay is not None:
         yield f"Between drones: {rules} holds while none is {delay:.2f} s or more behind another."
     to_people = tolerated_delay_of_people(flight)
-    for words in people_and_delay(flight, to_people):
-        yield f"{words[0].upper()}{words[1:].partition(_FOR_RECIPES)[0]}."
+    for note in people_and_delay(flight, to_people):
+        yield f"{note.text[0].upper()}{note.text[1:]}."
     if delay is not None or to_people is not None:
         yield (
             f"The first page warns if less than {TIGHT:g} s is left: clocks show whole seconds, so "
