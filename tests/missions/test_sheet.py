@@ -322,11 +322,11 @@ def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
     flight = Flight.of(problem, plan, False)
     found = quality_of(flight)
     assert found is not None
-    clock, names = clock_of(flight), ["P0 Ax"]
+    clock, names = clock_of(flight), ["Ax (0)"]
     (row,) = quality_table(found, names, clock).rows
     (person,) = co.quality(problem, plan).by_person
     ends = [clock.time(float(s)) for s in re.findall(r"[\d.]+(?= (?:to|s)\b)", person.worst)]
-    assert row[0] == "P0 Ax" and ends and all(end in row[-1] for end in ends)
+    assert row[0] == "Ax (0)" and ends and all(end in row[-1] for end in ends)
     pale = "Pale: the first step, which does not count."
     assert (pale in quality_notes(found)) == (found.first_step > 0)
     assert numbers(row[1])[0] == pytest.approx(100 * person.by_two, abs=0.5)
@@ -430,10 +430,11 @@ def test_a_place_name_is_drawn_whole_or_not_at_all(at: float, is_drawn: bool) ->
 
 
 def test_names_stay_as_they_are() -> None:
-    """A person's card has her name over it as the scene writes it, beside the number on maps."""
+    """A person's card has her name over it as the scene writes it, before her number."""
     problem, plan = scene()
     (actor,) = problem.actors
-    for name, title in ((None, "P0"), ("Ada LOVELACE", "P0 Ada LOVELACE"), ("ada", "P0 ada")):
+    names = (None, "Person 0"), ("Ada LOVELACE", "Ada LOVELACE (0)"), ("ada", "ada (0)")
+    for name, title in names:
         flight = Flight.of(problem.replace(actors=(actor.replace(name=name),)), plan, False)
         (card,) = people_cards(flight, clock_of(flight))
         assert card.title == title
@@ -726,7 +727,7 @@ def test_a_card_lists_the_first_twenty_people() -> None:
         found = quality_of(Flight.of(crowd, plan, False))
         assert found is not None
         words = filmed_by(replace(found, seen=np.ones_like(found.seen)), 0, crowd)
-        assert re.findall(r"P(\d+) ", words) == [str(k) for k in range(listed)]
+        assert re.findall(r"\((\d+)\) ", words) == [str(k) for k in range(listed)]
         assert words.endswith(end) and words.count("100 %") == listed
         assert max(map(len, words.split(", "))) <= 60
         assert filmed_by(replace(found, seen=np.zeros_like(found.seen)), 0, crowd) == "nobody"
