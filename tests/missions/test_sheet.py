@@ -297,6 +297,19 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
         assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
 
 
+def test_the_rest_of_a_mission_is_no_thing_that_was_not_checked() -> None:
+    """The crew reads in a section of its own which drones are in the air; `fly` tells it, too."""
+    problem, plan = scene()
+    robots = tuple(r.replace(number=3 * i + 1) for i, r in enumerate(problem.robots))
+    flight = Flight.of(problem.replace(robots=robots), plan, False)
+    hover, *numbers, _ = text_of(flight)["Drones in the air"]
+    assert hover.startswith("The rest of a mission: all drones hover at their first places")
+    assert numbers == [f"Drone {i} of this sheet is drone {3 * i + 1} of the mission."
+                       for i in range(2)]  # fmt: skip
+    assert not any("mission" in words for words in left_open(flight))
+    assert any("in the mission drone 0 is 1, drone 1 is 4" in note.text for note in flight.notes())
+
+
 def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     """The sheet leaves such remedies out, and has its own words for heights."""
     problem, plan = scene()
