@@ -1,40 +1,58 @@
 """The description of the package on PyPI: the README, whose links PyPI could not follow.
 
 Everything else is in pyproject.toml. Links and pictures of the README are files of this repository.
-They become links to the release at `Repository` of `[project.urls]`. As long as there is no such
-address, PyPI's page shows the words of links without a link, and no pictures.
+They become links to the release at `Repository` of `[project.urls]`; code stays as it is. As long
+as there is no such address, PyPI's page shows the words of links without a link, and no pictures,
+and says so below its title.
 """
 
 import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 from setuptools import setup
 
 ROOT = Path(__file__).resolve().parent
-_FILE = r"\((?![a-z]+:|#)([^)\s]+)\)"  # the address of a link to a file
-_PICTURE = re.compile(rf"!\[([^\]]*)\]{_FILE}")
-_LINK = re.compile(rf"(?<!!)\[((?:[^\[\]]|!\[[^\]]*\]\([^)]*\))+)\]{_FILE}")
+_BLOCK = r"^ {0,3}(?P<fence>```+|~~~+)[^\n]*\n.*?^ {0,3}(?P=fence)"  # of code
+_SPAN = r"(?P<ticks>`+)[^`](?s:.*?)(?<!`)(?P=ticks)(?!`)"
+_FILE = r"\((?![a-z]+:|#)(?P<{}>[^)\s]+)\)"  # the address of a link to a file
+_PICTURE = rf"!\[(?P<alt>[^\]]*)\]{_FILE.format('source')}"
+_WORDS = r"(?:[^\[\]`]|`[^`]*`|!\[[^\]]*\]\([^)]*\))+"  # of a link, which may be a picture
+_LINK = rf"\[(?P<words>{_WORDS})\]{_FILE.format('target')}"
+_PARTS = re.compile(rf"(?ms:{_BLOCK})|(?m:{_SPAN})|{_PICTURE}|{_LINK}")
+_LEFT_OUT = (
+    "*This page lacks pictures and links to files: they are in the repository, which has no public "
+    "address yet.*"
+)
 
 
 def described(readme: str, repository: str | None, version: str) -> str:
-    """Returns the README with absolute links and pictures only.
+    """Returns the README with absolute links and pictures only, and code as it is.
 
     Parameters
     ----------
-    readme : Markdown whose links to files are relative to the root of the repository
+    readme : Markdown that begins with a title, and whose links to files are relative to the root of
+        the repository
     repository : its address, such as that of a project on GitHub; None: unknown
     version : the release whose files are linked, by its tag
     """
+
+    def absolute(part: re.Match[str]) -> str:
+        words, target, alt, source = part.group("words", "target", "alt", "source")
+        if repository is None:
+            return part[0] if not (source or target) else _PARTS.sub(absolute, words or "")
+        address = repository.rstrip("/")
+        if source:
+            return f"![{alt}]({address}/raw/v{version}/{source})"
+        if target:
+            return f"[{_PARTS.sub(absolute, words)}]({address}/blob/v{version}/{target})"
+        return part[0]
+
+    found = _PARTS.sub(absolute, readme)
     if repository is None:
-        return _PICTURE.sub("", _LINK.sub(r"\1", readme))
-
-    def at(kind: str, before: str) -> Callable[[re.Match[str]], str]:
-        address = f"{repository.rstrip('/')}/{kind}/v{version}"
-        return lambda found: f"{before}[{found[1]}]({address}/{found[2]})"
-
-    return _LINK.sub(at("blob", ""), _PICTURE.sub(at("raw", "!"), readme))
+        title, _, rest = found.partition("\n")
+        return f"{title}\n\n{_LEFT_OUT}\n{rest}"
+    return found
 
 
 def _description() -> str:

@@ -4,10 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cocap_opt.flight.changes import tight_timing
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.touchdowns import Touchdowns
-from cocap_opt.flight.ways import Part, pauses_of
+from cocap_opt.flight.notes import Kind, Note, notes_of
+from cocap_opt.flight.ways import Part
 from cocap_opt.output.answer import print_pairs, print_result
 from cocap_opt.output.printing import (
     Listing,
@@ -18,7 +17,6 @@ from cocap_opt.output.printing import (
     print_texts,
     rounded,
 )
-from cocap_opt.plausibility import misplaced_people
 
 _MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
 
@@ -32,25 +30,20 @@ class FlightAnswer(NamedTuple):
     parts : of the take between which batteries are changed; none without homes
     files : that hold the flight
     whole : all numbers
-    urgent : warnings of the files, which come before all else
-    notes : all other sentences that the crew must know
-    details : sentences on how to read the files
+    notes : on the flight and the files, in their order
     """
 
     flight: Flight
     parts: Sequence[Part]
     files: Sequence[Path]
     whole: Record
-    urgent: Sequence[str]
-    notes: Sequence[str]
-    details: Sequence[str]
+    notes: Sequence[Note]
 
     def print(self) -> None:
         """Prints warnings, the answer in a few lines, and what the crew must know."""
         self._print_urgent()
         print_pairs(self._in_short())
-        told = {*self.flight.near_without_rule()}
-        if notes := [words for words in self.notes if words not in told]:
+        if notes := notes_of(self.notes, Kind.CREW, Kind.UNCHECKED):
             print_texts([], ["", "Before you fly:"])
             print_list(notes)
         print_line(" (--verbose: all numbers, each drone, how to read the file)")
@@ -62,14 +55,16 @@ class FlightAnswer(NamedTuple):
         if self.parts:
             _in_the_air(self.parts).print()
         _tightest(self.flight.rows()).print()
-        print_texts([], ["Before you fly:"] if self.notes else [])
-        print_list(self.notes)
-        print_texts([], ["", "How to read the file:"] if self.details else [])
-        print_list(self.details)
+        notes = notes_of(self.notes, Kind.CREW, Kind.UNCHECKED, Kind.NO_RULE)
+        print_texts([], ["Before you fly:"] if notes else [])
+        print_list(notes)
+        details = notes_of(self.notes, Kind.READING)
+        print_texts([], ["", "How to read the file:"] if details else [])
+        print_list(details)
 
     def _print_urgent(self) -> None:
-        if self.urgent:
-            print_texts([], [*(f"{words}." for words in self.urgent), ""])
+        if urgent := notes_of(self.notes, Kind.URGENT):
+            print_texts([], [*(f"{words}." for words in urgent), ""])
 
     def _in_short(self) -> Iterator[tuple[str, str]]:
         """Yields labels and values."""
@@ -96,20 +91,6 @@ class FlightAnswer(NamedTuple):
             off = found["accuracy"]
             known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
             yield "on the Earth", f"{found['crs']}, {known}"
-
-
-def attention(flight: Flight, parts: Sequence[Part]) -> Iterator[str]:
-    """Yields what nobody must overlook.
-
-    Drones too near to each other or to people, touchdowns, people out of place, tight timing, and
-    pauses for new batteries.
-    """
-    yield from flight.too_near()
-    yield from Touchdowns.of(flight).warnings()
-    yield from misplaced_people(flight.flown.problem)
-    yield from tight_timing(flight)
-    if pause := pauses_of(parts):
-        yield pause
 
 
 def _rule(least: float, over: float | None, way: str, none: str) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.flight_answer import FlightAnswer, attention
+from cocap_opt.cli.flight_answer import FlightAnswer
 from cocap_opt.cli.flight_options import (
     AS_PLANNED,
     Every,
@@ -19,6 +19,9 @@ from cocap_opt.cli.flight_options import (
 )
 from cocap_opt.cli.flown_plan import Order
 from cocap_opt.cli.options import FLAG, Json, Output, PlanPath, Scene, Seed, Whole
+from cocap_opt.flight.notes import Kind, Note, notes_of
+from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.urgent import attention
 from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.answer import print_result
@@ -111,30 +114,23 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    found = [*attention(flight, parts)]
-    watched = [f"ATTENTION: {words}" for words in found]
-    notes = [*flight.notes(), *mission.notes, *_of_homes(parts, suffix)]
-    notes = [words for words in notes if words not in found]
-    notes += _strays(output, suffix, files)
+    notes = [
+        *attention(flight, Touchdowns.of(flight), parts), *flight.notes(), *mission.notes,
+        *_of_homes(parts, suffix), *_strays(output, suffix, files),
+    ]  # fmt: skip
     if json:
-        for words in (*mission.warnings, *filter(None, [pauses_of(parts)])):
+        urgent = notes_of(mission.notes, Kind.URGENT)
+        for words in (*urgent, *filter(None, [pauses_of(parts)])):
             _log.warning("%s: %s", plan, words)
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:
-            rows = {"drones": flight.rows(), "notes": [*watched, *notes]}
+            rows = {"drones": flight.rows(), "notes": [*map(str, notes)]}
             if parts:
                 rows["from_home"] = records_of(parts)
             print_result({**answer, **rows, "files": [*files]}, json)
             return 0
-        details = [*flight.axes(), *mission.details]
-        urgent = [*watched, *mission.warnings]
-        if cut_short:
-            urgent.insert(0, f"ATTENTION: {cut_short}")
-        known = [words for words in notes if words not in (*details, *mission.warnings, cut_short)]
-        shown = FlightAnswer(
-            flight, parts, [*files], answer | {"cut_short": None}, urgent, known, details
-        )
+        shown = FlightAnswer(flight, parts, [*files], answer | {"cut_short": None}, notes)
         if verbose:
             shown.print_all()
         else:
@@ -142,12 +138,12 @@ def _fly(
     return 0
 
 
-def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[str]:
+def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[Note]:
     """Yields what ways from and to home are, and that missions do not hold them."""
     if parts:
-        yield NOTE
+        yield Note(NOTE)
         if FORMATS[suffix].takes_off:
-            yield (
+            yield Note(
                 f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
                 "missions take off and land straight below their first and last places"
             )
@@ -176,14 +172,16 @@ def _named(output: Path, suffix: str, part: str) -> Path:
     return output.with_name(f"{first}.{part}{last}") if part else output
 
 
-def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[str]:
-    """Yields a sentence on files beside those of the drones that are of another flight."""
+def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[Note]:
+    """Yields a note on files beside those of the drones that are of another flight."""
     if set(files) == {output}:
         return
     pattern = re.compile(rf"{re.escape(output.name[: -len(suffix)])}\..*{re.escape(suffix)}")
     names = (path.name for path in output.parent.iterdir() if path not in files)
     if strays := sorted(name for name in names if pattern.fullmatch(name)):
-        yield f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
+        yield Note(
+            f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
+        )
 
 
 COMMANDS = {"fly": _fly}

@@ -154,14 +154,14 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     yield "distances are the smallest at any moment, those to people seen from above"
     yield "left and right are those of the person, as they walk"
     yield "any drone late: each column shows the drone for which it is worst"
-    yield from flight.nearer_to_people()
+    yield from map(str, flight.nearer_to_people())
     if delay is not None and math.isinf(delay):
         yield f"the {problem.rules} between drones holds for any delay of any drone"
     elif delay is not None:
         yield f"the {problem.rules} holds while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:
         yield "the scene's rules ask for no distance between drones between the steps"
-    yield from people_and_delay(flight, to_people)
+    yield from map(str, people_and_delay(flight, to_people))
 
 
 def _asking(found: WhatIf) -> Iterator[str]:

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from cocap_opt.cli.flight_options import AS_PLANNED, FlightOptions, Hovering, Local, Start
 from cocap_opt.cli.flown_plan import Order
 from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed
+from cocap_opt.flight.notes import Kind, notes_of
 from cocap_opt.missions import FORMATS
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import save_files
@@ -50,7 +51,7 @@ def _sheet(
     Option("-o").ending(output, (_SUFFIX,))
     order = Order(scene, seed, plan, output, _SUFFIX, flown, start, every, local, hovering)
     given, _, found = order.carried_out(FORMATS[_SUFFIX].writer())
-    for warning in found.warnings:
+    for warning in notes_of(found.notes, Kind.URGENT):
         _log.warning("%s", warning)
     save_files(dict.fromkeys([output], found.files[""]))
     answer: Record = {"file": output, **found.facts, "scene": given.problem.name, "seed": seed}

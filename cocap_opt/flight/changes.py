@@ -7,6 +7,7 @@ from typing import NamedTuple
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Note
 from cocap_opt.flight.robustness import Outcome, Robustness
 from cocap_opt.problem import CollisionRules, Problem
 from cocap_opt.problem.takes import told_take
@@ -159,7 +160,7 @@ def tolerated_delay_of_people(flight: Flight) -> float | None:
     return _rounded_down(bearable_delay_of_people(flight.flown))
 
 
-def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
+def people_and_delay(flight: Flight, delay: float | None) -> Iterator[Note]:
     """Yields what late drones, or late people, are to each other.
 
     Parameters
@@ -170,21 +171,22 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
     if not problem.actors:
         return
     if delay is None:
-        yield (
+        yield Note(
             "the scene asks for no distance to people, so how near a late drone comes to them was "
-            "not checked; a recipe asks for a distance with people in [airspace]"
+            "not checked",
+            remedy="a recipe asks for a distance with people in [airspace]",
         )
         return
     kept = f"drones keep {problem.airspace.told_people}"
     if math.isinf(delay):
-        yield f"{kept} for any delay or lead of drones and people"
+        yield Note(f"{kept} for any delay or lead of drones and people")
     elif delay == 0:
-        yield (
+        yield Note(
             f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "
             "distance to people"
         )
     else:
-        yield (
+        yield Note(
             f"delay tolerance to people: {kept} while none is {delay:.2f} s or more ahead of them "
             "or behind"
         )

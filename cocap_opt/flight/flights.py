@@ -1,7 +1,7 @@
 """Flights of plans, checked for being flown, and their rows for tables and files."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from datetime import datetime
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.pace import Demand
 from cocap_opt.flight.safety import Danger, Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, spare
@@ -136,11 +137,11 @@ class Flight(NamedTuple):
         """Returns the largest distance (m) of the flight from straight lines between rows."""
         return self.flown.distance_from_chords(self._moments(every))
 
-    def between_rows(self, every: float | None) -> Iterator[str]:
+    def between_rows(self, every: float | None) -> Iterator[Note]:
         """Yields what straight lines between rows are, if they are not the flight."""
         off = self.off_between_rows(every)
         if off > _TOUCH:
-            yield (
+            yield Note(
                 f"rows are on the flight that was checked; straight lines between them leave it by "
                 f"up to {off:.2g} m: a smaller --every keeps nearer to it"
             )
@@ -187,13 +188,13 @@ class Flight(NamedTuple):
             })  # fmt: skip
         return rows
 
-    def notes(self) -> Iterable[str]:
-        """Yields sentences on what was not checked, and then on the axes."""
+    def notes(self) -> Iterator[Note]:
+        """Yields what was not checked or is unknown, and then how to read the axes."""
         yield from self.nearer_to_people()
-        yield from self.warnings()
+        yield from self._left_open()
         yield from self.axes()
 
-    def nearer_to_people(self) -> Iterable[str]:
+    def nearer_to_people(self) -> Iterator[Note]:
         """Yields how near to people drones may come, if that is nearer than the scene says."""
         if self.asked is not None:
             kept = self.flown.problem.airspace
@@ -201,44 +202,54 @@ class Flight(NamedTuple):
             if kept.people_above is not None:
                 nearer += f" or {kept.people_above:g} m over heads"
                 asked += f" and {self.asked.people_above:g}"
-            yield (
+            yield Note(
                 f"--margin lets drones come nearer to people: {nearer}; the scene asks for "
                 f"{asked} m"
             )
 
-    def warnings(self) -> Iterable[str]:
-        """Yields sentences on what was not checked or is not known."""
+    def _left_open(self) -> Iterator[Note]:
+        """Yields what was not checked or is unknown, and that drones are in the air already."""
         problem = self.flown.problem
         if problem.begins_in_the_air:
             numbers = ", ".join(f"drone {i} is {r.number}" for i, r in enumerate(problem.robots))
-            yield (
+            yield Note(
                 "the scene is the rest of a mission: drones hover at their first places until all "
                 f"begin; in the mission {numbers}"
             )
         if not self.is_smooth:
-            yield (
+            yield Note(
                 "speeds jump at each step, so acceleration was not checked; smooth flights "
-                "(--smooth) do not jump"
+                "(--smooth) do not jump",
+                Kind.UNCHECKED,
             )
         yield from self.near_without_rule()
         if any(robot.motion.corner_cutting for robot in problem.robots):
-            yield "the scene lets drones cut corners: walls were checked at the steps only"
+            yield Note(
+                "the scene lets drones cut corners: walls were checked at the steps only",
+                Kind.UNCHECKED,
+            )
         if all(robot.limits is None for robot in problem.robots):
             most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
             asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
-            yield f"the limits of these drones are unknown and were not checked{asked}"
+            yield Note(
+                f"the limits of these drones are unknown and were not checked{asked}",
+                Kind.UNCHECKED,
+            )
         if problem.earth is not None and problem.earth.heights is None:
-            yield "height datum unknown; set `heights` under [earth] of a recipe"
+            yield Note("height datum unknown", remedy="set `heights` under [earth] of a recipe")
 
-    def near_without_rule(self) -> Iterator[str]:
-        """Yields how near drones come to each other, where no rule asks for a distance."""
-        yield from self._drones_too_near()
+    def near_without_rule(self) -> Iterator[Note]:
+        """Yields how near drones come to each other, where no rule asks for a distance.
+
+        Nothing if that is too near, which `too_near` says.
+        """
         least = self.flown.least_distance()
         if not self.flown.problem.rules.separation and _TOO_NEAR <= least < math.inf:
             kind = "smooth" if self.is_smooth else "straight"
-            yield (
+            yield Note(
                 "the scene's rules ask for no distance between drones between the steps: on this "
-                f"{kind} flight they come within {least:.2f} m of each other"
+                f"{kind} flight they come within {least:.2f} m of each other",
+                Kind.NO_RULE,
             )
 
     def too_near(self) -> Iterator[str]:
@@ -268,15 +279,16 @@ class Flight(NamedTuple):
         elif nearest.distance < _TOO_NEAR:
             yield f"{drones} come within {nearest.distance:.2f} m of each other {when}; {way_out}"
 
-    def axes(self) -> Iterator[str]:
+    def axes(self) -> Iterator[Note]:
         """Yields that y goes to the grid's north, and how far that is from the true one."""
         if self.geodesy is None:
             return
         turned = self.geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
         side = "clockwise" if turned > 0 else "counter-clockwise"
-        yield (
+        yield Note(
             f"x points to the east and y to the north of {self.geodesy.name}; this north is "
-            f"{abs(turned):.2f} degrees {side} of true north here"
+            f"{abs(turned):.2f} degrees {side} of true north here",
+            Kind.READING,
         )
 
     def _moments(self, every: float | None) -> FloatArray:

@@ -13,11 +13,12 @@ https://colmap.github.io/format.html, https://colmap.github.io/faq.html
 from collections.abc import Iterator
 
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Note
 from cocap_opt.missions.archive import zipped
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.planned_cameras import PlannedCameras
 
-_NOTE = (
+_NOTE = Note(
     "unzip it for `colmap point_triangulator --input_path`; images are to be named, and they and "
     "cameras numbered in the database, as in images.txt and cameras.txt"
 )
@@ -38,7 +39,7 @@ def write(flight: Flight, every: float | None) -> Export:
         "times.csv": ["frame,t", *times],
     }  # fmt: skip
     contents = {name: "\n".join(lines) + "\n" for name, lines in files.items()}
-    return Export({"": zipped(contents)}, (*planned.notes, _NOTE), details=planned.details)
+    return Export({"": zipped(contents)}, (*planned.notes, _NOTE))
 
 
 def _cameras(planned: PlannedCameras) -> Iterator[str]:

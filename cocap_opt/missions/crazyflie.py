@@ -19,6 +19,7 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.bernstein import parted
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.trajectory import DEGREE, YAW
 from cocap_opt.missions.export import Export, require_nothing_else
 
@@ -28,9 +29,16 @@ _OFF = 1e-6  # m or rad, by which the rest of a polynomial may leave the pieces 
 _AXES = "x", "y", "z", "yaw"
 _HEADER = ("duration", *(f"{axis}^{k}" for axis in _AXES for k in range(_COEFFICIENTS)))
 _NOTES = (
-    "upload each file to its drone and start all at once: they then fly by one clock, each its own",
-    "the way up to the first point, the landing and the camera's pitch are not in the files",
-    "x and y are from the map's corner; yaw is in radians, 0 along x, and grows counter-clockwise",
+    Note(
+        "upload each file to its drone and start all at once: they then fly by one clock, each its "
+        "own"
+    ),
+    Note("the way up to the first point, the landing and the camera's pitch are not in the files"),
+    Note(
+        "x and y are from the map's corner; yaw is in radians, 0 along x, and grows "
+        "counter-clockwise",
+        Kind.READING,
+    ),
 )
 
 
@@ -55,7 +63,7 @@ def write(flight: Flight, every: float | None) -> Export:
                 f"{_HOLDS}; a plan of {_HOLDS} longer steps would do"
             )
         files[f"drone{i}"] = _table(rows)
-    return Export(files, _NOTES, details=_NOTES[-1:])
+    return Export(files, _NOTES)
 
 
 def _runs(pieces: FloatArray) -> Iterator[tuple[FloatArray, int]]:

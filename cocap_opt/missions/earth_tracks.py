@@ -13,6 +13,7 @@ from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.footprint import REACH, Footprints
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Camera
 from cocap_opt.problem.pictures import DRONE_COLOURS
@@ -243,13 +244,23 @@ def colour_of(drone: int) -> str:
     return to_hex(DRONE_COLOURS[drone % len(DRONE_COLOURS)])
 
 
-ANGLES = (
+def readings(flight: Flight, heights: str) -> Iterator[Note]:
+    """Yields how to read tracks, angles, times and footprints.
+
+    Parameters
+    ----------
+    heights : a sentence on those of a file
+    """
+    yield from (Note(words, Kind.READING) for words in (heights, _ANGLES, *_caveats(flight)))
+
+
+_ANGLES = (
     "angles in the file are in degrees: yaw is clockwise from true north; pitch is that of the "
     "camera, 0 where it is level and negative where it looks down"
 )
 
 
-def caveats(flight: Flight) -> Iterator[str]:
+def _caveats(flight: Flight) -> Iterator[str]:
     """Yields sentences on what tracks, times and footprints mean."""
     if flight.start is None:
         yield "times begin at 1970-01-01T00:00:00Z; --start says when the flight does"

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from cocap_opt.data import FieldError
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Note
 
 
 class Export(NamedTuple):
@@ -15,17 +16,13 @@ class Export(NamedTuple):
     ----------
     files : their contents, by what stands in their names between the name that was asked for and
         its ending: "" is that name itself, "drone0" makes `flight.drone0.plan` of `flight.plan`
-    notes : sentences on what the files cannot say
+    notes : sentences on what the files cannot say, and on how to read them
     facts : numbers on them, which are printed with those of the flights
-    warnings : those of the notes that people must know before all else
-    details : those of the notes that say how to read the files, which nobody needs to fly them
     """
 
     files: dict[str, bytes]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     facts: Mapping[str, float | str | None] = MappingProxyType({})
-    warnings: tuple[str, ...] = ()
-    details: tuple[str, ...] = ()
 
 
 # Takes the flights and the seconds between rows or points, None for what is usual. It raises

@@ -15,14 +15,13 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
-    ANGLES,
     EarthTrack,
     FlightClock,
-    caveats,
     colour_of,
     drone_tracks,
     footprints_on_earth,
     geodesy_of,
+    readings,
     rings_of,
     walks,
 )
@@ -43,11 +42,10 @@ def write(flight: Flight, every: float | None) -> Export:
     writer = _Features(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
-    details = (*writer.notes(), *caveats(flight))
-    notes = (*flight.between_rows(every), *details)
+    notes = (*flight.between_rows(every), *readings(flight, writer.heights()))
     head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
-    text = head % (name, msgspec.json.encode("; ".join(notes)))
-    return Export({"": text + features + b"\n]}\n"}, notes, details=details)
+    text = head % (name, msgspec.json.encode("; ".join(map(str, notes))))
+    return Export({"": text + features + b"\n]}\n"}, notes)
 
 
 class _Features:
@@ -61,15 +59,13 @@ class _Features:
         self._has_third = on_ellipsoid and geodesy.is_on_wgs_84
         self._clock = FlightClock.of(flight)
 
-    def notes(self) -> Iterator[str]:
+    def heights(self) -> str:
         if self._has_third:
-            yield "third coordinates are metres above the ellipsoid of WGS 84"
-        else:
-            yield (
-                "positions have no third coordinate, for RFC 7946 defines it as metres above the "
-                "ellipsoid of WGS 84; heights are properties, by what they are above"
-            )
-        yield ANGLES
+            return "third coordinates are metres above the ellipsoid of WGS 84"
+        return (
+            "positions have no third coordinate, for RFC 7946 defines it as metres above the "
+            "ellipsoid of WGS 84; heights are properties, by what they are above"
+        )
 
     def features(self, every: float | None) -> Iterator[_Feature]:
         flight = self._flight

@@ -13,6 +13,7 @@ import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
 from cocap_opt.flight.flights import MOST_ROWS, Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.glb import LINE_STRIP, LINES, Glb
@@ -47,8 +48,7 @@ def write(flight: Flight, every: float | None) -> Export:
     scene.add_solids()
     scene.add_drones()
     scene.add_people()
-    notes = tuple(scene.notes())
-    return Export({"": scene.content()}, notes, details=notes)
+    return Export({"": scene.content()}, tuple(scene.notes()))
 
 
 class _Animation:
@@ -72,21 +72,23 @@ class _Animation:
             self._problem.name, {"origin": self.origin.tolist(), "axes": words}
         )
 
-    def notes(self) -> Iterator[str]:
+    def notes(self) -> Iterator[Note]:
         """Yields how exact the motion is, and how the map is drawn if it is not as it is."""
         rounding = float(np.abs(self._samples.place - self.origin).max()) * 2.0**-24
         x, y, z = self.origin.tolist()
-        yield (
+        yield Note(
             f"motion is linear between moments, and off by {1000 * (ERROR + rounding):.2g} mm and "
             f"{math.degrees(ERROR_OF_ANGLES):g} degrees at most; y is up, z is -y of the map, and "
-            f"the origin is at x = {x:.12g}, y = {y:.12g}, z = {z:.12g}"
+            f"the origin is at x = {x:.12g}, y = {y:.12g}, z = {z:.12g}",
+            Kind.READING,
         )
         fine, coarse = self._relief.fine, self._relief.coarse
         if coarse > 1:
-            yield (
+            yield Note(
                 f"the map is drawn with {coarse} x {coarse} cells as one, and where drones fly "
                 f"and people walk with {fine} x {fine}, as high as the highest of them, to "
-                "keep the file small"
+                "keep the file small",
+                Kind.READING,
             )
 
     def _clock(self, moments: FloatArray) -> int:

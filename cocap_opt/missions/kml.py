@@ -15,15 +15,14 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
-    ANGLES,
     EarthTrack,
     FlightClock,
     Footprint,
-    caveats,
     colour_of,
     drone_tracks,
     footprints_on_earth,
     geodesy_of,
+    readings,
     rings_of,
     walks,
 )
@@ -45,13 +44,12 @@ def write(flight: Flight, every: float | None) -> Export:
     """Returns the tracks of drones and people and the cameras' footprints, with their times."""
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
-    details = (mode.words, ANGLES, *caveats(flight))
-    notes = (*flight.between_rows(every), *details)
+    notes = (*flight.between_rows(every), *readings(flight, mode.words))
     writer = _Placemarks(FlightClock.of(flight), mode, flight.flown.step)
     root = ElementTree.Element(f"{{{_KML}}}kml")
     document = _add(root, "Document")
     _add(document, "name", flight.flown.problem.name)
-    _add(document, "description", "; ".join(notes))
+    _add(document, "description", "; ".join(map(str, notes)))
     writer.add_view(document, drones)
     _add_styles(document, len(drones))
     folder = _folder(document, "drones")
@@ -71,7 +69,7 @@ def write(flight: Flight, every: float | None) -> Export:
         _add_end(folder, end)
     ElementTree.indent(root, "")
     text = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
-    return Export({"": text + b"\n"}, notes, details=details)
+    return Export({"": text + b"\n"}, notes)
 
 
 class _Heights(NamedTuple):

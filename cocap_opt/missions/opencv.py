@@ -29,7 +29,7 @@ def write(flight: Flight, every: float | None) -> Export:
     }
     # FileStorage knows no \u escapes.
     text = json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1)
-    return Export({"": text.encode() + b"\n"}, planned.notes, details=planned.details)
+    return Export({"": text.encode() + b"\n"}, planned.notes)
 
 
 def _camera(camera: PlannedCamera) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.trajectory import Samples
 from cocap_opt.problem import Camera
 from cocap_opt.text import printable
@@ -132,19 +133,21 @@ class World(NamedTuple):
         """The facts as lines of TOML, for files and for comments."""
         return [f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in self.facts.items()]
 
-    def notes(self) -> Iterator[str]:
+    def notes(self) -> Iterator[Note]:
         """Yields sentences on the world."""
         x, y, _ = self.origin.tolist()
-        yield (
+        yield Note(
             "a point X of the world is at R X + t in the camera, whose x is to the right, y down "
             f"and z forward; the world is x, y and z of the map (m, z up), from x = {x:.12g}, "
-            f"y = {y:.12g} on"
+            f"y = {y:.12g} on",
+            Kind.READING,
         )
         if self.place is not None:
             latitude, longitude, direction = self.place
-            yield (
+            yield Note(
                 f"the world's origin is at latitude {latitude:.7f}, longitude {longitude:.7f}; "
-                f"its x goes to {direction:.2f} degrees"
+                f"its x goes to {direction:.2f} degrees",
+                Kind.READING,
             )
 
 
@@ -157,14 +160,12 @@ class PlannedCameras(NamedTuple):
     cameras : of all drones, in their order
     world : that they are in
     notes : sentences on all that
-    details : those of the notes that say how to read it
     """
 
     times: FloatArray
     cameras: tuple[PlannedCamera, ...]
     world: World
-    notes: tuple[str, ...]
-    details: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @classmethod
     def of(cls, flight: Flight, every: float | None) -> Self:
@@ -185,12 +186,12 @@ class PlannedCameras(NamedTuple):
             PlannedCamera.of(i, lens, samples, world.origin) for i, lens in enumerate(lenses)
         ]
         times = samples.t[samples.drone == 0]
-        details = *world.notes(), _moments(times, flight.is_smooth)
-        notes = *details, *flight.between_rows(every), _PLANNED
-        return cls(times, tuple(cameras), world, notes, details)
+        moments = _moments(times, flight.is_smooth)
+        notes = *world.notes(), moments, *flight.between_rows(every), _PLANNED
+        return cls(times, tuple(cameras), world, notes)
 
 
-_PLANNED = (
+_PLANNED = Note(
     "lenses have no distortion and poses are as planned: undistort what is filmed, and where a "
     "drone's log has another pose, trust the log"
 )
@@ -204,14 +205,15 @@ def _lens(number: int, camera: object) -> Camera:
     return camera
 
 
-def _moments(times: FloatArray, is_smooth: bool) -> str:
+def _moments(times: FloatArray, is_smooth: bool) -> Note:
     """Returns a sentence on the times at which poses hold."""
     apart, end, most = float(times[1] - times[0]), float(times[-1]), len(times) - 1
     last = ""
     if abs(end - apart * most) > _WHOLE * end:
         last = f", and the last, frame {most}, at the flight's end, {end:.9g} s"
     way = "smoothly along the flight's polynomials" if is_smooth else "evenly"
-    return (
+    return Note(
         f"frame k is at k times {apart:.9g} s after step 0{last}; there are {most + 1}; between "
-        f"steps x, y, z, yaw and pitch change {way}"
+        f"steps x, y, z, yaw and pitch change {way}",
+        Kind.READING,
     )

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Note
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.planned_cameras import PlannedCamera, PlannedCameras
 
@@ -24,7 +25,6 @@ def write(flight: Flight, every: float | None) -> Export:
     return Export(
         {"": ("\n".join(lines) + "\n").encode()},
         (*planned.notes, _note(planned)),
-        details=planned.details,
     )
 
 
@@ -58,8 +58,8 @@ def _camera(
     yield "fisheye = false"
 
 
-def _note(planned: PlannedCameras) -> str:
-    return (
+def _note(planned: PlannedCameras) -> Note:
+    return Note(
         "Pose2Sim knows no camera that moves: each drone has a camera for each frame, and "
         f"pose/{_name(planned, 0, 0)}_json is to hold the pose file of that frame alone; set "
         f"frame_range = [0, {len(planned.times)}] in Config.toml"

@@ -25,6 +25,7 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.flight.bernstein import Peak, elevated, parted, squared_length
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.trajectory import DEGREE, YAW, Trajectory
 from cocap_opt.missions.archive import zipped
 from cocap_opt.missions.export import Export, require_nothing_else
@@ -56,14 +57,14 @@ def write(flight: Flight, every: float | None) -> Export:
         "settings": _settings(problem),
         "swarm": {"drones": drones},
     }
-    axes = (
+    axes = Note(
         f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off; "
-        "yaw is 0 along x and grows clockwise (degrees)"
+        "yaw is 0 along x and grows clockwise (degrees)",
+        Kind.READING,
     )
     return Export(
         {"": zipped({"show.json": json.dumps(show, allow_nan=False)})},
-        (*_notes(flight, grounds), axes),
-        details=(axes,),
+        (*map(Note, _notes(flight, grounds)), axes),
     )
 
 

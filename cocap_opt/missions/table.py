@@ -5,11 +5,13 @@ import io
 import numpy as np
 
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.missions.export import Export
 
-_ANGLES = (
+_ANGLES = Note(
     "angles in the file are in degrees: yaw is 0 along x and grows counter-clockwise; pitch is "
-    "that of the camera, 0 where it is level and negative where it looks down"
+    "that of the camera, 0 where it is level and negative where it looks down",
+    Kind.READING,
 )
 _DIGITS = {"latitude": 9, "longitude": 9}  # others have 6
 
@@ -24,5 +26,4 @@ def write(flight: Flight, every: float | None) -> Export:
         text, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="",
         newline="\n",
     )  # fmt: skip
-    return Export({"": text.getvalue().encode()}, (*flight.between_rows(every), _ANGLES),
-                  details=(_ANGLES,))  # fmt: skip
+    return Export({"": text.getvalue().encode()}, (*flight.between_rows(every), _ANGLES))

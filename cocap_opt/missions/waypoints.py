@@ -30,6 +30,7 @@ from cocap_opt.flight.changes import (
     written_delay,
 )
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.ways import has_homes
 from cocap_opt.missions.autopilots import AUTOPILOTS, Autopilot
 from cocap_opt.missions.export import Export, require_nothing_else
@@ -92,16 +93,19 @@ def waypoint_mission(
     to_people = tolerated_delay_of_people(flight)
     late = lateness(autopilot, found)
     behind = max(map(autopilot.behind, found))
-    warnings = (*late, *_too_late(behind, delay, to_people))
-    details = (*_axes(found),)
-    words = (
-        *warnings, *_ends(flight, autopilot), *_fences(flight, autopilot, has_fence, known, fence),
+    urgent = *late, *_too_late(behind, delay, to_people)
+    for_crew = (
+        *_ends(flight, autopilot), *_fences(flight, autopilot, has_fence, known, fence),
         autopilot.note, *_waits(behind, autopilot), *_clock(flight, delay),
-        *people_and_delay(flight, to_people), *details,
+    )  # fmt: skip
+    notes = (
+        *(Note(words, Kind.URGENT) for words in urgent), *map(Note, for_crew),
+        *people_and_delay(flight, to_people),
+        *(Note(words, Kind.READING) for words in _axes(found)),
     )  # fmt: skip
     return Export(
         {f"{autopilot.name}.{_PART}{i}": content for i, content in enumerate(contents)},
-        words,
+        notes,
         {
             "autopilot": autopilot.title,
             "items": max(map(len, items)),
@@ -109,8 +113,6 @@ def waypoint_mission(
             "delay_tolerance": written_delay(delay),
             "delay_tolerance_to_people": written_delay(to_people),
         },
-        warnings,
-        details,
     )
 
 

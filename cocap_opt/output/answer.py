@@ -27,7 +27,7 @@ from cocap_opt.stop import NO_LIMIT
 _BREAK = "\n"
 # Names of keys, as people read them, short enough to stand beside their values in 60 columns; JSON
 # has the keys.
-_LABELS = {
+LABELS = {
     "reward": "J",
     "cut_short": "attention",
     "message": "note",
@@ -85,8 +85,6 @@ _LABELS = {
     "second_bound": "its bound",
     "delay_tolerance": "delay tolerance",
     "delay_tolerance_to_people": "delay to people",
-    "step": "step",
-    "duration": "duration",
     "deviation": "off the straight flight",
     "least_distance": "between drones",
     "people_distance": "to people",
@@ -146,7 +144,7 @@ _FIRST = (
     "second_opinion", "second_bound", "violations", "file", "files", "certificate", "rest_scene",
     "rest_plan", "message",
 )  # fmt: skip
-_WIDEST = 26  # columns of labels; a value whose label is wider begins in the next line
+WIDEST = 26  # columns of labels; a value whose label is wider begins in the next line
 _BETWEEN, _INDENT = 2, 3  # columns between label and value; before a value in a line of its own
 # How it was computed, which developers read.
 _INTERNAL = frozenset({
@@ -194,7 +192,7 @@ def _label(row: Record, key: str) -> str:
     """Returns the label of a value; violations that are all conflicts are called so."""
     if key == "violations" and are_conflicts(row[key]):
         return "conflicts"
-    return _LABELS.get(key, key)
+    return LABELS.get(key, key)
 
 
 def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
@@ -204,11 +202,11 @@ def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
     value has no room beside it: names of files are copied.
     """
     pairs, width = [*pairs], terminal().width
-    labels = [columns_of(label) for label, _ in pairs if columns_of(label) <= _WIDEST]
+    labels = [columns_of(label) for label, _ in pairs if columns_of(label) <= WIDEST]
     left = 1 + max(labels, default=0) + _BETWEEN
     for label, value in pairs:
         longest = max(map(columns_of, value.split()), default=0)
-        is_beside = columns_of(label) <= _WIDEST and left + longest <= width
+        is_beside = columns_of(label) <= WIDEST and left + longest <= width
         first = f" {label}{' ' * (left - 1 - columns_of(label))}" if is_beside else " " * _INDENT
         if not is_beside:
             print_line(folded(label, width, " ", " "))

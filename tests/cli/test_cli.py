@@ -29,7 +29,7 @@ from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
-from cocap_opt.output.answer import _LABELS, _WIDEST, print_pairs, print_result
+from cocap_opt.output.answer import LABELS, WIDEST, print_pairs, print_result
 from cocap_opt.output.printing import Listing
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
@@ -376,9 +376,13 @@ def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str])
 def test_values_stand_beside_short_labels(
     width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A label takes one line, in all answers; a number and its unit are not parted."""
-    labels = [*_LABELS.values()]
-    assert max(map(len, labels)) <= _WIDEST <= 60 - 30
+    """A label takes one line, in all answers; a number and its unit are not parted.
+
+    A key that people can read as it is has no label.
+    """
+    labels = [*LABELS.values()]
+    assert max(map(len, labels)) <= WIDEST <= 60 - 30
+    assert not {key for key, label in LABELS.items() if key == label}
     monkeypatch.setenv("COLUMNS", str(width))
     words = "two see 100 % of person-steps, three 62 %; median error 24 mm; step 4 s; width 100 px"
     print_pairs([(label, words) for label in labels])

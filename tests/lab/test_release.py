@@ -156,15 +156,28 @@ def test_the_page_on_pypi_has_no_relative_link(wheel: Path) -> None:
 
 
 def test_the_description_links_to_the_repository_where_its_address_is_known() -> None:
-    """Files are those of the release; without an address words stay, pictures do not."""
+    """Files are those of the release; without an address words stay, pictures do not, and it says.
+
+    Code stays as it is, also that of words of links.
+    """
     described = runpy.run_path(str(ROOT / "setup.py"))["described"]
-    readme = "[![A](docs/a.webp)](docs/b.md) [c](docs/c.md#d) [e](https://e.org) ![f](f.png)"
-    at = "https://git.example/p"
-    assert described(readme, at, "1.0") == (
-        f"[![A]({at}/raw/v1.0/docs/a.webp)]({at}/blob/v1.0/docs/b.md) "
-        f"[c]({at}/blob/v1.0/docs/c.md#d) [e](https://e.org) ![f]({at}/raw/v1.0/f.png)"
+    code = "`[a](b.md)` ``c` [d](e.md)``\n```py\n![x](y.png) ` [p](q)\n```\n~~~\n[z](z)\n~~~"
+    readme = (
+        f"# T\n\n[![A](docs/a.webp)](docs/b.md) [c](docs/c.md#d) [e](https://e.org) ![f](f.png)\n"
+        f"{code}\n[`g` h](g.md) `k` [l](l.md)"
     )
-    assert described(readme, None, "1.0") == " c [e](https://e.org) "
+    at = "https://git.example/p"
+    assert described("[![i](i.png)](https://i.org)", at, "1") == (
+        f"[![i]({at}/raw/v1/i.png)](https://i.org)"
+    )
+    assert described(readme, f"{at}/", "1.0") == (
+        f"# T\n\n[![A]({at}/raw/v1.0/docs/a.webp)]({at}/blob/v1.0/docs/b.md) "
+        f"[c]({at}/blob/v1.0/docs/c.md#d) [e](https://e.org) ![f]({at}/raw/v1.0/f.png)\n"
+        f"{code}\n[`g` h]({at}/blob/v1.0/g.md) `k` [l]({at}/blob/v1.0/l.md)"
+    )
+    title, note, *rest = described(readme, None, "1.0").split("\n\n")
+    assert title == "# T" and "no public address" in note
+    assert "\n\n".join(rest) == f" c [e](https://e.org) \n{code}\n`g` h `k` l"
 
 
 def test_the_citation_is_valid() -> None:

@@ -1,4 +1,5 @@
 import io
+import json
 import os
 import re
 import signal
@@ -18,8 +19,10 @@ from cocap_opt.flight import flights
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Danger
 from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.urgent import attention
 from cocap_opt.missions import FORMATS, Export, MissionFormat, table
-from cocap_opt.missions.sheet.words import attention
+from cocap_opt.missions.sheet import pages_of
+from cocap_opt.missions.sheet.fonts import USUAL
 
 STRAIGHT = 'flown = "straight"'
 RECIPE = """
@@ -255,11 +258,36 @@ def test_somebody_who_walks_through_a_wall_is_told_by_name(
     run = Run(
         capsys, "fly", *saved(tmp_path, problem, plan)[:2], "-o", tmp_path / "f.csv", "--json"
     )
-    told = [f"ATTENTION: person 0 (Cleo) is {words}"] if words else []
+    told = [f"ATTENTION: Cleo (0) is {words}"] if words else []
     assert [note for note in run.json["notes"] if "Cleo" in note and "ATT" in note][:1] == told
     flight = Flight.of(problem, plan, False)
-    framed = [*attention(flight, Touchdowns.of(flight))]
-    assert [each for each in framed if "obstacle" in each] == [f"{each}." for each in told]
+    framed = [*map(str, attention(flight, Touchdowns.of(flight), ()))]
+    assert [each for each in framed if "obstacle" in each] == told
+
+
+def test_fly_and_the_sheet_warn_of_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a limit, of drones and people that meet, and of the ground: in one order, each once."""
+    problem, _ = beside_somebody()
+    paths = tuple(tuple(co.State(4 + t, y) for t in range(5)) for y in (4, 5))
+    robots = tuple(co.Robot(start=path[0]) for path in paths)
+    problem = problem.replace(robots=robots, rules=co.NO_RULES, airspace=co.Airspace())
+    near = problem.actors[0].replace(poses=problem.actors[0].poses + np.array([3.0, 0, 0, 0]))
+    problem, plan = problem.replace(actors=(near,)), co.Plan(paths=paths)
+    scene, file, out = saved(tmp_path, problem, plan)
+    words = "cut short: 1 of 2 drones stays at its start"
+    content = json.loads(file.read_text()) | {"cut_short": words}
+    file.write_text(json.dumps(content))
+    run = Run(capsys, "fly", scene, file, "-o", out, "--json")
+    told = [note for note in run.json["notes"] if note.startswith("ATTENTION: ")]
+    assert told == run.json["notes"][:5] and told[0] == f"ATTENTION: {words}"
+    lines = Run(capsys, "fly", scene, file, "-o", out).out.split("\n\n")[0]
+    assert " ".join(lines.split()) == " ".join(f"{each}." for each in told)
+    flight = Flight.of(problem, plan, False)._replace(cut_short=words)
+    pages = pages_of(flight, None, [USUAL])
+    (first, *_), printed = pages.figures, " ".join(f"{each}." for each in told)
+    assert printed in " ".join(" ".join(text.get_text() for text in first.texts).split())
 
 
 @pytest.mark.slow
@@ -348,9 +376,11 @@ def test_a_new_format_is_one_module_and_one_line(
 ) -> None:
     """A registered format is written, named in messages, and asked only what its line promises."""
     (tmp_path / "places_format.py").write_text(
+        "from cocap_opt.flight.notes import Kind, Note\n"
         "from cocap_opt.missions import Export\n"
         "def write(flight, every):\n"
-        "    return Export({'': flight.columns(every)['x'].tobytes()}, ('only x is in it',))\n"
+        "    notes = Note('only x is in it'), Note('x is in m', Kind.READING)\n"
+        "    return Export({'': flight.columns(every)['x'].tobytes()}, notes)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(FORMATS, ".places.txt", MissionFormat("places_format"))
@@ -358,7 +388,7 @@ def test_a_new_format_is_one_module_and_one_line(
     co.save(plan, co.plan(co.load("tiny-queue"), "sequential"))
     run = Run(capsys, "fly", "tiny-queue", plan, "-o", out, "--step", 4, "--hovering")
     assert run.code == 0 and out.read_bytes()
-    assert "only x is in it" in run.out
+    assert "only x is in it" in run.out and "x is in m" not in run.out
     run = Run(capsys, "fly", "tiny-queue", plan, "-o", tmp_path / "flight.odd")
     assert run.code == 2 and ".places.txt" in run.err
     for option, value in (("--start", "2026-05-01T10:00:00Z"), ("--autopilot", "px4")):

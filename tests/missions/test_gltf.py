@@ -199,7 +199,7 @@ def test_a_map_that_is_thinned_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(FORMATS[".glb"].writer()(flight, None).notes) == 1
     monkeypatch.setattr(relief_module, "MOST_RECTANGLES", 8)
     _, note = FORMATS[".glb"].writer()(flight, None).notes
-    assert re.search("64 x 64 cells as one, .* with 4 x 4, as high as the highest", note)
+    assert re.search("64 x 64 cells as one, .* with 4 x 4, as high as the highest", note.text)
 
 
 @examples(30)

@@ -22,6 +22,7 @@ from test_cli import Run
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, notes_of
 from cocap_opt.missions import FORMATS, Export
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.items import Item
@@ -195,7 +196,7 @@ def test_a_mission_is_for_its_autopilot_only(name: str) -> None:
 
 def said(export: Export) -> str:
     """The notes of a mission."""
-    return "; ".join(export.notes)
+    return "; ".join(map(str, export.notes))
 
 
 def test_px4_has_one_speed_a_leg_and_ardupilot_one_of_each_kind() -> None:
@@ -235,14 +236,13 @@ def test_legs_that_cannot_be_flown_in_time_are_said() -> None:
     assert re.search(
         r"NOT IN TIME: drone 0, step 2 to 3: its height changes by 2 m, which takes PX4 1.33 s by "
         r"MPC_Z_V_AUTO_DN 1.5 m/s, not 0.50 s; drone 0, step 1 to 2.* up to 1.00 s late at the end",
-        export.warnings[0],
+        notes_of(export.notes, Kind.URGENT)[0],
     )
-    assert export.warnings[0] in export.notes
     assert export.facts["late"] == pytest.approx(2 / 1.5 - 0.5 + 2 / 3 - 0.5, abs=0.01)
     other = FORMATS[".waypoints"].writer()(hasty, None)
     assert other.facts["late"] == 0 and "NOT IN TIME" not in said(other)
     calm = FORMATS[".plan"].writer()(flight_of(WAYS["climbs on its way"]), None)
-    assert calm.facts["late"] == 0 and calm.warnings == ()
+    assert calm.facts["late"] == 0 and notes_of(calm.notes, Kind.URGENT) == []
 
 
 def test_a_warning_comes_before_the_files(
@@ -269,7 +269,8 @@ def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
     flight = flight_of(WAYS["straight up"])
     export = FORMATS[".plan"].writer()(flight, None)
     assert "up to 3.67 s behind the plan" in said(export)
-    assert not any("behind the plan" in words for words in export.details)  # a crew must know it
+    behind = [note.kind for note in export.notes if "behind the plan" in note.text]
+    assert behind == [Kind.CREW]
     assert "TOO LATE" not in said(export)
     walk = np.column_stack([[9.6, 10.0, 10.8, 11.7], np.full(4, 7.0), np.zeros((4, 2))])
     for aside, bears in ((2.5, False), (1.0, True)):
@@ -282,7 +283,9 @@ def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
         told = found.facts["delay_tolerance_to_people"]
         assert (told == "unlimited" or float(told or 0) > 3.67) == bears
         assert ("TOO LATE: " in said(found)) != bears
-        assert [words[:8] for words in found.warnings] == ([] if bears else ["TOO LATE"])
+        assert [words[:8] for words in notes_of(found.notes, Kind.URGENT)] == (
+            [] if bears else ["TOO LATE"]
+        )
     assert "behind the plan" not in said(FORMATS[".waypoints"].writer()(flight, None))
 
 

@@ -184,7 +184,7 @@ def test_drones_begin_their_flights_together(tmp_path: Path) -> None:
 
 def said(mission: Export) -> str:
     """The notes of a mission."""
-    return "; ".join(mission.notes)
+    return "; ".join(map(str, mission.notes))
 
 
 def test_homes_are_above_the_sea_or_unknown() -> None:

@@ -200,10 +200,10 @@ def test_notes_say_the_world_and_the_moments() -> None:
     """Axes, origin, times and what is in between; a last moment that is no whole number of rows."""
     flight = Flight.of(*turning(), False)
     write = FORMATS[".opencv.json"].writer()
-    notes = write(flight, None).notes
+    notes = [*map(str, write(flight, None).notes)]
     assert any("y down and z forward" in note and "x = 0, y = 0" in note for note in notes)
     assert any("frame k is at k times 2 s" in n and "change evenly" in n for n in notes)
-    smooth = write(Flight.of(*turning(), True), 0.7).notes
+    smooth = [*map(str, write(Flight.of(*turning(), True), 0.7).notes)]
     words = (
         "k times 0.7 s after step 0, and the last, frame 9, at the flight's end, 6 s; there are 10"
     )
@@ -253,7 +253,7 @@ def test_the_earth_is_in_the_file_where_the_scene_knows_it(ending: str) -> None:
     for poses, others in zip(found.poses, here.poses, strict=True):
         for pose, other in zip(poses, others, strict=True):
             np.testing.assert_allclose(pose.t, other.t, atol=1e-8)
-    assert any("latitude 43.26" in n for n in FORMATS[ending].writer()(flight, None).notes)
+    assert any("latitude 43.26" in n.text for n in FORMATS[ending].writer()(flight, None).notes)
 
 
 # -- the whole way: plan, fly, film, triangulate ----------------------------------------

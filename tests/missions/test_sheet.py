@@ -17,10 +17,11 @@ from test_gltf import scene
 
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.flight.changes import TIGHT, tolerated_delay
+from cocap_opt.flight.changes import TIGHT, people_and_delay, tolerated_delay
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.touchdowns import Touchdowns
+from cocap_opt.flight.urgent import attention
 from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.sheet import pages_of
@@ -39,7 +40,6 @@ from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
 from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
 from cocap_opt.missions.sheet.words import (
-    attention,
     running_order,
     sections,
     to_check,
@@ -74,12 +74,13 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
 
 def framed(flight: Flight) -> list[str]:
     """The warnings in the frame of the first page."""
-    return [*attention(flight, Touchdowns.of(flight))]
+    parts = clock_of(flight).parts
+    return [f"{note}." for note in attention(flight, Touchdowns.of(flight), parts)]
 
 
 def left_open(flight: Flight) -> list[str]:
     """What is to be checked on the spot, without homes, and what the program did not check."""
-    return [*to_check(flight, False), *unchecked(flight, Touchdowns.of(flight))]
+    return [*to_check(flight, False), *unchecked(flight)]
 
 
 def order_of(flight: Flight) -> list[str]:
@@ -290,10 +291,39 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     paths = tuple((robot.start, robot.start) for robot in beside.robots)
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
-        (words,) = each.near_without_rule()
-        assert [*each.too_near()][:1] == [words] * is_first
-        assert framed(each)[:1] == ([f"ATTENTION: {words}."] if is_first else [])
-        assert (words in left_open(each)) == (not is_first)
+        urgent, others = [*each.too_near()], [note.text for note in each.near_without_rule()]
+        assert (len(urgent), len(others)) == ((1, 0) if is_first else (0, 1))
+        assert framed(each)[:1] == [f"ATTENTION: {words}." for words in urgent]
+        assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
+
+
+def test_the_rest_of_a_mission_is_no_thing_that_was_not_checked() -> None:
+    """The crew reads in a section of its own which drones are in the air; `fly` tells it, too."""
+    problem, plan = scene()
+    robots = tuple(r.replace(number=3 * i + 1) for i, r in enumerate(problem.robots))
+    flight = Flight.of(problem.replace(robots=robots), plan, False)
+    hover, *numbers, _ = text_of(flight)["Drones in the air"]
+    assert hover.startswith("The rest of a mission: all drones hover at their first places")
+    assert numbers == [f"Drone {i} of this sheet is drone {3 * i + 1} of the mission."
+                       for i in range(2)]  # fmt: skip
+    assert not any("mission" in words for words in left_open(flight))
+    assert any("in the mission drone 0 is 1, drone 1 is 4" in note.text for note in flight.notes())
+
+
+def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
+    """The sheet leaves such remedies out, and has its own words for heights."""
+    problem, plan = scene()
+    flight = Flight.of(problem.replace(earth=co.Earth(crs="EPSG:25830")), plan, False)
+    notes = [*flight.notes(), *people_and_delay(flight, None)]
+    remedies = [note.remedy for note in notes if note.remedy]
+    told = "".join(map(str, notes))
+    assert len(remedies) == 2 and all(f"; {words}" in told for words in remedies)
+    texts = [text.get_text() for figure in pages_of(flight, None, [USUAL]).figures
+             for text in figure.texts]  # fmt: skip
+    printed = " ".join(" ".join(texts).split())
+    assert not any(words in printed for words in (*remedies, "eight datum unknown"))
+    assert "which is z = 0 of the map." in printed
+    assert "how near a late drone comes to them was not checked." in printed
 
 
 def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
@@ -305,11 +335,11 @@ def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
     flight = Flight.of(problem, plan, False)
     found = quality_of(flight)
     assert found is not None
-    clock, names = clock_of(flight), ["P0 Ax"]
+    clock, names = clock_of(flight), ["Ax (0)"]
     (row,) = quality_table(found, names, clock).rows
     (person,) = co.quality(problem, plan).by_person
     ends = [clock.time(float(s)) for s in re.findall(r"[\d.]+(?= (?:to|s)\b)", person.worst)]
-    assert row[0] == "P0 Ax" and ends and all(end in row[-1] for end in ends)
+    assert row[0] == "Ax (0)" and ends and all(end in row[-1] for end in ends)
     pale = "Pale: the first step, which does not count."
     assert (pale in quality_notes(found)) == (found.first_step > 0)
     assert numbers(row[1])[0] == pytest.approx(100 * person.by_two, abs=0.5)
@@ -413,10 +443,11 @@ def test_a_place_name_is_drawn_whole_or_not_at_all(at: float, is_drawn: bool) ->
 
 
 def test_names_stay_as_they_are() -> None:
-    """A person's card has her name over it as the scene writes it, beside the number on maps."""
+    """A person's card has her name over it as the scene writes it, before her number."""
     problem, plan = scene()
     (actor,) = problem.actors
-    for name, title in ((None, "P0"), ("Ada LOVELACE", "P0 Ada LOVELACE"), ("ada", "P0 ada")):
+    names = (None, "Person 0"), ("Ada LOVELACE", "Ada LOVELACE (0)"), ("ada", "ada (0)")
+    for name, title in names:
         flight = Flight.of(problem.replace(actors=(actor.replace(name=name),)), plan, False)
         (card,) = people_cards(flight, clock_of(flight))
         assert card.title == title
@@ -709,7 +740,7 @@ def test_a_card_lists_the_first_twenty_people() -> None:
         found = quality_of(Flight.of(crowd, plan, False))
         assert found is not None
         words = filmed_by(replace(found, seen=np.ones_like(found.seen)), 0, crowd)
-        assert re.findall(r"P(\d+) ", words) == [str(k) for k in range(listed)]
+        assert re.findall(r"\((\d+)\) ", words) == [str(k) for k in range(listed)]
         assert words.endswith(end) and words.count("100 %") == listed
         assert max(map(len, words.split(", "))) <= 60
         assert filmed_by(replace(found, seen=np.zeros_like(found.seen)), 0, crowd) == "nobody"
@@ -800,10 +831,9 @@ def test_the_sheet_has_no_marks_of_other_papers() -> None:
     What the program did not check is a list of its own.
     """
     flight = Flight.of(*scene(), False)
-    grounds = Touchdowns.of(flight)
     lines = [line for lines in text_of(flight).values() for line in lines]
     assert not any(line.startswith("- ") or "`" in line for line in lines)
-    checks, others = {*to_check(flight, False)}, {*unchecked(flight, grounds)}
+    checks, others = {*to_check(flight, False)}, {*unchecked(flight)}
     assert checks and others and not checks & others
     assert not any("not checked" in words for words in checks)
     pages = pages_of(flight, None, [USUAL])

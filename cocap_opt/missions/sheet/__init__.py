@@ -15,8 +15,10 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind, Note
 from cocap_opt.flight.touchdowns import Touchdowns
-from cocap_opt.flight.ways import has_homes, parts_of_take, pauses_of
+from cocap_opt.flight.urgent import attention
+from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.footage.quality import Quality
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
@@ -35,8 +37,6 @@ from cocap_opt.missions.sheet.maps import draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import Inset, Pages
 from cocap_opt.missions.sheet.places import degrees
 from cocap_opt.missions.sheet.words import (
-    attention,
-    label_of,
     running_order,
     sections,
     to_check,
@@ -67,8 +67,8 @@ def write(flight: Flight, every: float | None) -> Export:
     lacking = f"characters missing from all installed fonts are printed as boxes: {missing}"
     return Export(
         {"": content},
+        notes=(Note(lacking, Kind.URGENT),) if missing else (),
         facts={"pages": len(pages.figures)},
-        warnings=(lacking,) if missing else (),
     )
 
 
@@ -95,7 +95,7 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     pages.cards(title, [*drones, *people_cards(flight, clock)])
     for title, blocks in sections(flight, clock, grounds, every):
         pages.section(title, blocks)
-    others = [*map(_begun, unchecked(flight, grounds))]
+    others = [*map(_begun, unchecked(flight))]
     pages.checklist("Not checked by the program", others, "\N{BULLET}")
     pages.foot(shortened(printable(problem.name)))
     return pages
@@ -128,9 +128,8 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         ("Abort signal", ""),
     ], 2)  # fmt: skip
     pages.skip(2.0)
-    urgent = [*attention(flight, grounds), *battery_warnings(flight, clock)]
-    if pause := pauses_of(clock.parts):
-        urgent.append(f"ATTENTION: {pause}.")
+    urgent = [f"{note}." for note in attention(flight, grounds, clock.parts)]
+    urgent += battery_warnings(flight, clock)
     if urgent:
         pages.box(urgent)
     pages.section("Running order", [running_order(flight, clock)], BODY)
@@ -150,8 +149,8 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phas
     legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
     pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
     if any(actor.name for actor in flight.flown.problem.actors):
-        people = range(len(flight.flown.problem.actors))
-        names = [label_of(flight.flown.problem, person) for person in people]
+        problem = flight.flown.problem
+        names = map(problem.person, range(len(problem.actors)))
         pages.sentence(f"People: {', '.join(names)}.", SMALL)
     for phase in phases:
         height = _map_height(pages.room - _TITLE)
@@ -166,7 +165,7 @@ def _write_filmed(
     """Writes who is filmed by whom in the take, and how well; nothing if nobody counts."""
     if found is None:
         return
-    names = [label_of(flight.flown.problem, person.actor) for person in found.by_person]
+    names = [flight.flown.problem.person(person.actor) for person in found.by_person]
     pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
     pages.sentence("Drones that see the person at half of the steps or more; in brackets: drones "
                    "that see the person less often.", SMALL)  # fmt: skip

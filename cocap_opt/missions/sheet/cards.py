@@ -15,7 +15,6 @@ from cocap_opt.missions.sheet.filmed import filmed_by
 from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Card, Table
 from cocap_opt.missions.sheet.places import degrees
-from cocap_opt.missions.sheet.words import label_of
 from cocap_opt.problem import Robot
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
@@ -148,7 +147,10 @@ def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
     x, y = (np.interp(times, steps, axis) for axis in walk.T)
     facts = [("stands by at", _place(flight, float(x[0]), float(y[0])))]
     cues, signal = _person_cues(flight, clock, times, x, y), ("signal", clock.time(0.0))
-    return Card(label_of(problem, person), facts, cues, signal)
+    title = problem.person(person)
+    if actor.name is None:
+        title = f"{title[0].upper()}{title[1:]}"
+    return Card(title, facts, cues, signal)
 
 
 def _person_cues(

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from cocap_opt.flight.changes import (
     TIGHT,
     people_and_delay,
-    tight_timing,
     tolerated_delay,
     tolerated_delay_of_people,
 )
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.notes import Kind
 from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.missions import FORMATS
@@ -24,22 +24,14 @@ from cocap_opt.missions.sheet.places import places, walks
 from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
-from cocap_opt.plausibility import misplaced_people
 from cocap_opt.problem import Problem
-from cocap_opt.problem.takes import told_take
-from cocap_opt.text import printable
 
-_LEGS = "take-off and landing spots, and the air above them, are clear"
 _CHECKS = (
-    "wind and gusts are within the drones' limits",
-    _LEGS,
     "batteries are charged; radio links and satellite reception are good",
     "no obstacles that the map lacks, such as cranes, cables or trees",
     "nobody is there who is not on this sheet; everybody knows their walk and their signal",
     "airspace and its rules are clear, and the owners of the ground agree",
 )
-_FOR_RECIPES = "; a recipe"  # begins what is for whoever writes the scene
-_ONLY_FOR_SCENES = "height datum unknown"  # begins a note for whoever writes the scene
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
 
@@ -65,28 +57,6 @@ def sections(
     ]
 
 
-def label_of(problem: Problem, person: int) -> str:
-    """Returns the number of a person on maps, with name and take as the scene writes them."""
-    actor = problem.actors[person]
-    take = [] if actor.take is None else [told_take(actor.take)]
-    names = ", ".join([*([] if actor.name is None else [actor.name]), *take])
-    return printable(f"P{person} {names}".strip())
-
-
-def attention(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
-    """Yields warnings that nobody must overlook; those of batteries are elsewhere."""
-    yield from (f"ATTENTION: {words}." for words in _urgent(flight, grounds))
-
-
-def _urgent(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
-    if flight.cut_short:
-        yield flight.cut_short
-    yield from flight.too_near()
-    yield from grounds.warnings()
-    yield from misplaced_people(flight.flown.problem)
-    yield from tight_timing(flight)
-
-
 def running_order(flight: Flight, clock: Clock) -> Table:
     """Returns the table of events, by the clock."""
     return Table(("time", "who", "what"), list(_order(flight, clock)))
@@ -95,10 +65,12 @@ def running_order(flight: Flight, clock: Clock) -> Table:
 def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
     """Yields what somebody checks on the spot and ticks, as it should be."""
     problem = flight.flown.problem
-    yield from (
-        "nobody is on the ways from and to home" if has_homes and words == _LEGS else words
-        for words in _CHECKS
-    )
+    yield "wind and gusts are within the drones' limits"
+    if has_homes:
+        yield "nobody is on the ways from and to home"
+    else:
+        yield "take-off and landing spots, and the air above them, are clear"
+    yield from _CHECKS
     if not problem.height_map.knows_ground:
         yield (
             "no roofs or obstacles are below take-offs and landings: the map has no ground heights"
@@ -111,13 +83,12 @@ def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
         yield f"drones have the ceiling, {ceiling:g} m {over_datum(problem)}, as a limit"
 
 
-def unchecked(flight: Flight, grounds: Touchdowns) -> Iterator[str]:
+def unchecked(flight: Flight) -> Iterator[str]:
     """Yields what the program did not check or does not know."""
     yield "distances hold for drones and people that keep exactly to the plan"
-    told = {*_urgent(flight, grounds)}
-    for words in flight.warnings():
-        if words not in told and not words.startswith(_ONLY_FOR_SCENES):
-            yield words
+    for note in flight.notes():
+        if note.kind in {Kind.UNCHECKED, Kind.NO_RULE}:
+            yield note.text
 
 
 def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
@@ -185,7 +156,7 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
         known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
-        yield from (f"{words}." for words in flight.axes())
+        yield from (f"{note}." for note in flight.axes())
     yield Heights.of(flight).sentence()
     yield _angles(flight)
 
@@ -258,8 +229,8 @@ def _delays(flight: Flight) -> Iterator[str]:
     elif delay is not None:
         yield f"Between drones: {rules} holds while none is {delay:.2f} s or more behind another."
     to_people = tolerated_delay_of_people(flight)
-    for words in people_and_delay(flight, to_people):
-        yield f"{words[0].upper()}{words[1:].partition(_FOR_RECIPES)[0]}."
+    for note in people_and_delay(flight, to_people):
+        yield f"{note.text[0].upper()}{note.text[1:]}."
     if delay is not None or to_people is not None:
         yield (
             f"The first page warns if less than {TIGHT:g} s is left: clocks show whole seconds, so "
