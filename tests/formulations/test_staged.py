@@ -437,7 +437,13 @@ def test_searches_take_what_they_are_compiled_for_ahead() -> None:
 
 
 @pytest.mark.parametrize(
-    "compiled_", [None, BundleParameters(), BundleParameters(full_starts=1, high_states=1)]
+    "compiled_",
+    [
+        None,
+        BundleParameters(),
+        BundleParameters(full_starts=1, high_states=1),
+        BundleParameters(few_robots=0, many_full_starts=1, many_high_states=1),
+    ],
 )
 @examples(20)
 @given(seeds)

@@ -48,9 +48,9 @@ class Conflicts:
         """An array [P, P], true for places at which two robots may not be at once."""
         return self.table_of()
 
-    def between(self, one: IntArray | int, other: IntArray | int) -> BoolArray:
+    def between(self, state: IntArray | int, other: IntArray | int) -> BoolArray:
         """Returns True where a state and another, given by their positions, conflict."""
-        conflict: BoolArray = self.too_near[self.place_of[one], self.place_of[other]]
+        conflict: BoolArray = self.too_near[self.place_of[state], self.place_of[other]]
         return conflict
 
     def part(self, positions: IntArray) -> "Conflicts":
