@@ -21,7 +21,7 @@ from cocap_opt.referee import check
 from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.options import UsageError
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import rounded_up
+from cocap_opt.text import is_attained, told_bound, told_gap
 
 _METHOD = "column-generation"
 
@@ -64,17 +64,19 @@ def _limits(
         answer |= {"reward": reward, "bound": bound, "lost": lost}
         if limit is not None:
             notes.append(f"the search for the bound was stopped by the {limit} limit")
-        if reward > bound:
+        if reward > bound and not is_attained(bound, reward):
             notes.append(
                 f"the limits cost nothing: this plan moves by parts of cells and has J "
                 f"{reward:,.2f}; certified: no plan that moves by whole cells has a J above "
                 f"{bound:,.2f}"
             )
         elif math.isfinite(bound):
+            most = f"no plan has a J above {told_bound(bound, reward)}"
+            gap = told_gap(lost / bound if bound else 0.0)
+            so_far = "so no plan is better" if is_attained(bound, reward) else f"below by {gap}"
             notes.append(
-                f"certified: with all moves of the recipe no plan has a J above {bound:,.2f}; "
-                f"this one, with J {reward:,.2f}, is at most "
-                f"{rounded_up(100 * lost / bound if bound else 0.0, 2)} % below"
+                f"certified: with all moves of the recipe {most}; this one has J {reward:,.2f}, "
+                f"{so_far}"
             )
         else:
             notes.append("no bound was found in time; a longer --time-limit may give one")

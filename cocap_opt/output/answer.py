@@ -23,6 +23,7 @@ from cocap_opt.output.printing import (
     terminal,
 )
 from cocap_opt.stop import NO_LIMIT
+from cocap_opt.text import ATTAINED, told_bound
 
 _BREAK = "\n"
 # Names of keys, as people read them, short enough to stand beside their values in 60 columns; JSON
@@ -237,6 +238,8 @@ def _shown(row: Record, key: str) -> str:
     value = row[key]
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
+    if key == "bound" and isinstance(value, float):
+        return told_bound(value, row.get("reward"))
     if key == "optimal":
         return "yes" if value else "not proved"
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
@@ -281,7 +284,13 @@ def _summary(rewards: Sequence[float], noun: str, first: int) -> str:
 
 def _told_gap(row: Record) -> str:
     """Returns the meaning of a gap; J of the best plan is the bound at most."""
-    if row.get("optimal") or row.get("reason") == "optimal" or row.get("state") == "solved":
+    is_proved = row.get("valid") is not False and 0 <= row["gap"] <= ATTAINED
+    if (
+        is_proved
+        or row.get("optimal")
+        or row.get("reason") == "optimal"
+        or row.get("state") == "solved"
+    ):
         return "proved, no plan is better"
     if row["gap"] < 0 or row.get("valid") is False:
         return "J of a plan that breaks rules may exceed the bound"

@@ -22,7 +22,7 @@ from cocap_opt.player.pages import page_text
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.text import rounded_up
+from cocap_opt.text import rounded_up, told_bound
 
 _STATES = {
     "solved": "solved: no plan is better than the best one here",
@@ -170,7 +170,7 @@ def _records(records: Sequence[Record]) -> str:
         return "<p>There are none yet.</p>"
     words = (
         "A plan counts here by its J, of which more is better; a bound by the J that no plan "
-        "exceeds, rounded up."
+        "exceeds."
     )
     found = f"<p>{words}</p>\n{html_table('records', rows)}"
     if len({record.date for record in records}) < 2:
@@ -186,4 +186,4 @@ def _records(records: Sequence[Record]) -> str:
 def _value(record: Record) -> str:
     if record.kind == PLAN:
         return f"{record.value:,.2f}"
-    return "no plan" if record.value < 0 else rounded_up(record.value, 2)
+    return "no plan" if record.value < 0 else told_bound(record.value)
