@@ -1,14 +1,11 @@
 """Text of files as it is shown, and words that were meant."""
 
-import math
 import unicodedata
 from collections.abc import Iterable, Sequence
 from decimal import ROUND_CEILING, Decimal
 from difflib import get_close_matches
 
 OTHERWISE = "name the scene and seed that it is for, or plan again if you changed the scene"
-ATTAINED = 1e-6  # relative gap at which a plan is called the best
-_LITTLE = 1e-4  # relative gap below which no figures are told
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
 
 
@@ -35,29 +32,6 @@ def rounded_up(number: float, digits: int) -> str:
     """
     step = Decimal(1).scaleb(-digits)
     return f"{Decimal(number - 1e-12 * abs(number)).quantize(step, ROUND_CEILING):,}"
-
-
-def is_attained(bound: float, reward: float | None) -> bool:
-    """Returns True for a bound that is J of a plan: none is better by more than a millionth."""
-    return reward is not None and abs(bound - reward) <= ATTAINED * abs(bound) < math.inf
-
-
-def told_bound(bound: float, reward: float | None = None) -> str:
-    """Returns a bound on J with the decimals that J has; as J of a plan that attains it.
-
-    Parameters
-    ----------
-    reward : J of the best plan that is known; None if none is
-    """
-    shown = bound if reward is None or not is_attained(bound, reward) else reward
-    return f"{round(shown, 2) + 0.0:,.2f}"
-
-
-def told_gap(share: float, digits: int = 2) -> str:
-    """Returns the largest part of J that may be missing, which a bound leaves open, in words."""
-    if share < _LITTLE:
-        return f"less than {100 * _LITTLE:g} %, if at all"
-    return f"at most {rounded_up(100 * share, digits)} %"
 
 
 def number_in_words(number: int) -> str:

@@ -18,7 +18,6 @@ from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.text import ATTAINED
 
 __all__ = [
     "OPTIMALITY",
@@ -32,7 +31,7 @@ __all__ = [
     "silent",
 ]
 
-OPTIMALITY = ATTAINED  # relative gap at which a plan is called optimal
+OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
 
 
 def certify(

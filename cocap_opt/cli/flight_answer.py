@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cocap_opt.flight.changes import tight_timing
+from cocap_opt.flight.earth import told_accuracy
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.ways import Part, pauses_of
@@ -93,9 +94,7 @@ class FlightAnswer(NamedTuple):
         if self.parts:
             yield "in the air", _told_air(self.parts)
         if "crs" in found:
-            off = found["accuracy"]
-            known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
-            yield "on the Earth", f"{found['crs']}, {known}"
+            yield "on the Earth", f"{found['crs']}, {told_accuracy(found['accuracy'])}"
 
 
 def attention(flight: Flight, parts: Sequence[Part]) -> Iterator[str]:

@@ -14,12 +14,12 @@ from cocap_opt.data import ProblemError
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import told_bound
 
 _log = logging.getLogger(__name__)
 

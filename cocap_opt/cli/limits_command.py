@@ -15,15 +15,20 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.told_bounds import is_attained, told_bound, told_gap
 from cocap_opt.problem import Problem
 from cocap_opt.problem.motion import MOST_MOVED
 from cocap_opt.referee import check
 from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.options import UsageError
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import is_attained, told_bound, told_gap
 
 _METHOD = "column-generation"
+# Keys of rows, as a terminal of 80 characters has room for them.
+_HEADS = {
+    "moves of recipe": "moves\nof recipe", "longest of recipe (m)": "longest (m)\nof recipe",
+    "turn of recipe (deg)": "turn (deg)\nof recipe",
+}  # fmt: skip
 
 
 def _limits(
@@ -83,7 +88,8 @@ def _limits(
     if json:
         print_result({**answer, "drones": rows, "notes": notes}, json)
     else:
-        Listing("moves in a step", rows, notes).print()
+        shown = [{_HEADS.get(key, key): value for key, value in row.items()} for row in rows]
+        Listing("moves in a step, and those of the recipe", shown, notes).print()
     return 0
 
 

@@ -15,13 +15,13 @@ from cocap_opt.files.documents import PlanFile, SceneFile, encode
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.problem import Problem
 from cocap_opt.run.drawn_takes import with_drawn_takes
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.takes import Hedging, PlanForTake, hedging
 from cocap_opt.scenarios.spread import Spread
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import told_bound
 
 _log = logging.getLogger(__name__)
 

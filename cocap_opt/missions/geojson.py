@@ -44,7 +44,7 @@ def write(flight: Flight, every: float | None) -> Export:
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
     details = (*writer.notes(), *caveats(flight))
-    notes = (*flight.between_rows(every), *details)
+    notes = (*flight.between_rows(every, "points of the file"), *details)
     head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
     text = head % (name, msgspec.json.encode("; ".join(notes)))
     return Export({"": text + features + b"\n]}\n"}, notes, details=details)

@@ -46,7 +46,7 @@ def write(flight: Flight, every: float | None) -> Export:
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
     details = (mode.words, ANGLES, *caveats(flight))
-    notes = (*flight.between_rows(every), *details)
+    notes = (*flight.between_rows(every, "points of the file"), *details)
     writer = _Placemarks(FlightClock.of(flight), mode, flight.flown.step)
     root = ElementTree.Element(f"{{{_KML}}}kml")
     document = _add(root, "Document")

@@ -19,6 +19,8 @@ import numpy as np
 
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.told_bounds import told_bound, told_gap
 from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.run.view_share import (
@@ -31,7 +33,7 @@ from cocap_opt.run.view_share import (
     views_of,
     views_to_keep,
 )
-from cocap_opt.text import ATTAINED, rounded_up, told_bound, told_gap
+from cocap_opt.text import rounded_up
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -242,7 +244,7 @@ class Front:
 
         Plans that are better by less than a millionth do not count.
         """
-        return self.no_plan if not self.plans else self.gap <= ATTAINED
+        return self.no_plan if not self.plans else self.gap <= OPTIMALITY
 
     def directions(self) -> list[Direction]:
         """Returns the directions along the axes, and across the edges between plans."""
@@ -255,7 +257,7 @@ class Front:
         Directions without room are left aside where others have some. If a share of views is asked
         for, the direction across the edge above it comes before others.
         """
-        edges = [d for d in self.directions() if self.room(d) > ATTAINED] or self.directions()
+        edges = [d for d in self.directions() if self.room(d) > OPTIMALITY] or self.directions()
         new = [d for d in edges if not self.tries(d)]
         asked = self.asked_direction()
         return asked if asked in new else max(new or edges, key=self.room)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.output.told_bounds import is_attained, told_gap
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import run
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, never
-from cocap_opt.text import is_attained, told_gap
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,9 +14,9 @@ from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Assumptions, Quality, person_steps
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
-from cocap_opt.text import told_bound
 
 _ROUNDING = 1e-9  # relative
 _KEPT = 64  # plans of a trade-off, which are told after each direction
