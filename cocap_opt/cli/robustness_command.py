@@ -24,6 +24,7 @@ from cocap_opt.footage.losses import Seen, WhatIf, steps_in_words, what_if
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.problem import CollisionRules
 from cocap_opt.run.options import UsageError
 
 _log = logging.getLogger(__name__)
@@ -91,7 +92,7 @@ def _robustness(
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
-    notes = [*_notes(flight, delay, to_people), *_asking(found)]
+    notes = [*_notes(flight, delay, to_people), *_asking(found, problem.rules)]
     if json:
         answer: Record = {
             **({"cut_short": cut_short} if cut_short else {}),
@@ -129,7 +130,9 @@ def _losses(found: WhatIf) -> Listing:
 def _seen(left: ChangeRow, seen: Seen) -> Record:
     """Returns a row of the losses as people read it."""
     shares = {"J (%)": left.share, "seen by two (%)": seen.by_two, "by none (%)": seen.by_none}
-    percents = {name: None if part is None else 100 * part for name, part in shares.items()}
+    percents = {
+        name: None if part is None else f"{100 * part:.1f}" for name, part in shares.items()
+    }
     return {"change": left.change, **percents}
 
 
@@ -137,14 +140,16 @@ def _shown(row: ChangeRow) -> Record:
     """Returns a row of the changes as people read it."""
     columns: Record = {
         "change": row.change,
-        "J (%)": None if row.share is None else 100 * row.share,
+        "J (%)": None if row.share is None else f"{100 * row.share:.1f}",
         "drones (m)": row.least_distance,
     }
     if row.people_distance is not None:
         columns["people (m)"] = row.people_distance
-    asked = [metres for metres in (row.ask_drones, row.ask_people) if metres is not None]
-    way_out = f"; plan with {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
-    return {**columns, "rules": f"{row.rules}{way_out}"}
+    asked = {"drones": row.ask_drones, "people": row.ask_people}
+    ways_out = [
+        f"{name}: plan with {metres:g} m" for name, metres in asked.items() if metres is not None
+    ]
+    return {**columns, "rules": "\n".join(ways_out) or row.rules}
 
 
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
@@ -164,10 +169,18 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     yield from people_and_delay(flight, to_people)
 
 
-def _asking(found: WhatIf) -> Iterator[str]:
+def _asking(found: WhatIf, rules: CollisionRules) -> Iterator[str]:
     """Yields a sentence on the distances to plan with, where there are any."""
     rows = [*found.changes, *(row.left for row in found.losses)]
     if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
+        yield (
+            "rules: where a distance is not kept, drones or people and the distance to plan with"
+        )
+        if rules.vertical and any(row.ask_drones is not None for row in rows):
+            yield (
+                f"drones that differ by {rules.vertical:g} m in height need no separation; between "
+                "others it counts from above, whereas drones (m) is the distance in space"
+            )
         yield (
             "the distance to plan with is the scene's plus the shortfall; it leads to a different "
             "plan: evaluate that one again, with --margin increased by the shortfall to people"
