@@ -18,7 +18,7 @@ from cocap_opt.cli.options import (
     chosen,
     load_planned,
 )
-from cocap_opt.console.usage import usage_of
+from cocap_opt.console.usage import set_usages
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.profiles import profiles_figure
 from cocap_opt.experiments.report.teams import teams_figure
@@ -169,5 +169,4 @@ def _save(output: Path | None, figure: Figure, json: bool) -> int:
     return 0
 
 
-for _name in (name for name in app if not name.startswith("-")):
-    app[_name].usage = usage_of(f"cocap-opt figure {_name}", app[_name].default_command)
+set_usages(app, "cocap-opt figure")

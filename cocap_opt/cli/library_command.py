@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output
-from cocap_opt.console.usage import usage_of
+from cocap_opt.console.usage import set_usages
 from cocap_opt.experiments.library.entries import DATA
 from cocap_opt.experiments.library.judge import TIME_LIMIT
 from cocap_opt.experiments.library.records import Library, Standing
@@ -207,5 +207,4 @@ def _told(standing: Standing) -> dict[str, object]:
     return {key: row[key] for key in ("state", "reward", "bound", "gap")}
 
 
-for _name in (name for name in app if not name.startswith("-")):
-    app[_name].usage = usage_of(f"cocap-opt library {_name}", app[_name].default_command)
+set_usages(app, "cocap-opt library")

@@ -4,6 +4,8 @@ import inspect
 from collections.abc import Callable, Iterator
 from typing import Any, get_args
 
+from cyclopts import App
+
 
 def usage_of(called: str, command: Callable[..., Any]) -> str:
     """Returns the usage line of a command; what may be left out is in brackets.
@@ -13,6 +15,18 @@ def usage_of(called: str, command: Callable[..., Any]) -> str:
     called : its name, with those of the program and of the family before it
     """
     return " ".join(["Usage:", called, *_words(command)])
+
+
+def set_usages(family: App, called: str) -> None:
+    """Gives the commands of a family their usage lines.
+
+    Parameters
+    ----------
+    called : the name of the family, with that of the program before it
+    """
+    for name in family:
+        if (command := family[name].default_command) is not None and not name.startswith("-"):
+            family[name].usage = usage_of(f"{called} {name}", command)
 
 
 def _words(command: Callable[..., Any]) -> Iterator[str]:

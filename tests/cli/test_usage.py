@@ -1,12 +1,13 @@
-"""Usage lines, which are made from the functions of commands."""
+"""Usage lines, which are made from the functions of commands, and what answers say of files."""
 
 import inspect
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from cyclopts import App
 
-from cocap_opt.cli.commands import app
+from cocap_opt.cli.commands import app, run
 from cocap_opt.console.usage import usage_of
 
 
@@ -58,3 +59,16 @@ def test_help_begins_with_the_usage_line(name: str, capsys: pytest.CaptureFixtur
 def test_every_command_has_an_example(name: str) -> None:
     """Also those that hold others."""
     assert "Example: cocap-opt" in str(app[name].help)
+
+
+def test_a_plan_that_is_not_written_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A search of a minute is lost otherwise; JSON, which programs read, has what it had."""
+    for command in ("plan", "solve"):
+        for words, is_said in (
+            ((), True), (("--json",), False), (("-o", str(tmp_path / "plan.json")), False)
+        ):  # fmt: skip
+            assert run([command, "tiny-trap", *words]) == 0
+            told = " ".join(capsys.readouterr().out.split())
+            assert ("the plan is not written; -o plan.json keeps it" in told) == is_said

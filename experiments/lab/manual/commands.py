@@ -61,6 +61,7 @@ def _command(called: str, command: App) -> str:
     told = f"{above}{command.help_epilogue or ''}"
     lines = "\n".join(example.strip() for example in examples)
     arguments = [argument for argument in command.assemble_argument_collection() if argument.show]
+    assert command.default_command is not None
     usage = usage_of(called, command.default_command).removeprefix("Usage: ")
     parts = [
         f"## {called.removeprefix('cocap-opt ')}",
@@ -75,8 +76,8 @@ def _command(called: str, command: App) -> str:
 def _row(argument: Argument) -> str:
     """Returns the line of an option in the table."""
     names = ", ".join(f"`{name}`" for name in argument.names)
-    choices = argument.get_choices()
-    several = len(choices) > 1  # a single one is beside numbers, and the help has it
+    choices = argument.get_choices() or ()
+    several = len(choices) > 1  # a single one is beside numbers: the help has it
     words = [argument.parameter.help, f"one of {', '.join(choices)}" if several else ""]
     meaning = "; ".join(filter(None, words)).replace("|", "\\|")
     return f"| {names} | {meaning} | {_default(argument)} |"
