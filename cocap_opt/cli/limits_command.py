@@ -78,10 +78,12 @@ def _limits(
         elif math.isfinite(bound):
             most = f"no plan has a J above {told_bound(bound, reward)}"
             gap = told_gap(lost / bound if bound else 0.0)
-            so_far = "so no plan is better" if is_attained(bound, reward) else f"below by {gap}"
+            this = f"is below the best by {gap}"
+            if is_attained(bound, reward):
+                this = "is a best one"
             notes.append(
-                f"certified: with all moves of the recipe {most}; this one has J {reward:,.2f}, "
-                f"{so_far}"
+                f"certified: with all moves of the recipe {most}; this one, with J {reward:,.2f}, "
+                f"{this}"
             )
         else:
             notes.append("no bound was found in time; a longer --time-limit may give one")

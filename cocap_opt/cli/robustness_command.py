@@ -24,7 +24,6 @@ from cocap_opt.footage.losses import Seen, WhatIf, steps_in_words, what_if
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import Listing, Record
-from cocap_opt.problem import CollisionRules
 from cocap_opt.run.options import UsageError
 
 _log = logging.getLogger(__name__)
@@ -92,7 +91,7 @@ def _robustness(
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
-    notes = [*_notes(flight, delay, to_people), *_asking(found, problem.rules)]
+    notes = [*_notes(flight, delay, to_people), *_asking(found)]
     if json:
         answer: Record = {
             **({"cut_short": cut_short} if cut_short else {}),
@@ -147,7 +146,7 @@ def _shown(row: ChangeRow) -> Record:
         columns["people (m)"] = row.people_distance
     asked = {"drones": row.ask_drones, "people": row.ask_people}
     ways_out = [
-        f"{name}: plan with {metres:g} m" for name, metres in asked.items() if metres is not None
+        f"{name}: plan with {metres:.2f} m" for name, metres in asked.items() if metres is not None
     ]
     return {**columns, "rules": "\n".join(ways_out) or row.rules}
 
@@ -169,18 +168,13 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     yield from people_and_delay(flight, to_people)
 
 
-def _asking(found: WhatIf, rules: CollisionRules) -> Iterator[str]:
+def _asking(found: WhatIf) -> Iterator[str]:
     """Yields a sentence on the distances to plan with, where there are any."""
     rows = [*found.changes, *(row.left for row in found.losses)]
     if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
         yield (
             "rules: where a distance is not kept, drones or people and the distance to plan with"
         )
-        if rules.vertical and any(row.ask_drones is not None for row in rows):
-            yield (
-                f"drones that differ by {rules.vertical:g} m in height need no separation; between "
-                "others it counts from above, whereas drones (m) is the distance in space"
-            )
         yield (
             "the distance to plan with is the scene's plus the shortfall; it leads to a different "
             "plan: evaluate that one again, with --margin increased by the shortfall to people"
