@@ -1,1 +1,1 @@
-"""Answers as people and programs get them: printed tables, JSON, and files written whole."""
+"""Answers as people and programs get them: tables, words, JSON, and files written whole."""
