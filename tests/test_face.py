@@ -495,7 +495,7 @@ def test_results_of_another_scene_are_refused_by_name(tmp_path: Path) -> None:
 def test_a_bound_below_zero_is_explained() -> None:
     """J is at least 0, so such a bound says that no plan obeys the rules."""
     none = co.Result(None, -float("inf"), co.Reason.INFEASIBLE, bound=-33.0)
-    assert "-33.00 (below 0: there is no plan)" in none.summary()
+    assert "-33.00 (below 0: no plan exists)" in none.summary()
     assert "below 0" not in co.plan(co.load("tiny-queue"), "greedy").summary()
 
 

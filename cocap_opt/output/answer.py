@@ -237,6 +237,8 @@ def _shown(row: Record, key: str) -> str:
     value = row[key]
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
+    if key == "bound" and isinstance(value, float) and value < 0:  # which no J is
+        return f"{cell_text(key, value)}: below 0, so no such plan exists"
     if key == "optimal":
         return "yes" if value else "not proved"
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
