@@ -180,7 +180,7 @@ def _heights(text: str | None) -> tuple[float, ...]:
     except ValueError:
         raise UsageError(f"--heights: must be numbers such as 4,6, not {text!r}") from None
     if not all(abs(height) <= LARGEST for height in found):
-        raise UsageError(f"--heights: must be within +-{LARGEST:g} m")
+        raise UsageError(f"--heights: must be within +-{LARGEST:,.0f} m, not {text!r}")
     return found
 
 

@@ -316,7 +316,11 @@ class Instance:
         """Refuses lines that do not fit each other."""
         steps, n_groups = range(self.horizon + 1), self.n_roots + (self.horizon + 1) * self.people
         fits(self.horizon >= 1, "horizon", f"must be at least 1, not {self.horizon}")
-        fits(self.rows in (1, len(steps)), "groups", f"must have 1 row or {len(steps)}, not {self.rows}")
+        fits(
+            self.rows in (1, len(steps)),
+            "groups",
+            f"must have 1 row or {len(steps)}, not {self.rows}",
+        )
         fits(min(self.rewards) >= 0, "rewards", "must be numbers >= 0")
         fits(min(self.far) >= 0, "rules", "must be distances >= 0")
         needed = "must begin with 1, as the other rules need it"

@@ -274,9 +274,14 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
         ("\nkind\n", "\nkind\nclosed 9999 0\n", "closed: must be at a step up to {horizon}"),
         ("\nkind\n", "\nkind\norientation 0 0 : 0\n", "orientation: must be given once in a kind"),
         ("horizon 2", "horizon 2 7", "line 5: horizon: must have 1 number, not 2"),
-        ("horizon 2", "horizon -2", "line 5: horizon, 1st number: must be a whole number >= 0, not"),
         (
-            "0x0.0p+0 0x0.0p+0\nweight", "0 0x0.0p+0\nweight",
+            "horizon 2",
+            "horizon -2",
+            "line 5: horizon, 1st number: must be a whole number >= 0, not",
+        ),
+        (
+            "0x0.0p+0 0x0.0p+0\nweight",
+            "0 0x0.0p+0\nweight",
             "line 8: rules, 3rd number: must be hexadecimal, such as 0x1.0p+0, not '0'",
         ),
         ("rewards 0x0.0p+0", "rewards -0x1.0p+0", "line 7: rewards: must be numbers >= 0"),
@@ -341,7 +346,9 @@ def test_wrong_calls_check_nothing(
     """They have an exit code of their own and a line, which says what to name."""
     problem = load_scene("tiny-doorway", 0)
     (folder / "x.instance").write_text(instance_of(compiled(problem)))
-    (folder / "proof.json").write_text(json.dumps(document(searchless(problem).certificate, folder)))
+    (folder / "proof.json").write_text(
+        json.dumps(document(searchless(problem).certificate, folder))
+    )
     (folder / "text.sol").write_text("=obj= 3\n")
     (folder / "empty.json").write_text(" \n")
     monkeypatch.chdir(folder)
@@ -357,7 +364,9 @@ def test_a_bound_below_0_says_that_no_plan_exists(folder: Path) -> None:
     text = instance_of(compiled(problem))
     code, told = answered(text, file, folder)
     assert (code, file["bound"] < 0) == (0, True)
-    assert re.fullmatch(r"no plan exists: J would be at most -\d+\.\d{6}, but no J is below 0", told)
+    assert re.fullmatch(
+        r"no plan exists: J would be at most -\d+\.\d{6}, but no J is below 0", told
+    )
     assert answered(text, file | {"bound": None}, folder) == (0, told)
 
 

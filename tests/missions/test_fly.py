@@ -512,7 +512,7 @@ def test_changes_that_are_none_are_refused(
         ((scene, plan, "--lost", 5), "--lost: must be steps of the plan, 0..4, not 5"),
         ((scene, plan, "--step", 1), "--step: must be left out"),
         (("tiny-queue", clash), "--step: must be given"),
-        (("tiny-queue", clash, "--step", "-1"), "--step: must be a finite number of seconds"),
+        (("tiny-queue", clash, "--step", "-1"), "--step: must be more than 0 seconds, and finite"),
         (("tiny-queue", clash, "--step", 1), "clash.json: step 2: drones"),
     ):
         run = Run(capsys, "robustness", *words)
