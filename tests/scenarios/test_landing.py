@@ -63,8 +63,8 @@ def test_plans_end_where_drones_can_land(tmp_path: Path) -> None:
     verified = co.verify(problem, landing.plan, landing.certificate, second_opinion=True)
     assert verified.gap == pytest.approx(0.0, abs=1e-6)
     assert check(problem, best.plan).violations == (
-        f"paths[0]: ends in cell ({best.plan.paths[0][-1].x}, {best.plan.paths[0][-1].y}), not in "
-        "one of its goals",
+        "paths[0]: must end in one of its goals, not in cell "
+        f"({best.plan.paths[0][-1].x}, {best.plan.paths[0][-1].y})",
     )
     for name, planner in PLANNERS.items():
         result = planner(problem, never)

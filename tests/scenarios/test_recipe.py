@@ -404,7 +404,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective.views = { weight = [1, 2] }"),
          "objective: views: weight: must be one number, or one for each of the 1 people, not 2"),
         (("steps = 4", "steps = 4\nobjective.views = { at_least = 0 }"),
-         "objective: views: at_least: must be > 0, or all drones see everybody"),
+         "objective: views: at_least: must be > 0, not 0.0; else all drones"),
         (("speed = 1.5", "views_weight = 2"),
          r"walk\[0\]: views_weight: must be left out where \[objective\] has no views"),
         (("speed = 1.5", "views_weight = -2\n[objective.views]"),
