@@ -17,6 +17,7 @@ from cocap_opt.scenarios.earth.lengths import Stated, metres_of_heights, stated_
 from cocap_opt.scenarios.earth.units import units_of
 from cocap_opt.scenarios.maps.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
+from cocap_opt.text import pair
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
@@ -177,13 +178,11 @@ def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, Flo
         east, north = np.radians(transform(crs, "EPSG:4326", x, y))
     except Exception as error:  # GDAL's own errors have no public base
         raise ProblemError(
-            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
-            f"{y[0]:.7g})"
+            f"coordinates: must lie where their projection is defined, not at {pair(x[0], y[0])}"
         ) from error
     if not (np.isfinite(east).all() and np.isfinite(north).all()):
         raise ProblemError(
-            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
-            f"{y[0]:.7g})"
+            f"coordinates: must lie where their projection is defined, not at {pair(x[0], y[0])}"
         )
     return east, north
 

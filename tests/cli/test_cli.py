@@ -1142,7 +1142,7 @@ WRONG = [
     ),
     (
         ["export", "corridor", "--views", "2", "--views-weight", "-2", "-o", "x.json"],
-        "--views-weight: must be 0..1e+12, not -2.0",
+        "--views-weight: must be 0..1,000,000,000,000, not -2.0",
     ),
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
     (

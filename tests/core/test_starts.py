@@ -256,7 +256,9 @@ def test_a_plan_must_start_where_it_may() -> None:
         for robot, state in zip(problem.robots, turned, strict=True)
     )
     words = check(problem.replace(robots=near), plan).violations
-    assert len(words) == 2 and all("must start in one of its starts, not at" in each for each in words)
+    assert len(words) == 2 and all(
+        "must start in one of its starts, not at" in each for each in words
+    )
 
 
 def test_free_starts_are_worth_no_less_than_fixed_ones() -> None:

@@ -394,8 +394,8 @@ def test_limits_hold_for_scenes_and_for_flights(
     """Moves that no step allows make no scene; accelerations that are too large make no flight."""
     scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
     for limits, words in (
-        ("limits = { speed = 2 }", r"drones\[0\]: motion.radius: .* a step of 0.708 s would do"),
-        ('airframe = "px4"', r"drones\[0\]: motion.turn: .* a step of 0.75 s"),
+        ("limits = { speed = 2 }", r"drones\[0\].motion.radius: .* a step of 0.708 s would do"),
+        ('airframe = "px4"', r"drones\[0\].motion.turn: .* a step of 0.75 s"),
         ('airframe = "kite"', "airframe: must be one of px4"),
         ("limits = { wings = 2 }", "wings"),
         ("limits = { endurance = 1.9 }", "endurance: the flight takes 2 s, but the battery lasts"),

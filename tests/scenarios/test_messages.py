@@ -10,6 +10,7 @@ from scene_files import SEQUENCE
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.text import naming
 
 FLAT = "steps = 4\n[map]\nsize = [9, 9]\n[[drones]]\nstarts = [{ x = 1.5, y = 1.5 }]\n"
 WALLS = FLAT + '[[walls]]\nfile = "{}"\nheight = 2.0\npolygons = "obstacles"\n'
@@ -74,3 +75,16 @@ def test_damaged_sequences_are_told_in_plain_words(
     (tmp_path / "map.npy").write_bytes(content[:-9])
     with pytest.raises((ProblemError, FileError), match=words):
         load_scene(str(tmp_path))
+
+
+def test_a_field_within_a_field_is_a_path(tmp_path: Path) -> None:
+    """Fields are joined by points; the name of a file is none, though it has one."""
+    with pytest.raises(ProblemError, match=r"^drones\[0\]\.starts\[1\]\.x: must be above 0$"):
+        with naming("drones[0]"), naming("starts[1]"):
+            raise ProblemError("x: must be above 0")
+    with pytest.raises(ProblemError, match=r"^tracks\[0\]: .*people\.csv: fps: must be given$"):
+        with naming("tracks[0]"), naming(tmp_path / "people.csv"):
+            raise ProblemError("fps: must be given")
+    with pytest.raises(ProblemError, match=r"^map: the system beside it: crs: must be known$"):
+        with naming("map"), naming("the system beside it"):
+            raise ProblemError("crs: must be known")
