@@ -79,12 +79,12 @@ def test_damaged_sequences_are_told_in_plain_words(
 
 def test_a_field_within_a_field_is_a_path(tmp_path: Path) -> None:
     """Fields are joined by points; the name of a file is none, though it has one."""
-    with pytest.raises(ProblemError, match=r"^drones\[0\]\.starts\[1\]\.x: must be above 0$"):
-        with naming("drones[0]"), naming("starts[1]"):
-            raise ProblemError("x: must be above 0")
-    with pytest.raises(ProblemError, match=r"^tracks\[0\]: .*people\.csv: fps: must be given$"):
-        with naming("tracks[0]"), naming(tmp_path / "people.csv"):
-            raise ProblemError("fps: must be given")
-    with pytest.raises(ProblemError, match=r"^map: the system beside it: crs: must be known$"):
-        with naming("map"), naming("the system beside it"):
-            raise ProblemError("crs: must be known")
+    words = r"^drones\[0\]\.starts\[1\]\.x: must be above 0$"
+    with pytest.raises(ProblemError, match=words), naming("drones[0]"), naming("starts[1]"):
+        raise ProblemError("x: must be above 0")
+    words, path = r"^tracks\[0\]: .*people\.csv: fps: must be given$", tmp_path / "people.csv"
+    with pytest.raises(ProblemError, match=words), naming("tracks[0]"), naming(path):
+        raise ProblemError("fps: must be given")
+    words = "^map: the system beside it: crs: must be known$"
+    with pytest.raises(ProblemError, match=words), naming("map"), naming("the system beside it"):
+        raise ProblemError("crs: must be known")
