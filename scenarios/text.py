@@ -78,6 +78,8 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
         raise ProblemError(unread(error)) from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
+    if content in _UTF_16:
+        raise ProblemError("must be a text file in UTF-8; it has nothing but a mark of UTF-16")
     if "\0" in text:
         raise ProblemError("must be a text file in UTF-8; it has NUL characters, as UTF-16 does")
     return text.replace("\r\n", "\n").replace("\r", "\n")

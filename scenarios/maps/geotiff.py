@@ -3,8 +3,11 @@
 Source of the format: Open Geospatial Consortium, "OGC GeoTIFF Standard", 19-008r4, 2019.
 """
 
+import logging
 import math
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +42,7 @@ def read(
     except ImportError as error:
         raise ProblemError("needs rasterio: pip install 'cocap-opt[maps]'") from error
     try:
-        with warnings.catch_warnings(), rasterio.Env(GDAL_CACHEMAX=CACHE):
+        with warnings.catch_warnings(), _unlogged(), rasterio.Env(GDAL_CACHEMAX=CACHE):
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", NotGeoreferencedWarning)
             with rasterio.open(path, driver="GTiff") as dataset:
@@ -50,6 +53,18 @@ def read(
         raise ProblemError(
             "cannot be read as GeoTIFF: it is damaged, cut off, or packed in an unknown way"
         ) from error
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Leaves out what GDAL says of a file, in its own words, through the log of rasterio."""
+    log = logging.getLogger("rasterio")
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _read(

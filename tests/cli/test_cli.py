@@ -1568,3 +1568,22 @@ def test_python_runs_the_module_as_the_command() -> None:
     words = [sys.executable, "-m", "cocap_opt.cli.main", "--version"]
     found = subprocess.run(words, capture_output=True, text=True, check=True)
     assert co.__version__ in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("bound", "corridor", "--method", "alon"), "--method: must be one of alone, .*; did you m"),
+        (("figure", "gap"), "COMMAND: must be one of gaps, .*, not 'gap'; did you mean gaps"),
+        (("slve",), "COMMAND: must be one of scenes, .*, not 'slve'; did you mean solve"),
+        (("compile", "more"), "more: must be left out, for the command does not take it"),
+        (("plan", "corridor", "--seed", "-1"), "--seed: .* from 0 to 9,000,000,000,000,000, not"),
+    ],
+)
+def test_wrong_words_are_told_like_all_else(
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What must be, what is given, and what was meant: also where Cyclopts reads the command."""
+    run = Run(capsys, *words)
+    assert run.code == 2
+    assert re.search(told, run.err)
