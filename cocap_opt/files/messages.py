@@ -94,7 +94,7 @@ def _no_toml(said: str, line: str | None, column: str | None) -> str:
 
 
 def _read_again(content: bytes | str) -> object:
-    """Returns what JSON or TOML holds, of any type; a message quotes a part of it."""
+    """Returns the value of JSON or TOML, of any type; a message quotes a part of it."""
     for decode in (msgspec.json.decode, msgspec.toml.decode):
         try:
             value: object = decode(content)

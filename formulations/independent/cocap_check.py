@@ -263,14 +263,14 @@ class Instance:
         require(kind_after or not has_colon, f"{word}: must have no colon")
         sizes = {len(kinds), len(kinds) - (word in MAY_END_EARLY)}
         wanted = " or ".join(map(str, sorted(sizes))) if kinds else "nothing after it"
-        one = "word" if kinds == "t" else "number"
-        words = f"{wanted} {one}{'s' * (wanted != '1')}" if kinds else wanted
+        noun = "word" if kinds == "t" else "number"
+        words = f"{wanted} {noun}{'s' * (wanted != '1')}" if kinds else wanted
         before = " before the colon" * bool(kind_after)
         require(middle in sizes, f"{word}: must have {words}{before}, not {middle}")
         parent = PARENTS.get(word, "")
         has_parent = not parent or (self.kinds if parent == "kind" else self.classes)
         require(has_parent, f"{word}: must come after a line {parent}")
-        values = parsed(word, kinds, [*rest[:middle]], one)
+        values = parsed(word, kinds, [*rest[:middle]], noun)
         after_colon = rest[middle + 1 :]
         after = parsed(word, kind_after * len(after_colon), [*after_colon], "word after the colon")
         if word in HEAD:
@@ -380,7 +380,7 @@ class Instance:
             fits(t <= horizon, "closed", f"must be at a step up to {horizon}", n, number)
             fits(all(place < n_places for place in places), "closed", known, n, number)
         late, zero = f"must be at a step up to {horizon}", "must name amounts > 0"
-        other, one = "must name groups of its step", "must count 1 drone of a group that counts"
+        others, counted = "must name groups of its step", "must count 1 drone of such a group"
         for n, ((t, place, turn), views) in enumerate(kind.sees.items()):
             fits(t <= horizon, "sees", late, n, number)
             fits(place < n_places, "sees", known, n, number)
@@ -390,9 +390,9 @@ class Instance:
                 counts = group >= self.n_roots
                 first, width = (self.n_roots, self.people) if counts else (0, self.faces)
                 first += width * (t if self.rows > 1 or counts else 0)
-                fits(first <= group < first + width, "sees", other, n, number)
+                fits(first <= group < first + width, "sees", others, n, number)
                 fits(amount > 0, "sees", zero, n, number)
-                fits(amount == 1 or not counts, "sees", one, n, number)
+                fits(amount == 1 or not counts, "sees", counted, n, number)
 
     def near(self, before: list[Fraction], after: list[Fraction]) -> bool:
         """True if two drones break the separation while one sees the other from before to after."""
@@ -1623,7 +1623,7 @@ def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
 
 
 def what_holds(bound: int | None) -> str:
-    """Returns what a bound says of all plans; None: a drone has no path.
+    """Returns the statement of a bound on all plans; None: a drone has no path.
 
     Weights and rewards of an instance are never negative, and so is no J.
     """
@@ -1672,7 +1672,7 @@ Example: {name} bottleneck.instance plan.json proof.json
 
 
 def content_of(name: str) -> bytes:
-    """Returns what is in a file."""
+    """Returns the bytes of a file."""
     try:
         with open(name, "rb") as file:
             return file.read()
