@@ -314,7 +314,8 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
     """Says who is in a file, and when most of them are there for some seconds."""
     spans = np.array([span for track in tracks for span in track.spans()])
     lasting = spans[spans[:, 1] - spans[:, 0] >= seconds - SLACK]
-    words = f"the file has {len(tracks)} people ({_listed(tracks)})"
+    noun = "person" if len(tracks) == 1 else "people"
+    words = f"the file has {len(tracks)} {noun} ({_listed(tracks)})"
     moments = np.unique(lasting[:, 0]) if begin is None else np.array([begin])
     # Who is there at a moment has come by then, and does not leave before the seconds are over.
     counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
