@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.text import with_article
+from cocap_opt.text import plain, with_article
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -54,7 +54,7 @@ def require(condition: bool, field: str, allowed: str) -> None:
 
 def within(value: float, low: float, high: float, field: str, unit: str = "") -> None:
     """Require low <= value <= high."""
-    allowed = f"must be {low:g}..{high:g} {unit}".rstrip()
+    allowed = f"must be {plain(low)}..{plain(high)} {unit}".rstrip()
     is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     # False for nan, too.
     require(is_number and low <= value <= high, field, f"{allowed}, not {value!r}")
@@ -161,7 +161,7 @@ def frozen(array: Any, field: str, ndim: int) -> FloatArray:
     require(result.ndim == ndim, field, f"must have {ndim} axes, not {result.ndim}")
     require(result.size > 0, field, "must not be empty")
     inside = bool((np.abs(result) <= LARGEST).all())  # false for nan, too
-    require(inside, field, f"must hold finite numbers within +-{LARGEST:g} only")
+    require(inside, field, f"must hold finite numbers within +-{plain(LARGEST)} only")
     return read_only(result)
 
 

@@ -13,6 +13,7 @@ from cocap_opt.graph.choke_points import MOST_CELLS, ChokePoint
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData, State
+from cocap_opt.text import pair
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -243,7 +244,7 @@ def _misplaced(problem: SceneData, actor: Actor) -> Iterator[str]:
         x, y, _, _ = steps[off[0]]
         is_far = max(abs(end) for end in np.ravel(problem.height_map.ends)) > 1000
         degrees = "; are these degrees?" if is_far and abs(x) <= 180 and abs(y) <= 180 else ""
-        yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m{degrees}")
+        yield _at(off, steps, "is off the map", f"at {pair(x, y)} m{degrees}")
     if words := buried(problem.workspace, actor, problem.horizon):
         yield words
     high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}

@@ -124,29 +124,35 @@ class _Referee:
     def violations(self, plan: Plan) -> list[str]:
         """Says in words what makes the plan impossible to fly, robot by robot."""
         if len(plan.paths) != len(self.problem.robots):
-            return [f"paths: {len(plan.paths)} paths for {len(self.problem.robots)} drones"]
-        found = []
+            words = f"must be {len(self.problem.robots)}, one for each drone, not {len(plan.paths)}"
+            return [f"paths: {words}"]
+        found, horizon = [], self.problem.horizon
         for i, (robot, path) in enumerate(zip(self.problem.robots, plan.paths, strict=True)):
             where = f"paths[{i}]"
-            if len(path) != self.problem.horizon + 1:
-                found.append(f"{where}: {len(path)} states for the steps 0..{self.problem.horizon}")
+            if len(path) != horizon + 1:
+                words = f"must have {horizon + 1} states, for the steps 0..{horizon}"
+                found.append(f"{where}: {words}, not {len(path)}")
                 continue
             if not robot.may_start_in(path[0]):
                 start = robot.start
-                wanted = tuple(start) if isinstance(start, State) else "in one of its starts"
-                found.append(f"{where}: starts at {tuple(path[0])}, not {wanted}")
+                wanted = (
+                    f"at {tuple(start)}" if isinstance(start, State) else "in one of its starts"
+                )
+                found.append(f"{where}: must start {wanted}, not at {tuple(path[0])}")
             faults = [self._misplaced(robot, state) for state in path]
             if any(faults):
                 found += [f"{where}: {words}" for words in _by_kind(faults)]
                 continue
-            for t in range(self.problem.horizon):
+            for t in range(horizon):
                 if fault := self._broken_move(robot, path[t], path[t + 1]):
                     found.append(f"{where}: step {t} to {t + 1} {fault}")
             found += [f"{where}: {words}" for words in self._near_people(robot, path)]
             if not robot.may_end_in(path[-1]):
                 goal = robot.goal
-                wanted = "in one of its goals" if isinstance(goal, GoalArea) else f"{goal}"
-                found.append(f"{where}: ends in cell ({path[-1].x}, {path[-1].y}), not {wanted}")
+                wanted = "in one of its goals" if isinstance(goal, GoalArea) else f"in cell {goal}"
+                found.append(
+                    f"{where}: must end {wanted}, not in cell ({path[-1].x}, {path[-1].y})"
+                )
         return found
 
     def conflicts(self, plan: Plan) -> list[str]:

@@ -104,7 +104,7 @@ class Result:
         """Describe the result in a few lines, first of all whether a limit cut the plan short."""
         stopped = f"stopped by the {self.limit} limit"
         # J is at least 0, so a bound below says that nothing can be planned as it is asked for.
-        no_plan = " (below 0: there is no plan)" if self.bound < 0 else ""
+        no_plan = " (below 0: no plan exists)" if self.bound < 0 else ""
         lines = {
             "J": f"{self.value:,.2f}" if self.plan else "no plan",
             "bound": f"{self.bound:,.2f}{no_plan}" if self.bound < math.inf else "none",

@@ -34,6 +34,33 @@ def rounded_up(number: float, digits: int) -> str:
     return f"{Decimal(number - 1e-12 * abs(number)).quantize(step, ROUND_CEILING):,}"
 
 
+def plain(number: float) -> str:
+    """Returns a limit in plain digits: of large ones all digits, with commas, and no exponent."""
+    return f"{number:,.0f}" if abs(number) >= 1e6 else f"{number:g}"
+
+
+def pair(x: float, y: float) -> str:
+    """Returns a point in brackets, in plain digits."""
+    return f"({in_digits(x)}, {in_digits(y)})"
+
+
+def span(low: float, high: float) -> str:
+    """Returns a range in plain digits, as those of points."""
+    return f"{in_digits(low)}..{in_digits(high)}"
+
+
+def in_digits(number: float) -> str:
+    """Returns a coordinate in plain digits: nine of them, and all of numbers with more."""
+    return f"{round(number, 6):.9g}" if abs(number) < 1e9 else f"{number:.0f}"
+
+
+def distance(metres: float) -> str:
+    """Returns a distance with its unit, in plain digits: of long ones kilometres."""
+    if metres >= 10_000:
+        return f"{metres / 1000:,.0f} km"
+    return f"{metres:,.0f} m" if metres >= 1000 else f"{metres:.4g} m"
+
+
 def number_in_words(number: int) -> str:
     """Returns the word for a small number, the figures of any other."""
     return _NUMBERS.get(number, str(number))

@@ -3,6 +3,7 @@
 import codecs
 import csv
 import math
+import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,23 +13,37 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import unreadable
 from cocap_opt.files.messages import no_text
 from cocap_opt.scenarios.kinds import Kind, require
-from cocap_opt.text import unread
+from cocap_opt.text import span, unread
 
 _UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
+
+
+# A field, or a path of several: starts[0].height
+_FIELD = re.compile(r"[a-z_]+(\[\w*\])*(\.[a-z_]+(\[\w*\])*)*")
+
+
+class InFileError(ProblemError):
+    """A ProblemError whose message begins with the name of a file."""
 
 
 @contextmanager
 def naming(place: Path | str) -> Iterator[None]:
     """Puts the name of a file or a field before the message of a `ProblemError` raised inside.
 
-    A file must be a regular one.
+    A file must be a regular one. A field in a message becomes a part of the one that is named:
+    `drones[0].starts: must ...`.
     """
     try:
         if isinstance(place, Path):
             _require_regular(place)
         yield
     except ProblemError as error:
-        raise ProblemError(f"{place}: {error}") from error
+        if isinstance(place, Path):
+            raise InFileError(f"{place}: {error}") from error
+        field, colon, _ = str(error).partition(": ")
+        is_part = bool(colon and _FIELD.fullmatch(field) and _FIELD.fullmatch(place))
+        is_part &= not isinstance(error, InFileError)
+        raise ProblemError(f"{place}{'.' if is_part else ': '}{error}") from error
 
 
 def _require_regular(path: Path) -> None:
@@ -63,6 +78,8 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
         raise ProblemError(unread(error)) from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
+    if content in _UTF_16:
+        raise ProblemError("must be a text file in UTF-8; it has nothing but a mark of UTF-16")
     if "\0" in text:
         raise ProblemError("must be a text file in UTF-8; it has NUL characters, as UTF-16 does")
     return text.replace("\r\n", "\n").replace("\r", "\n")
@@ -96,7 +113,7 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str
 
 def rectangle(low: FloatArray, high: FloatArray) -> str:
     """Returns the words for a rectangle from one corner [2] to the other, m."""
-    x, y = (f"{a:.7g}..{b:.7g}" for a, b in zip(low.tolist(), high.tolist(), strict=True))
+    x, y = (span(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
     return f"x {x} and y {y} m"
 
 

@@ -436,6 +436,15 @@ MISUSES = {
     "criteria that are none": (lambda: co.FirstOf("a"), TypeError, "criteria: must be"),
     "text for a focal length": (lambda: co.Camera(focal="x"), co.ProblemError, "focal: must be"),
     "text for a height": (lambda: co.Motion(layers=("x",)), co.ProblemError, "layers: must be"),
+    "no planners": (lambda: co.gap("corridor", []), ValueError, "planners: must be one or more"),
+    "no seeds": (lambda: co.gap("corridor", seeds=[]), ValueError, "seeds: must be one or more"),
+    "no scenes": (lambda: co.gap([]), ValueError, "scenes: must be one or more"),
+    "text for seconds of rows": (
+        lambda: co.gap("corridor", time_limit="5"), TypeError, "time_limit: must be a number",
+    ),
+    "a picture's name for a scene": (
+        lambda: co.save("b.png", _yard()), ValueError, "must end in .json, .*, not 'b.png'",
+    ),
     "states that are none": (
         lambda: co.check(_yard(), co.Plan(paths=[["x"]])), ValueError, "plan: ",
     ),
@@ -455,7 +464,7 @@ def test_a_plan_of_another_problem_is_not_shown_or_written(tmp_path: Path) -> No
     result, other = co.plan(co.load("tiny-queue")), co.load("corridor")
     for call in (
         lambda: co.show(other, result.plan),
-        lambda: co.save(tmp_path / "x", result.plan, other),
+        lambda: co.save(tmp_path / "x.json", result.plan, other),
     ):
         with pytest.raises(ValueError, match=r"(plan|content).*: paths"):
             call()
@@ -495,7 +504,7 @@ def test_results_of_another_scene_are_refused_by_name(tmp_path: Path) -> None:
 def test_a_bound_below_zero_is_explained() -> None:
     """J is at least 0, so such a bound says that no plan obeys the rules."""
     none = co.Result(None, -float("inf"), co.Reason.INFEASIBLE, bound=-33.0)
-    assert "-33.00 (below 0: there is no plan)" in none.summary()
+    assert "-33.00 (below 0: no plan exists)" in none.summary()
     assert "below 0" not in co.plan(co.load("tiny-queue"), "greedy").summary()
 
 

@@ -64,7 +64,7 @@ def explain(
     proved = ProvedBound.of(Model(problem, plain=True), file)
     explained = Explained.of(Verified.of(problem, flown, bounds=[proved]))
     if explained is None:
-        raise ValueError("certificate: it proves that there is no plan, so there is no gap")
+        raise ValueError("certificate: it proves that no plan exists, so there is no gap")
     frame = DataFrame(explained.records)
     whole = ["step", "robot", "actor", "face", "robots", "used"]
     frame = frame.astype({**dict.fromkeys(whole, "Int64"), "price": "float64"})

@@ -70,8 +70,8 @@ def save(
 
     Parameters
     ----------
-    path : the file; an existing one is replaced
-    content : the object to write; of a result, its plan is written
+    path : the file, named .json; an existing one is replaced
+    content : the object to write; of a result, its plan
     problem : the problem that a plan is for; not needed for a result, which knows it
 
     Raises
@@ -80,8 +80,8 @@ def save(
         If the file cannot be written.
     ValueError
         If a plan comes without its problem, is for another problem or cannot be flown in this one;
-        if a result has no plan; or if `content` is None, as the certificate of a result without
-        one.
+        if a result has no plan; if `content` is None, as a missing certificate; or if the name has
+        another ending.
 
     Examples
     --------
@@ -99,7 +99,15 @@ def save(
         else content if isinstance(content, CertificateFile | ProofFile)
         else _plan_file(content, problem)
     )  # fmt: skip
-    document.save(Path(path))
+    document.save(_named_json(Path(path)))
+
+
+def _named_json(path: Path) -> Path:
+    """Returns the path; refuses names that promise another kind of file than is written."""
+    if path.suffix.lower() != ".json":
+        words = "must end in .json, which is what is written"
+        raise ValueError(f"path: {words}, not {path.name!r}")
+    return path
 
 
 @overload

@@ -72,9 +72,11 @@ def front(
             require_number(value, name)
     require(directions, "directions", "a whole number", int, np.integer)
     Option("directions").require_whole(int(directions))
+    require_number(seconds, "seconds")
     Option("seconds").require_limit(seconds)
     limit = never
     if time_limit is not None:
+        require_number(time_limit, "time_limit")
         limit = TimeLimit(Option("time_limit").require_limit(time_limit))
     known = problem
     if so_far is not None:  # what is not said stays as it is there

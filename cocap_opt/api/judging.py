@@ -139,7 +139,7 @@ def _require_consistent(problem: Problem, claim: Result) -> None:
     for name in ("value", "bound"):
         require_number(getattr(claim, name), name)
     if claim.reason is Reason.INFEASIBLE and bound is not None and proved_in(problem, bound) >= 0:
-        raise ValueError("reason: the result claims that there is no plan; its file does not")
+        raise ValueError("reason: the result claims that no plan exists; its file does not")
     if claim.plan is None and claim.value != -inf:
         raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")
     if words := below_certificate(problem, claim):

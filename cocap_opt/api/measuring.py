@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cocap_opt.api.arguments import name_of, require
+from cocap_opt.api.arguments import name_of, require, require_number
 from cocap_opt.planners import Planner
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import SCENES, load_scene
@@ -92,6 +92,7 @@ def gap(
     from cocap_opt.run.options import Option
 
     # Before anything is computed; numbers of NumPy become plain ones.
+    require_number(time_limit, "time_limit")
     kept = out is not None or workers is not None
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
@@ -102,6 +103,9 @@ def gap(
     if hired.workers is not None:
         _require_guard()
     whole, given = _whole_seeds(seeds), _several_scenes(scenes)
+    for name, several in (("scenes", given), ("planners", names), ("seeds", whole)):
+        if several is not None and not several:
+            raise ValueError(f"{name}: must be one or more, not none")
     words, load = _words_of_scenes(given)
     named = Scenes(words, whole, load, tell=_nobody)
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]

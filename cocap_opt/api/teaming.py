@@ -81,6 +81,7 @@ def team(
     numbers = [drones] if isinstance(drones, int) else drones
     asked = Asked.of(numbers, names, heights, cameras, at_least)
     require_number(share, "share")
+    require_number(time_limit, "time_limit")
     wanted = Option("share").require_part(share)
     settings = team_settings(time_limit, work_limit, out is not None or workers is not None)
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)

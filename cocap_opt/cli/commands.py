@@ -6,9 +6,17 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Literal, TypedDict, get_args, get_origin
 
-from cyclopts import App, CoercionError, CycloptsError, Group, Parameter
+from cyclopts import (
+    App,
+    CoercionError,
+    CycloptsError,
+    Group,
+    Parameter,
+    UnknownCommandError,
+    UnusedCliTokensError,
+)
 
 from cocap_opt.cli import (
     audit_command,
@@ -34,6 +42,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
 from cocap_opt.run.options import UsageError
+from cocap_opt.text import meant
 
 _MOST_PARAGRAPHS = 4  # of a command above its options, besides the example
 
@@ -151,7 +160,7 @@ def run(arguments: Sequence[str] | None) -> int:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
         has_words = isinstance(error.__cause__, UsageError)  # an option's own words say all
-        say(_number(error) or str(error.__cause__ if has_words else error))
+        say(_reworded(error) or str(error.__cause__ if has_words else error))
         return 2
     except MemoryError:
         say("out of memory: the scene is too large for this method")
@@ -159,13 +168,27 @@ def run(arguments: Sequence[str] | None) -> int:
     return int(code or 0)
 
 
-def _number(error: Exception) -> str:
-    """Returns words for a value that must be a number and is none; empty for other errors."""
+def _reworded(error: Exception) -> str:
+    """Returns this program's words for what Cyclopts refuses; empty for other errors."""
+    if isinstance(error, UnknownCommandError) and error.app is not None and error.unused_tokens:
+        known = [name for name in error.app if not name.startswith("-") and error.app[name].show]
+        return _not_among("COMMAND", known, error.unused_tokens[0])
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        given = " ".join(error.unused_tokens)
+        return f"{given}: must be left out, for the command does not take it"
     if not isinstance(error, CoercionError) or error.token is None:
         return ""
-    allowed = {int: "a whole number", float: "a number"}.get(error.target_type or object)
+    given, choices = error.token.value, [*map(str, get_args(error.target_type))]
     name = error.token.keyword or (error.argument.name if error.argument is not None else "")
-    return f"{name}: must be {allowed}, not {error.token.value!r}" if allowed and name else ""
+    if name and get_origin(error.target_type) is Literal:
+        return _not_among(name, choices, given)
+    allowed = {int: "a whole number", float: "a number"}.get(error.target_type or object)
+    return f"{name}: must be {allowed}, not {given!r}" if allowed and name else ""
+
+
+def _not_among(name: str, known: Sequence[str], given: str) -> str:
+    """Returns words for a value that is none of those that are known."""
+    return f"{name}: must be one of {', '.join(known)}, not {given!r}{meant(given, known)}"
 
 
 class _Once(logging.Filter):

@@ -125,7 +125,7 @@ def _export(
         problem = _until(problem, steps)
     if camera is not None or tilts is not None:
         degrees = None if tilts is None else _angles("--tilts", tilts)
-        problem = with_cameras(problem, camera, degrees)
+        problem = _with_cameras(problem, camera, degrees)
     if over_time:
         problem = variants.over_time(problem)
     # The default weight is by the cameras, so after these.
@@ -143,6 +143,18 @@ def _export(
             answer |= _written(output, kind, compiled(problem), error, watch.counter("coverage"))
     print_result({**answer, "file": output}, json)
     return 0
+
+
+def _with_cameras(
+    problem: Problem, camera: str | None, degrees: tuple[float, ...] | None
+) -> Problem:
+    """Returns a scene with other cameras; messages on them name the options."""
+    try:
+        return with_cameras(problem, camera, degrees)
+    except ProblemError as error:
+        if str(error).startswith(("camera:", "tilts:")):
+            raise Option.refused(error) from error
+        raise
 
 
 class _Kind(NamedTuple):

@@ -77,8 +77,8 @@ class FlightOptions:
 
     def _scene(self, problem: Problem) -> FlightScene:
         """Returns the scene that plans of a problem are flown in."""
-        if self.step is not None and not Option("--step").require_seconds(self.step) > 0:
-            raise UsageError("--step: must be more than 0 seconds")
+        if self.step is not None:
+            Option("--step").require_duration(self.step)
         try:
             return FlightScene.of(problem, self.step, self.margin)
         except FieldError as error:

@@ -143,5 +143,5 @@ def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> N
 
 def _require_spacing(every: float | None) -> None:
     """Refuses rows that are no seconds apart."""
-    if every is not None and not Option("--every").require_seconds(every) > 0:
-        raise UsageError("--every: must be more than 0 seconds")
+    if every is not None:
+        Option("--every").require_duration(every)

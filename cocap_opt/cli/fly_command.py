@@ -162,7 +162,7 @@ def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:
             f"--autopilot: must be {others} for {suffix}, not {autopilot}; .plan is for both"
         )
     if items is not None and not items > 0:
-        raise UsageError("--items: must be more than 0")
+        raise UsageError(f"--items: must be more than 0, not {items}")
     return FORMATS[suffix].writer(autopilot, items)
 
 

@@ -18,7 +18,7 @@ from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored
-from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.options import Option
 from cocap_opt.stop import Interrupt
 
 _log = logging.getLogger(__name__)
@@ -75,8 +75,7 @@ def _front(
     Example: cocap-opt front bottleneck -o front
     """
     Option("--directions").require_whole(directions)
-    if not Option("--seconds").require_seconds(seconds) > 0:
-        raise UsageError("--seconds: must be more than 0")
+    Option("--seconds").require_duration(seconds)
     try:
         front = Front.of(load(scene, seed), cameras, at_least, share)
     except ProblemError as error:

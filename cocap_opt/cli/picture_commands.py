@@ -40,6 +40,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import Site, load_site
+from cocap_opt.text import plain
 
 if TYPE_CHECKING:
     from cocap_opt.player.player import Player
@@ -180,7 +181,7 @@ def _heights(text: str | None) -> tuple[float, ...]:
     except ValueError:
         raise UsageError(f"--heights: must be numbers such as 4,6, not {text!r}") from None
     if not all(abs(height) <= LARGEST for height in found):
-        raise UsageError(f"--heights: must be within +-{LARGEST:g} m")
+        raise UsageError(f"--heights: must be within +-{plain(LARGEST)} m, not {text!r}")
     return found
 
 

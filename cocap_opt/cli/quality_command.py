@@ -118,8 +118,7 @@ def _quality(
         if value is not None and not bound:
             raise UsageError(f"{option}: is for bounds; add --bound")
     seconds = 10.0 if seconds is None else seconds
-    if not Option("--seconds").require_seconds(seconds) > 0:
-        raise UsageError("--seconds: must be more than 0")
+    Option("--seconds").require_duration(seconds)
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
     if cut_short := given.cut_short:
         _log.warning("%s: %s", plan, cut_short)

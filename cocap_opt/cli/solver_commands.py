@@ -50,6 +50,7 @@ from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt, Stop
+from cocap_opt.text import pair
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)
@@ -238,7 +239,7 @@ def _chosen_starts(problem: Problem, plan: Plan | None) -> Record:
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         ((x, y, z),) = problem.where(robot, path[:1]).tolist()
         turned = 360 * path[0].heading / robot.motion.headings
-        words.append(f"drone {i} at ({x:.10g}, {y:.10g}) m, {z:.4g} m high, {turned:.4g} deg")
+        words.append(f"drone {i} at {pair(x, y)} m, {z:.4g} m high, {turned:.4g} deg")
     return {"chosen_starts": "; ".join(words)}
 
 

@@ -68,8 +68,7 @@ def _takes(
 
     Example: cocap-opt takes bottleneck --aside 0.5 --count 3 --seconds 10 -o takes
     """
-    if not Option("--seconds").require_seconds(seconds) > 0:
-        raise UsageError("--seconds: must be more than 0")
+    Option("--seconds").require_duration(seconds)
     problem = _in_takes(load(scene, seed), Spread(delay, aside, speed), count, draw_seed)
     make_folder(output)
     with Interrupt.caught() as interrupt, Watch.on_terminal(problem.name) as watch:

@@ -46,7 +46,7 @@ from cocap_opt.stop import TimeLimit, never
 from cocap_opt.text import printable
 
 _USUAL_LIMIT = 600.0  # s
-_NO_PLAN = "proved: there is no plan"
+_NO_PLAN = "proved: no plan exists"
 _OPTIMISTIC = (
     "a limit stopped the search for this bound; at some steps it assumes that nothing hides anybody"
 )

@@ -166,7 +166,7 @@ def _decode_array(kind: type, value: Any) -> Any:
     try:
         rows = msgspec.convert(value, list[list[float]])  # all arrays in files have two axes
     except msgspec.ValidationError as error:
-        words = in_words(error, "array", list[list[float]])
+        words = in_words(error, "array", list[list[float]], value)
         raise ProblemError(f"row, column {words}" if words.startswith("[") else words) from error
     if len({len(row) for row in rows}) > 1:
         raise ProblemError("rows must have equal length")

@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
+import msgspec
 from msgspec import inspect
 
-from cocap_opt.text import meant
+from cocap_opt.text import meant, shortened
 
 _MALFORMED = re.compile(r"malformed.*\(byte (\d+)\)")
 _NO_TOML = re.compile(r"(.*) \(at (?:end of document|line (\d+), column (\d+))\)")
@@ -19,13 +21,17 @@ _MISSING_FIELD = re.compile(r"Object missing required field `(.*)`")
 _OTHER_NAMES = {"heights": "layers", "height": "layers", "altitudes": "layers"}  # for fields
 _FEW_FIELDS = 8  # that are named where an object should be
 _PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
+_LONGEST = 40  # letters of a value that a message quotes
+_HUGE = 1e9  # a limit beyond which no scene has numbers
+_UNKNOWN = object()  # a value that cannot be found again
 _TYPES = {
     "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false",
-    "array": "a list", "object": "an object with fields", "null": "null",
+    "array": "a list", "object": "an object with fields", "null": "null", "date": "a date",
+    "datetime": "a date with a time", "time": "a time of day",
 }  # fmt: skip
 
 
-def in_words(error: Exception, content: bytes | str, kind: object) -> str:
+def in_words(error: Exception, content: bytes | str, kind: object, value: object = _UNKNOWN) -> str:
     """Rewords an error that decoding a file has raised, on one line.
 
     Parameters
@@ -33,6 +39,7 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
     error : of msgspec, or any other
     content : of the file
     kind : the type that it should have
+    value : what has been read of the content, if it is neither JSON nor TOML
     """
     if isinstance(error, RecursionError):
         return "must not be nested so deeply"
@@ -63,7 +70,9 @@ def in_words(error: Exception, content: bytes | str, kind: object) -> str:
         return _no_toml(*no_toml.groups())
     placed = _PLACE.fullmatch(words)
     said, key, path = placed.groups() if placed else (words, None, "")
-    said = _allowed_words(said, kind, path)
+    if value is _UNKNOWN and not key:
+        value = _read_again(content)
+    said = _allowed_words(said, kind, path, _UNKNOWN if key else _value_at(value, path))
     said = f"its keys {said}" if key else said
     return f"{path}: {said}" if path else said
 
@@ -84,7 +93,62 @@ def _no_toml(said: str, line: str | None, column: str | None) -> str:
     return f"{place}: must be TOML; a bracket, a quotation mark, = or a value may be missing"
 
 
-def _allowed_words(said: str, kind: object, path: str) -> str:
+def _read_again(content: bytes | str) -> object:
+    """Returns the value of JSON or TOML, of any type; a message quotes a part of it."""
+    for decode in (msgspec.json.decode, msgspec.toml.decode):
+        try:
+            value: object = decode(content)
+        except (msgspec.MsgspecError, ValueError, RecursionError):
+            continue
+        return value
+    return _UNKNOWN
+
+
+def _value_at(value: Any, path: str) -> object:
+    """Returns the part of a value that a path leads to."""
+    try:
+        for field, index in _PART.findall(path):
+            value = value[field] if field else value[int(index)]
+    except (LookupError, TypeError, ValueError):
+        return _UNKNOWN
+    return value
+
+
+def _quoted(value: object) -> str:
+    """Returns a number, a truth value or a text as a message quotes it; of all else nothing."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f"the text {shortened(value, _LONGEST)!r}"
+    return shortened(repr(value), _LONGEST) if isinstance(value, (int, float)) else ""
+
+
+def _within(kind: inspect.Type, value: object) -> str:
+    """Returns the limits of a number in words, with a blank before them; nothing without any.
+
+    A limit that is only there to keep numbers finite is left out, unless the value is beyond it.
+    """
+    if not isinstance(kind, inspect.FloatType | inspect.IntType):
+        return ""
+    number = value if isinstance(value, (int, float)) else 0.0
+    low = kind.ge if kind.ge is None or kind.ge > -_HUGE or number < kind.ge else None
+    high = kind.le if kind.le is None or kind.le < _HUGE or number > kind.le else None
+    if low is not None and high is not None:
+        words = [f"from {_limit(low)} to {_limit(high)}"]
+    else:
+        limits = {">=": low, ">": kind.gt, "<=": high, "<": kind.lt}
+        words = [f"{sign} {_limit(end)}" for sign, end in limits.items() if end is not None]
+    if kind.multiple_of is not None:
+        words.append(f"that is a multiple of {_limit(kind.multiple_of)}")
+    return f" {' and '.join(words)}" if words else ""
+
+
+def _limit(number: float) -> str:
+    """Returns a limit in plain digits."""
+    return f"{number:,.0f}" if float(number).is_integer() else f"{number:.6g}"
+
+
+def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
     """Rewords msgspec's message on the value at a path, to name the values allowed there."""
     if unknown := _UNKNOWN_WORD.fullmatch(said):
         words = _allowed(inspect.type_info(kind), path)
@@ -108,8 +172,16 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
             else _TYPES.get(word, word) + of_fields * (word == "object")
             for word in types
         )
-        given = "a number with decimals" if found == "float" else _TYPES.get(found, found)
-        return f"must be {either}{limits}" + (f", not {given}" if found else "")
+        kinds = _kinds_at(inspect.type_info(kind), path)
+        numbers = {_within(part, value) for part in kinds} - {""}
+        if types in (["float"], ["int"]) and len(numbers) == 1:
+            (limits,) = numbers
+        given = _quoted(value) or ("a number with decimals" if found == "float" else "")
+        if not given and found:
+            given = _TYPES.get(found, found)
+        if not given and "length" in limits and isinstance(value, (list, tuple, str)):
+            given = str(len(value))
+        return f"must be {either}{limits}" + (f", not {given}" if given else "")
     if said == "Number out of range":
         return "must be a number within +-1.8e308"
     if field := _UNKNOWN_FIELD.fullmatch(said):

@@ -12,6 +12,7 @@ import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.problem import Earth
+from cocap_opt.text import pair
 
 WGS_84 = "EPSG:4326"
 # By which lengths of a projection may differ from those on the ground. Those of surveys do by 0.4 %
@@ -148,8 +149,8 @@ class Geodesy:
         if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
             raise FieldError(
                 "crs",
-                f"must be a system that is defined where the scene is, at ({at[0]:.7g}, "
-                f"{at[1]:.7g}), not {self.name}",
+                f"must be a system that is defined where the scene is, at "
+                f"{pair(*at[:2])}, not {self.name}",
             )
 
     def _best(self, near: Place) -> Any:

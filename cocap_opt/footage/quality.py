@@ -271,7 +271,7 @@ def _seen(shares: FloatArray, shape: tuple[int, ...], at_least: float) -> BoolAr
     if np.shape(shares) != shape:
         raise ValueError(f"shares: must have the shape {shape}, not {np.shape(shares)}")
     if not ((shares >= 0) & (shares <= 1 + _ROUNDING)).all():  # false for nan, too
-        raise ValueError("shares: must be 0..1")
+        raise ValueError(f"shares: must be 0..1, not {np.min(shares):g}..{np.max(shares):g}")
     return are_seen(shares, at_least)
 
 

@@ -245,7 +245,8 @@ def _shown(row: Record, key: str) -> str:
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
     if key == "bound" and isinstance(value, float):
-        return told_bound(value, row.get("reward"))
+        told = told_bound(value, row.get("reward"))
+        return told if value >= 0 else f"{told}: below 0, so no such plan exists"  # no J is
     if key == "accuracy":
         return told_accuracy(value)
     if key == "optimal":

@@ -14,14 +14,15 @@ def is_attained(bound: float, reward: float | None) -> bool:
 
 
 def told_bound(bound: float, reward: float | None = None) -> str:
-    """Returns a bound on J with the decimals that J has; as J of a plan that attains it.
+    """Returns a bound on J with the decimals that J has: never less, or J of a plan that attains it.
 
     Parameters
     ----------
     reward : J of the best plan that is known; None if none is
     """
-    shown = bound if reward is None or not is_attained(bound, reward) else reward
-    return f"{round(shown, 2) + 0.0:,.2f}"
+    if reward is not None and is_attained(bound, reward):
+        return f"{reward:,.2f}"
+    return rounded_up(bound, 2) if math.isfinite(bound) else f"{bound:,.2f}"
 
 
 def told_gap(share: float, digits: int = 2) -> str:

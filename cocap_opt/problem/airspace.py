@@ -41,7 +41,9 @@ class Airspace(Data, frozen=True):
         within(self.people_aside, 0, LARGEST, "people_aside", "m")
         least = 2 * TOLERANCE
         kept = self.people_aside == 0 or self.people_aside > least
-        require(kept, "people_aside", f"must be 0 or more than {least:g} m")
+        require(
+            kept, "people_aside", f"must be 0 or more than {least:g} m, not {self.people_aside!r}"
+        )
         if self.people_above is not None:
             within(self.people_above, 0, LARGEST, "people_above", "m")
             require(self.people_aside > 0, "people_above", "must be None where people_aside is 0")

@@ -19,6 +19,7 @@ from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.starts import StartArea
 from cocap_opt.problem.takes import require_takes
+from cocap_opt.text import in_digits
 
 
 def require_scene(scene: SceneData) -> None:
@@ -107,7 +108,7 @@ def _require_home(scene: SceneData, i: int, robot: Robot) -> None:
 def _in_metres(scene: SceneData, x: int, y: int) -> str:
     """Returns the middle of a cell in words."""
     across, along = scene.height_map.centre(x, y)
-    return f"x = {across:.9g}, y = {along:.9g} m"
+    return f"x = {in_digits(across)}, y = {in_digits(along)} m"
 
 
 def _require_area(scene: SceneData, field: str, area: StartArea, robot: Robot) -> None:

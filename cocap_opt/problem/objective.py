@@ -15,7 +15,8 @@ _LEAST_SHARE = 1e-6  # of a solid angle, much more than rounding
 def require_visible_share(share: float, field: str) -> None:
     """Checks the share of a person that a drone must see; the message names the field."""
     within(share, 0, 1, field)
-    require(share >= _LEAST_SHARE, field, "must be > 0, or all drones see everybody")
+    words = f"must be > 0, not {share!r}; else all drones see everybody"
+    require(share >= _LEAST_SHARE, field, words)
 
 
 class Views(Data, frozen=True):

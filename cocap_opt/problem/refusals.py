@@ -12,6 +12,7 @@ from cocap_opt.problem.open_areas import largest_area
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.starts import StartStates
+from cocap_opt.text import distance
 
 _MOST_TOLD = 12
 
@@ -50,7 +51,7 @@ class Refusal(NamedTuple):
         away = math.dist(nearest[:2], self.state[:2]) * scene.height_map.resolution
         place = f"x = {x:.10g}, y = {y:.10g}, cell ({nearest.x}, {nearest.y})"
         where = " that is not shut in" if self.has_nearer else ""
-        return f"the nearest free place{where}, {away:.3g} m away, is {place}{here}"
+        return f"the nearest free place{where}, {distance(away)} away, is {place}{here}"
 
 
 def told(scene: SceneData, refusals: Sequence[Refusal]) -> str:

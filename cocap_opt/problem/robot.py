@@ -43,7 +43,7 @@ class Limits(Data, frozen=True):
             value = getattr(self, field)
             if value is not None:
                 within(value, 0, LARGEST, field)
-                require(value > 0, field, "must be more than 0")
+                require(value > 0, field, f"must be more than 0, not {value!r}")
 
     def outlasted_by(self, seconds: float) -> str:
         """Says that the battery does not last for a flight of so many seconds; empty if it does."""

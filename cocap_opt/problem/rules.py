@@ -57,7 +57,8 @@ class CollisionRules(Data, frozen=True):
         for field in ("separation", "vertical"):
             value = getattr(self, field)
             within(value, 0, LARGEST, field, "m")
-            require(value == 0 or value > 2 * TOLERANCE, field, "must be 0 or more than 2e-6 m")
+            allowed = f"must be 0 or more than 2e-6 m, not {value!r}"
+            require(value == 0 or value > 2 * TOLERANCE, field, allowed)
         require(
             self.vertex or not (self.swap or self.separation),
             "vertex",

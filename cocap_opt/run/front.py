@@ -365,7 +365,7 @@ class Front:
     def sentences(self) -> Iterator[str]:
         """Yields sentences on what counts as a view, what is proved, and the requested share."""
         if not self.plans:
-            none = "there is no plan that obeys the rules: that is proved"
+            none = "proved: no plan exists, as none obeys the rules"
             found = "no plan that obeys the rules was found; a longer time limit may find one"
             yield none if self.no_plan else found
             return

@@ -99,33 +99,44 @@ class Option(NamedTuple):
             )
         return part
 
-    def require_whole(self, value: object, words: str = f"0..{LARGEST}") -> int:
-        """Returns a whole number >= 0 as a plain int; refuses all else, also fractions.
+    def require_duration(self, value: object) -> float:
+        """Returns seconds as a plain float; refuses all but finite numbers above 0."""
+        seconds = _number(value)
+        if not 0 < seconds <= LARGEST:
+            raise UsageError(f"{self.name}: must be more than 0 seconds, and finite, not {value!r}")
+        return seconds
+
+    def require_whole(
+        self, value: object, least: int = 0, most: int = LARGEST, about: str = ""
+    ) -> int:
+        """Returns a whole number as a plain int; refuses all else, also fractions.
 
         Parameters
         ----------
-        words : what is allowed, for the message
+        least, most : limits
+        about : words for the message that say why `most` is the limit
         """
         number = _number(value)
-        if not (0 <= number <= LARGEST and number.is_integer()):
-            raise UsageError(f"{self.name}: must be {words}, whole, not {value!r}")
+        if not (least <= number <= most and number.is_integer()):
+            raise UsageError(
+                f"{self.name}: must be a whole number from {least:,} to {most:,}{about}, "
+                f"not {value!r}"
+            )
         return int(number)
 
     def require_cores(self, count: object) -> int | None:
         """Returns a number of processes; refuses it unless it is >= 1, with a core for each."""
         if count is None:
             return None
-        words = f"1..{usable_cores()}, a core each"
-        number = self.require_whole(count, words)
-        if not 1 <= number <= usable_cores():
-            raise UsageError(f"{self.name}: must be {words}, not {count}")
-        return number
+        return self.require_whole(count, 1, usable_cores(), ", with a core for each")
 
     def whole(self, text: str) -> int:
         """Returns the whole number that a word is; one such as 1.5 is refused, not rounded."""
         digits = text.removeprefix("-")
         if not (digits.isascii() and digits.isdecimal()) or len(text) > len(str(LARGEST)):
-            raise UsageError(f"{self.name}: must be 0..{LARGEST}, whole, not {text[:40]!r}")
+            raise UsageError(
+                f"{self.name}: must be a whole number from 0 to {LARGEST:,}, not {text[:40]!r}"
+            )
         return int(text)
 
     def numbers(self, text: str) -> tuple[int, ...]:
@@ -133,8 +144,9 @@ class Option(NamedTuple):
         found: list[int] = []
         for part in text.split(","):
             wanted = self._range(part, text)
-            if len(found) + len(wanted) > _MOST:
-                raise UsageError(f"{self.name}: must be at most {_MOST} numbers")
+            count = len(found) + len(wanted)
+            if count > _MOST:
+                raise UsageError(f"{self.name}: must be at most {_MOST:,} numbers, not {count:,}")
             found += wanted
         return tuple(dict.fromkeys(found))
 
@@ -162,7 +174,9 @@ class Option(NamedTuple):
             )
         longest = max(map(len, ends))
         if longest > len(str(LARGEST)) or max(map(int, ends)) > LARGEST:
-            raise UsageError(f"{self.name}: must be 0..{LARGEST}")
+            raise UsageError(
+                f"{self.name}: must be whole numbers from 0 to {LARGEST:,}, not {part[:40]!r}"
+            )
         wanted = range(int(first), int(last or first) + 1)
         if not wanted:
             raise UsageError(f"{self.name}: ranges must go up, not {part!r}")

@@ -231,10 +231,11 @@ def plain_plan(plan: Plan) -> Plan:
     ValueError
         If they are none, in words.
     """
+    built = msgspec.to_builtins(plan, enc_hook=_plain_number)
     try:
-        return msgspec.convert(msgspec.to_builtins(plan, enc_hook=_plain_number), Plan)
+        return msgspec.convert(built, Plan)
     except msgspec.ValidationError as error:
-        raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
+        raise ValueError(f"plan: {in_words(error, 'plan', Plan, built)}") from None
 
 
 def _plain_number(value: object) -> object:

@@ -114,10 +114,12 @@ def _require(mission: Problem, plan: Plan, step: int, lost: Sequence[int]) -> No
             f"time, those from before step {step} are under the same root as later ones"
         )
     if len(plan.paths) != robots:
-        raise ProblemError(f"paths: {len(plan.paths)} paths for {robots} drones")
+        words = f"must be {robots}, one for each drone, not {len(plan.paths)}"
+        raise ProblemError(f"paths: {words}")
     for i, path in enumerate(plan.paths):
         if len(path) != horizon + 1:
-            raise ProblemError(f"paths[{i}]: {len(path)} states for the steps 0..{horizon}")
+            words = f"must have {horizon + 1} states, for the steps 0..{horizon}, not {len(path)}"
+            raise ProblemError(f"paths[{i}]: {words}")
     for drone in lost:
         if not 0 <= drone < robots:
             raise FieldError("without", f"must be numbers of drones, 0..{robots - 1}, not {drone}")

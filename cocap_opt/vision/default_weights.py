@@ -75,7 +75,7 @@ def with_views(
     """
     actors, robots = problem.actors, problem.robots
     if isinstance(weight, str):
-        require(weight == FIRST, "weight", f'must be a number or "{FIRST}"')
+        require(weight == FIRST, "weight", f'must be a number or "{FIRST}", not {weight!r:.40}')
         weight = weight_before_all(
             actors, robots, problem.horizon, problem.objective, least_chance(problem.takes)
         )

@@ -76,7 +76,8 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
                 same = values.shape == sizes
                 require(same, field, f"must have {sizes[0]} x {sizes[1]} cells like the heights")
         if self.lift is not None:
-            require(bool((self.lift >= 0).all()), "lift", "must be at least 0 m")
+            least = f"must be at least 0 m, not {self.lift.min():g}"
+            require(bool((self.lift >= 0).all()), "lift", least)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -218,8 +219,11 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
         most = f"must be at most {MOST_TRIANGLES}, not {len(given)}"
         require(len(given) <= MOST_TRIANGLES, "triangles", most)
         last = len(self.vertices) - 1
-        numbers = bool(((given >= 0) & (given <= last) & (given == np.floor(given))).all())
-        require(numbers, "triangles", f"must be numbers of vertices, 0..{last}")
+        others = given[(given < 0) | (given > last) | (given != np.floor(given))]
+        if others.size:
+            require(
+                False, "triangles", f"must be numbers of vertices, 0..{last}, not {others[0]:g}"
+            )
         triangles = given.astype(np.int64)
         triangles.setflags(write=False)
         msgspec.structs.force_setattr(self, "triangles", triangles)

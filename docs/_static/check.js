@@ -248,6 +248,7 @@ function words(code) {
   if (code === 0 && claims === 0) return ["mild", "The instance can be read. Add a plan, a certificate or a proof."];
   if (code === 0) return ["good", "Checked: all that the files claim holds."];
   if (code === 3) return ["mild", "Too long: a claim rests on a search that takes too long here; its multipliers alone are checked."];
+  if (code === 2) return ["bad", `Not checked: ${state.lines.at(-1)}.`];
   const rest = claims > 1 && !refused[0]?.startsWith(`${state.names[0]}: `) ? " The other files were checked all the same." : "";
   const which = refused.length > 1 ? `Refused, ${refused.length} files: ` : "Refused: ";
   return ["bad", refused.length ? `${which}${refused[0].replace(": refused: ", ": ")}.${rest}` : `Exit code ${code}.`];

@@ -23,9 +23,10 @@ _NUMBER = r"(-?\d+\.\d+)"
 _SAYS = (
     (PLAN, re.compile(rf"J of this plan is at least {_NUMBER}")),
     (BOUND, re.compile(rf"no plan has more than {_NUMBER}")),
-    (BOUND, re.compile("(there is no plan)")),
+    (BOUND, re.compile(rf"no plan exists: J would be at most {_NUMBER}, but no J is below 0")),
+    (BOUND, re.compile("no plan exists: a drone has no path left")),
 )
-_HOLDS, _BY_SEARCH = 0, 3
+_HOLDS, _WRONG_CALL, _BY_SEARCH = 0, 2, 3
 _CHECKER = Path(cocap_check.__file__)
 
 
@@ -75,13 +76,16 @@ def proved(instance: Path, content: bytes, name: str, time_limit: float = TIME_L
     if code < 0 or not lines:
         last = "".join(said.stderr.splitlines()[-1:])[:200]
         raise FileError(f"{name}: not judged: `cocap-check` ended with code {code}: {last}")
+    if code == _WRONG_CALL:
+        words = lines[0].removeprefix(f"{claim}: ").removeprefix(f"{instance}: ")
     if code == _BY_SEARCH:
         raise FileError(f"{name}: refused: a part of its claim rests on a search")
     if code == _HOLDS:
         for kind, pattern in _SAYS:
             if found := pattern.fullmatch(words):
-                number = found[1]
-                value = NO_PLAN if kind == BOUND and number[0] == "t" else float(number)
+                value = float(found[1]) if found.groups() else NO_PLAN
+                if words.startswith("no plan exists") and value >= 0:  # rounded up to 0
+                    value = NO_PLAN
                 return Proved("plan" if kind == PLAN else "bound", value)
     reason = " ".join(words.removeprefix("refused: ").split()) or "the instance cannot be read"
     raise FileError(f"{name}: refused: {reason[:200]}")

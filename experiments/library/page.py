@@ -68,7 +68,7 @@ def _about(standing: Standing) -> str:
         steps = counted(size.steps, "step")
         of = f"{counted(size.drones, 'drone')}, {people}, {steps}; "
     if standing.has_no_plan:
-        return f"{of}solved: there is no plan"
+        return f"{of}solved: no plan exists"
     return of + _STATES[standing.state]
 
 

@@ -29,8 +29,6 @@ from cocap_opt.run.quality_bound import QualityBound
 from cocap_opt.run.teams import MOST_DRONES, TeamChoice, seen_alone
 from cocap_opt.scenarios.hardware import CAMERAS
 
-_NUMBER = f"1..{MOST_DRONES}"
-
 
 class Asked(NamedTuple):
     """A request: which teams there are to be, and when a person is seen.
@@ -72,9 +70,9 @@ class Asked(NamedTuple):
             If something is out of range; it is named.
         """
         option = Option(name("drones"))
-        numbers = [option.require_whole(number, _NUMBER) for number in drones]
-        if not numbers or not all(1 <= number <= MOST_DRONES for number in numbers):
-            raise UsageError(f"{option.name}: must be {_NUMBER}")
+        if not drones:
+            raise UsageError(f"{option.name}: must be one number or more, such as 2")
+        numbers = [option.require_whole(number, 1, MOST_DRONES) for number in drones]
         names: list[str | None] = [None] if cameras is None else list(dict.fromkeys(cameras))
         for camera in names:
             if camera is not None:

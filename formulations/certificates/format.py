@@ -465,7 +465,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     def _parents(self) -> list[tuple[int, Decision] | None]:
         """Returns each node's parent, and the decision that leads from there."""
         if not 1 <= len(self.nodes) <= MOST_NODES:
-            raise CertificateError(f"nodes: must be 1..{MOST_NODES} nodes")
+            raise CertificateError(f"nodes: must be 1..{MOST_NODES} nodes, not {len(self.nodes)}")
         parents: list[tuple[int, Decision] | None] = [None] * len(self.nodes)
         for n, node in enumerate(self.nodes):
             if n and parents[n] is None:

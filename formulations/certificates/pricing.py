@@ -336,7 +336,8 @@ def _checked(values: Table, shape: tuple[int, int], field: str) -> FloatArray:
         raise CertificateError(f"{field}: must hold {shape[0]} rows of {shape[1]} numbers")
     array = np.array(values, dtype=np.float64).reshape(-1)
     if not np.isfinite(array).all() or (array < 0).any():
-        raise CertificateError(f"{field}: must be finite and >= 0")
+        wrong = array[~(np.isfinite(array) & (array >= 0))]
+        raise CertificateError(f"{field}: must be finite and >= 0, not {wrong[0]:g}")
     return array
 
 
@@ -364,7 +365,8 @@ def _resource_prices(
     costs = [(row.resource, row.multiplier) for row in certificate.rows]
     for decision, multiplier in zip(decisions, certificate.decisions, strict=True):
         if not (math.isfinite(multiplier) and multiplier >= 0):
-            raise CertificateError("certificate.decisions: must be finite and >= 0")
+            words = f"must be finite and >= 0, not {multiplier!r}"
+            raise CertificateError(f"certificate.decisions: {words}")
         if decision.closes:
             costs.append((decision.resource, math.inf))
         else:
@@ -379,7 +381,8 @@ def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
     for n, row in enumerate(rows):
         field = f"certificate.rows[{n}]"
         if not (math.isfinite(row.multiplier) and row.multiplier >= 0):
-            raise CertificateError(f"{field}.multiplier: must be finite and >= 0")
+            words = f"must be finite and >= 0, not {row.multiplier!r}"
+            raise CertificateError(f"{field}.multiplier: {words}")
         wrong = row.resource.why_absent(model) or row.resource.why_shared(model.problem)
         if wrong:
             raise CertificateError(f"{field}.{wrong}")
@@ -396,4 +399,4 @@ def _check_branches(model: Model, proof: ProofFile) -> None:
                 raise CertificateError(f"nodes[{n}].resource.{wrong}")
             most = len(model.problem.robots)
             if not 0 <= node.robots <= most:
-                raise CertificateError(f"nodes[{n}].robots: must be 0..{most}")
+                raise CertificateError(f"nodes[{n}].robots: must be 0..{most}, not {node.robots}")

@@ -8,10 +8,11 @@ An instance says who can fly where, what is seen from there, and what that is wo
     sum over groups of  weight * sqrt(sum of all that is seen of the group)  + rewards for moves,
 
 or weight * min(number of drones, k) for groups that count drones. The answers are "J of this plan
-is at least a" and "no plan has more than b". Numbers of files are taken as the doubles that they
-are, and then all is integers and fractions: quantities are multiples of 2^-64, rounded up where an
-upper bound is wanted and down where a lower one is; roots are integer roots. What is not known is
-refused.
+is at least a" and "no plan has more than b". Where b < 0 the answer is "no plan exists", since
+instances with a weight or a reward below 0 are refused, so that no J is below 0. Numbers of files
+are taken as the doubles that they are, and then all is integers and fractions: quantities are
+multiples of 2^-64, rounded up where an upper bound is wanted and down where a lower one is; roots
+are integer roots. What is not known is refused.
 
 Why no plan has more than b. For any alpha, beta >= 0 and what drones i see, c_i >= 0,
 
@@ -110,13 +111,55 @@ def require(condition: object, message: str) -> None:
 # -- instances ------------------------------------------------------------------------------------
 
 
-# Words before the colon of each kind of line, and what stands after it, if it has one.
-WORDS = {
-    "digest": ((1,), ""), "coverage": ((1,), ""), "horizon": ((1,), ""), "groups": ((3,), ""),
-    "rewards": ((4,), ""), "rules": ((4,), ""), "weight": ((2, 3), ""), "kind": ((0,), ""),
-    "orientation": ((2,), "turns"), "place": ((7,), "moves"), "closed": ((2, 3), ""),
-    "sees": ((3,), "views"), "class": ((1,), "goal"), "drone": ((1,), "starts"),
+# The words of each kind of line, before its colon and after it, where there may be any number of
+# them: w is a whole number, b 0 or 1, x a hexadecimal number, t text; WANTED has the others.
+LINES = {
+    "digest": ("t", ""), "coverage": ("w", ""), "horizon": ("w", ""), "groups": ("www", ""),
+    "rewards": ("xxxx", ""), "rules": ("bbxx", ""), "weight": ("wxw", ""), "kind": ("", ""),
+    "orientation": ("ww", "w"), "place": ("wwwwxxx", "m"), "closed": ("www", ""),
+    "sees": ("www", "v"), "class": ("w", "w"), "drone": ("w", "s"),
 }  # fmt: skip
+HEAD = ("digest", "coverage", "horizon", "groups", "rewards", "rules")  # lines that are there once
+MAY_END_EARLY = {"weight", "closed"}  # without their last word
+PARENTS = {
+    "orientation": "kind", "place": "kind", "closed": "kind", "sees": "kind", "drone": "class",
+}  # fmt: skip
+WANTED = {
+    "w": "a whole number >= 0", "b": "0 or 1", "x": "hexadecimal, such as 0x1.0p+0",
+    "t": "text", "m": "a place, such as 3 or 3=", "v": "group:amount, such as 3:0x1.0p+0",
+    "s": "place,orientation, such as 3,0",
+}  # fmt: skip
+
+
+def parse(kind: str, word: str) -> Any:
+    """Returns the value of a word of an instance; a ValueError or OverflowError says it is none."""
+    if kind == "x":
+        return exact(word)
+    if kind == "v":
+        group, _, amount = word.partition(":")
+        return digits(group), exact(amount)
+    if kind == "m":
+        return digits(word.removesuffix("=")), word.endswith("=")
+    if kind == "s":
+        place, _, orientation = word.partition(",")
+        return digits(place), digits(orientation)
+    if kind == "b" and word not in ("0", "1"):
+        raise ValueError(word)
+    return word if kind == "t" else digits(word)
+
+
+def parsed(name: str, kinds: str, words: list[str], noun: str) -> list[Any]:
+    """Returns the values of the words of a line; the message names the word that is wrong."""
+    values: list[Any] = []
+    for kind, word in zip(kinds, words, strict=False):
+        try:
+            values.append(parse(kind, word))
+        except (ValueError, OverflowError) as error:
+            n = len(values) + 1
+            th = "th" if n % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(n % 10, "th")
+            message = f"{name}, {n}{th} {noun}: must be {WANTED[kind]}, not {word!r:.40}"
+            raise Refused(message) from error
+    return values
 
 
 class Kind:
@@ -129,7 +172,7 @@ class Kind:
         self.layers: list[int] = []  # of each place, among those of its drones
         self.at: list[list[Fraction]] = []  # m
         self.moves: list[list[tuple[int, bool]]] = []  # place a step later; dx + dy = 0
-        self.closed: set[Ints] = set()  # (t, place) and (t, tail, head)
+        self.closed: dict[Ints, None] = {}  # (t, place) and (t, tail, head)
         self.sees: dict[Ints, list[tuple[int, Fraction]]] = {}  # (t, place, orientation)
 
     @functools.cached_property
@@ -148,6 +191,29 @@ class Kind:
         }
 
 
+class Misplaced(Exception):  # noqa: N818
+    """A line of an instance does not fit the others: the nth of a word, in a kind if it has one."""
+
+    def __init__(self, message: str, word: str, nth: int, kind: int | None) -> None:
+        super().__init__(message, word, nth, kind)
+        self.message, self.word, self.nth, self.kind = message, word, nth, kind
+
+    def told(self, lines: list[list[str]]) -> str:
+        """Returns the message with the number of the line."""
+        numbered = [(n, words[0]) for n, words in enumerate(lines, 1) if words]
+        first = 0
+        if self.kind is not None:
+            first = [n for n, word in numbered if word == "kind"][self.kind]
+        found = [n for n, word in numbered if word == self.word and n >= first]
+        return f"line {found[self.nth]}: {self.word}: {self.message}"
+
+
+def fits(condition: object, word: str, message: str, nth: int = 0, kind: int | None = None) -> None:
+    """Refuses the nth line of a word, of those of a kind, if something is not so."""
+    if not condition:
+        raise Misplaced(message, word, nth, kind)
+
+
 class Instance:
     """An instance, read whole or refused."""
 
@@ -155,8 +221,7 @@ class Instance:
         self.sha256 = hashlib.sha256(text.encode()).hexdigest()
         lines = [line.split() for line in text.splitlines()]
         require(lines and lines[0] == ["cocap-instance", "1"], "line 1: must be cocap-instance 1")
-        require(lines[-1] == ["end"], "the last line must be: end")
-        self.head: dict[str, tuple[str, ...]] = {}
+        self.head: dict[str, list[Any]] = {}
         self.weights: dict[int, Fraction] = {}  # of groups; others weigh nothing
         self.caps: dict[int, int] = {}  # k of groups that count drones
         self.kinds: list[Kind] = []
@@ -164,115 +229,170 @@ class Instance:
         self.goals: list[set[int] | None] = []  # of each class, the places at the last step
         self.members: list[list[int]] = []  # of each class, its drones
         self.starts: dict[int, list[Ints]] = {}  # of each drone, (place, orientation)
+        require(lines[-1] == ["end"], f"line {len(lines)}: must be end, as the last line is")
         for number, words in enumerate(lines[1:-1], 2):
             try:
+                require(words, "must not be empty")
                 self._read(*words)
-            except (Refused, ValueError, TypeError, LookupError, OverflowError) as error:
+            except Refused as error:
                 raise Refused(f"line {number}: {error}") from error
-        for name in ("digest", "coverage", "horizon", "groups", "rewards", "rules"):
-            require(name in self.head, f"there is no line: {name}")
-        self.digest, self.horizon = self.head["digest"][0], int(self.head["horizon"][0])
-        self.coverage = int(self.head["coverage"][0])
-        self.rows, self.faces, self.people = map(int, self.head["groups"])
-        self.rewards = [exact(word) for word in self.head["rewards"]]
-        vertex, swap, *far = self.head["rules"]
-        self.vertex, self.swap, self.far = vertex == "1", swap == "1", [*map(exact, far)]
+        for name in HEAD:
+            require(name in self.head, f"must have a line {name}")
+        (self.digest,), (self.coverage,), (self.horizon,) = (self.head[name] for name in HEAD[:3])
+        self.rows, self.faces, self.people = self.head["groups"]
+        self.rewards: list[Fraction] = self.head["rewards"]
+        self.vertex, self.swap, *far = self.head["rules"]
+        self.far: list[Fraction] = far
         self.n_roots = self.rows * self.faces
         self.where: dict[Ints, list[Fraction]] = {}  # position of each cell, m
-        self._check()
+        try:
+            self._check()
+        except Misplaced as error:
+            raise Refused(error.told(lines)) from error
 
     def _read(self, word: str, *rest: str) -> None:
+        """Reads a line, which begins with a word."""
         if word == "scene":  # nothing depends on its name
             return
-        parts = " ".join(rest).split(" : ") if ":" in rest[:-1] else [" ".join(rest).rstrip(" :")]
-        before, after = parts[0].split(), parts[1].split() if len(parts) > 1 else []
-        require(word in WORDS, f"unknown word: {word!r:.40}")
-        sizes, after_colon = WORDS[word]
-        require(len(before) in sizes, f"{word}: wrong number of words")
-        require(len(parts) <= 2 and (after_colon or ":" not in rest), f"{word}: too many colons")
-        if word in ("digest", "coverage", "horizon", "groups", "rewards", "rules"):
-            require(word not in self.head, f"{word} is there twice")
-            self.head[word] = rest
-            require(word != "rules" or {*rest[:2]} <= {"0", "1"}, "rules: must be 0 or 1")
+        known = ", ".join(LINES)
+        words = f"must begin with a known word, not {word!r:.40}; known are scene, {known}"
+        require(word in LINES, words)
+        kinds, kind_after = LINES[word]
+        middle = rest.index(":") if ":" in rest else len(rest)
+        has_colon = middle < len(rest)
+        require(kind_after or not has_colon, f"{word}: must have no colon")
+        sizes = {len(kinds), len(kinds) - (word in MAY_END_EARLY)}
+        wanted = " or ".join(map(str, sorted(sizes))) if kinds else "nothing after it"
+        noun = "word" if kinds == "t" else "number"
+        words = f"{wanted} {noun}{'s' * (wanted != '1')}" if kinds else wanted
+        before = " before the colon" * bool(kind_after)
+        require(middle in sizes, f"{word}: must have {words}{before}, not {middle}")
+        parent = PARENTS.get(word, "")
+        has_parent = not parent or (self.kinds if parent == "kind" else self.classes)
+        require(has_parent, f"{word}: must come after a line {parent}")
+        values = parsed(word, kinds, [*rest[:middle]], noun)
+        after_colon = rest[middle + 1 :]
+        after = parsed(word, kind_after * len(after_colon), [*after_colon], "word after the colon")
+        if word in HEAD:
+            require(word not in self.head, f"{word}: must be given once, not twice")
+            self.head[word] = values
         elif word == "weight":
-            group, weight, *most = before
-            require(int(group) not in self.weights, "a weight is there twice")
-            self.weights[int(group)] = exact(weight)
+            group, weight, *most = values
+            require(group not in self.weights, f"weight: must be given once for group {group}")
+            self.weights[group] = weight
             if most:
-                self.caps[int(group)] = int(most[0])
+                self.caps[group] = most[0]
         elif word == "kind":
             self.kinds.append(Kind())
         elif word == "orientation":
-            self.kinds[-1].headings.append(tuple(map(int, before)))
-            self.kinds[-1].turns.append([*map(int, after)])
+            self.kinds[-1].headings.append(tuple(values))
+            self.kinds[-1].turns.append(after)
         elif word == "place":
-            x, y, number, layer = map(int, before[:4])
+            x, y, number, layer = values[:4]
             kind = self.kinds[-1]
             kind.cells.append((x, y, layer))
             kind.layers.append(number)
-            kind.at.append([exact(value) for value in before[4:]])
-            kind.moves.append([(int(head.rstrip("=")), head[-1] == "=") for head in after])
+            kind.at.append(values[4:])
+            kind.moves.append(after)
         elif word == "closed":
-            self.kinds[-1].closed.add(tuple(map(int, before)))
+            closed, key = self.kinds[-1].closed, tuple(values)
+            require(key not in closed, "closed: must be given once")
+            closed[key] = None
         elif word == "sees":
-            key, views = tuple(map(int, before)), [view.split(":") for view in after]
-            require(key not in self.kinds[-1].sees, "a view is there twice")
-            self.kinds[-1].sees[key] = [(int(g), exact(amount)) for g, amount in views]
+            key = tuple(values)
+            require(key not in self.kinds[-1].sees, "sees: must be given once for a state")
+            self.kinds[-1].sees[key] = after
         elif word == "class":
-            self.classes.append(int(before[0]))
-            self.goals.append({*map(int, after)} if ":" in rest else None)
+            self.classes.append(values[0])
+            self.goals.append({*after} if has_colon else None)
             self.members.append([])
         elif word == "drone":
-            drone = int(before[0])
-            require(drone not in self.starts, "a drone is there twice")
+            (drone,) = values
+            require(drone not in self.starts, f"drone: must be given once for drone {drone}")
             self.members[-1].append(drone)
-            self.starts[drone] = [tuple(map(int, state.split(","))) for state in after]
-            require(all(len(state) == 2 for state in self.starts[drone]), "drone: wrong state")
+            self.starts[drone] = after
 
     def _check(self) -> None:
-        require(self.horizon >= 1 and self.rows in (1, self.horizon + 1), "groups: wrong rows")
-        require(min(self.rewards) >= 0 and len(self.rewards) == 4, "rewards: must be four, >= 0")
-        require(len(self.far) == 2 and min(self.far) >= 0, "rules: must be four numbers >= 0")
-        require(self.vertex or not (self.swap or self.far[0]), "rules: vertex must be 1")
-        require([*sorted(self.starts)] == [*range(len(self.starts))], "drones: must be 0, 1, ..")
-        n_groups = self.n_roots + (self.horizon + 1) * self.people
-        for group, weight in self.weights.items():
-            require(0 <= group < n_groups and weight >= 0, "weight: no such group, or < 0")
-            require((group >= self.n_roots) == (group in self.caps), "weight: k only of counts")
-            require(self.caps.get(group, 1) >= 1, "weight: k must be >= 1")
-        for kind in self.kinds:
-            n, n_turns, steps = len(kind.moves), len(kind.turns), range(self.horizon + 1)
-            heads = {head for moves in kind.moves for head, _ in moves}
-            require(heads <= {*range(n)}, "place: a move leads nowhere")
-            require(all(len(dict(moves)) == len(moves) for moves in kind.moves), "a move is twice")
-            require(len({*kind.cells}) == n, "place: a cell is there twice")
-            require(len(kind.states) == n * n_turns, "orientation: one is there twice")
-            for t, place, *head in kind.closed:
-                require(t in steps and {place, *head} <= {*range(n)}, "closed: no such place")
-            for cell, at in zip(kind.cells, kind.at, strict=True):
-                require(self.where.setdefault(cell, at) == at, "place: a cell is at two positions")
-            require({o for turns in kind.turns for o in turns} <= {*range(n_turns)}, "wrong turn")
-            for (t, place, turn), views in kind.sees.items():
-                require(
-                    t in steps and 0 <= place < n and 0 <= turn < n_turns, "sees: no such state"
-                )
-                require(len(dict(views)) == len(views), "sees: a group is there twice")
-                for group, amount in views:
-                    row = t if self.rows > 1 or group >= self.n_roots else 0
-                    first, width = (
-                        (0, self.faces) if group < self.n_roots else (self.n_roots, self.people)
-                    )
-                    require(first + row * width <= group < first + (row + 1) * width, "wrong group")
-                    require(amount == 1 if group >= self.n_roots else amount > 0, "wrong amount")
-        for k, members in zip(self.classes, self.members, strict=True):
-            require(0 <= k < len(self.kinds) and members, "class: no such kind, or no drones")
-            kind = self.kinds[k]
+        """Refuses lines that do not fit each other."""
+        steps, n_groups = range(self.horizon + 1), self.n_roots + (self.horizon + 1) * self.people
+        fits(self.horizon >= 1, "horizon", f"must be at least 1, not {self.horizon}")
+        fits(
+            self.rows in (1, len(steps)),
+            "groups",
+            f"must have 1 row or {len(steps)}, not {self.rows}",
+        )
+        fits(min(self.rewards) >= 0, "rewards", "must be numbers >= 0")
+        fits(min(self.far) >= 0, "rules", "must be distances >= 0")
+        needed = "must begin with 1, as the other rules need it"
+        fits(self.vertex or not (self.swap or self.far[0]), "rules", needed)
+        for n, (group, weight) in enumerate(self.weights.items()):
+            below = f"must be of a group below {n_groups}, not {group}"
+            fits(group < n_groups, "weight", below, n)
+            fits(weight >= 0, "weight", "must be >= 0", n)
+            counts = group >= self.n_roots
+            end = "must" if counts else "must not"
+            fits(counts == (group in self.caps), "weight", f"{end} end with a number of drones", n)
+            fits(self.caps.get(group, 1) >= 1, "weight", "must be of 1 drone or more", n)
+        for number, kind in enumerate(self.kinds):
+            self._check_kind(number, kind)
+        drones = [drone for members in self.members for drone in members]
+        for n, drone in enumerate(drones):
+            below = f"must be below {len(drones)}, the number of drones, not {drone}"
+            fits(drone < len(drones), "drone", below, n)
+        nth = 0
+        for n, (k, members) in enumerate(zip(self.classes, self.members, strict=True)):
+            below = f"must be of a kind below {len(self.kinds)}, not {k}"
+            fits(k < len(self.kinds), "class", below, n)
+            fits(members, "class", "must have a line drone after it", n)
+            places, turns = len(self.kinds[k].moves), len(self.kinds[k].turns)
+            is_known = all(place < places for place in self.goals[n] or ())
+            fits(is_known, "class", f"must end at places below {places}", n)
             for drone in members:
-                ok = all(
-                    0 <= p < len(kind.moves) and 0 <= o < len(kind.turns)
-                    for p, o in self.starts[drone]
-                )
-                require(ok and self.starts[drone], "drone: no such start")
+                fits(self.starts[drone], "drone", "must have a start", nth)
+                is_known = all(p < places and o < turns for p, o in self.starts[drone])
+                ranges = f"must start at places below {places}, in orientations below {turns}"
+                fits(is_known, "drone", ranges, nth)
+                nth += 1
+
+    def _check_kind(self, number: int, kind: Kind) -> None:
+        """Refuses lines of a kind that do not fit each other."""
+        n_places, n_turns, horizon = len(kind.moves), len(kind.turns), self.horizon
+        known = f"must name places below {n_places}"
+        turns = f"must name orientations below {n_turns}"
+        cells: set[Ints] = set()
+        states: set[Ints] = set()
+        for n, (cell, layer) in enumerate(zip(kind.cells, kind.layers, strict=True)):
+            heads = [head for head, _ in kind.moves[n]]
+            fits(all(head < n_places for head in heads), "place", known, n, number)
+            fits(len({*heads}) == len(heads), "place", "must name a move once", n, number)
+            key = *cell[:2], layer
+            is_new = cell not in cells and key not in states
+            fits(is_new, "place", "must have a cell that no other place has", n, number)
+            cells.add(cell)
+            states.add(key)
+            is_there = self.where.setdefault(cell, kind.at[n]) == kind.at[n]
+            fits(is_there, "place", "must be where other kinds have this cell", n, number)
+        for n, (heading, after) in enumerate(zip(kind.headings, kind.turns, strict=True)):
+            is_new = heading not in kind.headings[:n]
+            fits(is_new, "orientation", "must be given once in a kind", n, number)
+            fits(all(turn < n_turns for turn in after), "orientation", turns, n, number)
+        for n, (t, *places) in enumerate(kind.closed):
+            fits(t <= horizon, "closed", f"must be at a step up to {horizon}", n, number)
+            fits(all(place < n_places for place in places), "closed", known, n, number)
+        late, zero = f"must be at a step up to {horizon}", "must name amounts > 0"
+        others, counted = "must name groups of its step", "must count 1 drone of such a group"
+        for n, ((t, place, turn), views) in enumerate(kind.sees.items()):
+            fits(t <= horizon, "sees", late, n, number)
+            fits(place < n_places, "sees", known, n, number)
+            fits(turn < n_turns, "sees", turns, n, number)
+            fits(len(dict(views)) == len(views), "sees", "must name a group once", n, number)
+            for group, amount in views:
+                counts = group >= self.n_roots
+                first, width = (self.n_roots, self.people) if counts else (0, self.faces)
+                first += width * (t if self.rows > 1 or counts else 0)
+                fits(first <= group < first + width, "sees", others, n, number)
+                fits(amount > 0, "sees", zero, n, number)
+                fits(amount == 1 or not counts, "sees", counted, n, number)
 
     def near(self, before: list[Fraction], after: list[Fraction]) -> bool:
         """True if two drones break the separation while one sees the other from before to after."""
@@ -317,16 +437,24 @@ class Instance:
 
 
 def exact(word: str) -> Fraction:
-    """Returns the exact value of a hexadecimal number."""
-    require(word.lstrip("-").startswith("0x"), f"no hexadecimal number: {word!r:.40}")
-    return number_of(float.fromhex(word))
+    """Returns the exact value of a hexadecimal number; ValueError or OverflowError: it is none."""
+    if not word.lstrip("-").startswith("0x"):
+        raise ValueError(word)
+    return Fraction(float.fromhex(word))
 
 
-def number_of(value: object) -> Fraction:
+def digits(word: str) -> int:
+    """Returns the whole number that digits spell; a ValueError says that it is none."""
+    if not (word.isascii() and word.isdecimal()):
+        raise ValueError(word)
+    return int(word)
+
+
+def number_of(value: object, field: str = "") -> Fraction:
     """Returns the exact value of a number in a file of JSON, which is that of a double."""
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
         return Fraction(value)
-    raise Refused(f"no finite number: {value!r:.40}")
+    raise Refused(f"{field}must be a finite number, not {value!r:.40}")
 
 
 # -- plans ----------------------------------------------------------------------------------------
@@ -449,10 +577,10 @@ class Cut:
         return -(-(v + x - r) // unit) + steepest
 
 
-def whole(value: object) -> int:
+def whole(value: object, field: str = "") -> int:
     """Returns a whole number; refuses all else, booleans included."""
     if type(value) is not int:
-        raise Refused(f"no whole number: {value!r:.40}")
+        raise Refused(f"{field}must be a whole number, not {value!r:.40}")
     return value
 
 
@@ -1456,38 +1584,144 @@ def told(value: int, rounding: int) -> str:
 
 def kind_of(instance: Instance, document: Any) -> str:
     """Returns the kind of a file; refuses one that is not known, or not of this instance."""
-    require(isinstance(document, dict), "must be an object")
+    require(isinstance(document, dict), "must be a JSON object")
     kind = str(document.get("format"))
-    is_known = whole(document.get("version")) in VERSIONS.get(kind, ())
-    require(is_known, "no known kind of file, or version")
+    require(kind in VERSIONS, f"format: must be one of {', '.join(VERSIONS)}, not {kind!r:.40}")
+    versions, version = VERSIONS[kind], whole(document.get("version"), "version: ")
+    among = ", ".join(map(str, versions))
+    require(version in versions, f"version: must be one of {among}, not {version}")
     require(document.get("digest") == instance.digest, "digest: the file is of another scene")
     made_of = document.get("instance", instance.sha256)
     is_it = made_of == instance.sha256
     require(is_it, f"instance: the file is of the one of sha256 {made_of!r:.80}")
     version = document.get("coverage_version")
-    require(version in (None, instance.coverage), "coverage_version: the instance has another")
+    is_it = version in (None, instance.coverage)
+    require(is_it, f"coverage_version: must be the instance's {instance.coverage}, not {version}")
     return kind
 
 
 def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
     """Returns the statement that a file proves, and if a part of its claim is not checked."""
     if kind_of(instance, document) == "cocap-opt plan":
-        value, reward = value_of_plan(instance, document), number_of(document["reward"])
+        value = value_of_plan(instance, document)
+        reward = number_of(document["reward"], "reward: ")
         require(value >= down(reward * ROUNDED), "reward: claims more than the plan has")
         return f"J of this plan is at least {told(value, -1)}", False
     bound, is_part = bound_of_file(instance, document)
-    claim = None if document["bound"] is None else number_of(document["bound"])
-    says = "there is no plan" if bound is None else f"no plan has more than {told(bound, 1)}"
+    says = what_holds(bound)
     if is_part:
         return (
             f"{says}, by its multipliers; its claim rests on a search that is too long here",
             True,
         )
-    holds = bound is None or (claim is not None and bound <= down(claim))
-    # J is never negative, so that a negative bound says that there is no plan.
-    holds |= claim is None and bound is not None and bound < 0
+    claim = document["bound"]
+    limit = None if claim is None else down(number_of(claim, "bound: "))
+    is_plan_less = bound is None or bound < 0
+    holds = is_plan_less if limit is None else bound is None or bound <= limit
     require(holds, "bound: claims less than its numbers prove")
     return says, False
+
+
+def what_holds(bound: int | None) -> str:
+    """Returns the statement of a bound on all plans; None: a drone has no path.
+
+    Weights and rewards of an instance are never negative, and so is no J.
+    """
+    if bound is None:
+        return "no plan exists: a drone has no path left"
+    if bound < 0:
+        return f"no plan exists: J would be at most {told(bound, 1)}, but no J is below 0"
+    return f"no plan has more than {told(bound, 1)}"
+
+
+# -- the command ----------------------------------------------------------------------------------
+
+
+class WrongCall(Exception):  # noqa: N818
+    """Names of files are missing, or their order or kind is not what the command reads."""
+
+
+HELP = """\
+usage: {name} INSTANCE [FILE]...
+
+Checks what plans, certificates and proofs claim of J, by whole numbers alone.
+
+  INSTANCE  the scene in exact numbers; write it with
+            cocap-opt export SCENE -o scene.instance
+  FILE      a plan, a certificate or a proof of that scene (JSON), as many as
+            you like
+
+Prints a line for each FILE:
+
+  J of this plan is at least ...   the plan obeys the rules, and its J is right
+  no plan has more than ...        the bound holds for every plan
+  no plan exists: ...              no plan obeys the rules
+  refused: ...                     the reason why the file proves nothing
+
+Exit codes:
+
+  0  every claim of the files holds
+  1  a file is refused: its claim does not hold, it breaks a rule, or it has
+     unknown content
+  2  a wrong call, such as a missing file; nothing is checked
+  3  a claim rests on a search that takes too long here: only its multipliers
+     are checked
+
+Example: {name} bottleneck.instance plan.json proof.json
+"""
+
+
+def content_of(name: str) -> bytes:
+    """Returns the bytes of a file."""
+    try:
+        with open(name, "rb") as file:
+            return file.read()
+    except FileNotFoundError as error:
+        raise WrongCall(f"{name}: no such file") from error
+    except (OSError, ValueError) as error:  # ValueError: the name has a NUL
+        words = getattr(error, "strerror", None) or error
+        raise WrongCall(f"{name}: cannot be read: {words}") from error
+
+
+def require_kinds(names: list[str], contents: list[bytes]) -> None:
+    """Refuses a call whose first file is no instance, or whose others are no JSON."""
+    for number, (name, content) in enumerate(zip(names, contents, strict=True)):
+        is_instance = content.startswith(b"cocap-instance")
+        if number and is_instance:
+            raise WrongCall(f"{name}: is an instance; name one only, and first")
+        if not number and not is_instance:
+            found = noun_of(content)
+            words = f"is {found}; name the .instance first" if found else (
+                "is no instance; write one with cocap-opt export SCENE -o scene.instance"
+            )  # fmt: skip
+            raise WrongCall(f"{name}: {words}")
+        if number and not content.strip():
+            raise WrongCall(f"{name}: is empty")
+        if number and content.lstrip()[:1] not in b"{[":
+            words = "is no JSON; name plans, certificates and proofs of cocap-opt"
+            raise WrongCall(f"{name}: {words}")
+
+
+def noun_of(content: bytes) -> str:
+    """Returns a noun for a file of JSON; empty if it is none of those that are checked."""
+    try:
+        kind = json.loads(content)["format"]
+    except DAMAGED:
+        return ""
+    return f"a {kind.removeprefix('cocap-opt ')}" if kind in [*VERSIONS] else ""
+
+
+def read_json(content: bytes) -> Any:
+    """Returns the value of a file of JSON, whose objects have no field twice."""
+    try:
+        return json.loads(
+            content.decode(), parse_constant=no_constant, object_pairs_hook=without_twins
+        )
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise Refused(f"{where}: must be JSON; the file is damaged or cut off") from error
+    except RecursionError as error:
+        raise Refused("must not be nested so deeply") from error
 
 
 def main(arguments: list[str]) -> int:
@@ -1499,30 +1733,47 @@ def main(arguments: list[str]) -> int:
     search that takes too long here
     """
     say = functools.partial(print, flush=True)
-    if not arguments or arguments[0].startswith("-"):
-        say(str(__doc__).split("\n\n")[1].strip())
-        return 0 if arguments in (["-h"], ["--help"]) else 2
-    instance, worst = None, 0
-    for name in arguments:
+    command = "python cocap_check.py" if sys.argv[0].endswith(".py") else "cocap-check"
+    if {"-h", "--help"} & {*arguments}:
+        say(HELP.format(name=command), end="")
+        return 0
+    try:
+        options = [name for name in arguments if name.startswith("-")]
+        if options:
+            words = f"no such option; a file of that name is ./{options[0]}"
+            raise WrongCall(f"{options[0]}: {words}")
+        if not arguments:
+            raise WrongCall(f"INSTANCE: name a file; {command} --help says more")
+        contents = [*map(content_of, arguments)]
+        require_kinds(arguments, contents)
+    except WrongCall as error:
+        say(error)
+        return 2
+    name, worst = arguments[0], 0
+    try:
+        instance = Instance(contents[0].decode())
+    except (Refused, *DAMAGED) as error:
+        say(f"{name}: refused: {reason_of(error)}")
+        return 1
+    say(f"instance of sha256 {instance.sha256}")
+    for name, content in zip(arguments[1:], contents[1:], strict=True):
         try:
-            with open(name, "rb") as file:
-                content = file.read()
-            if instance is None:
-                instance = Instance(content.decode())
-                say(f"instance of sha256 {instance.sha256}")
-                continue
-            document = json.loads(
-                content.decode(), parse_constant=no_constant, object_pairs_hook=without_twins
-            )
-            words, is_part = answer(instance, document)
+            words, is_part = answer(instance, read_json(content))
             say(f"{name}: {words}")
             worst = worst or 3 * is_part
         except (Refused, *DAMAGED) as error:
-            say(f"{name}: refused: {error or type(error).__name__}")
-            if instance is None:
-                return 1
+            say(f"{name}: refused: {reason_of(error)}")
             worst = 1
     return worst
+
+
+def reason_of(error: BaseException) -> str:
+    """Returns why a file is refused, in words."""
+    if isinstance(error, KeyError) and isinstance(error.args[0], str):
+        return f"must have the field {error}"
+    if isinstance(error, UnicodeDecodeError):
+        return f"must be UTF-8 text, but byte {error.start + 1} is not"
+    return str(error) or type(error).__name__
 
 
 def without_twins(pairs: list[tuple[str, Any]]) -> Spec:
@@ -1533,7 +1784,7 @@ def without_twins(pairs: list[tuple[str, Any]]) -> Spec:
 
 def no_constant(name: str) -> None:
     """Refuses NaN and infinity, which are no numbers of JSON."""
-    raise Refused(f"no number: {name}")
+    raise Refused(f"must hold finite numbers only, not {name}")
 
 
 def run() -> None:

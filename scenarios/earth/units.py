@@ -18,6 +18,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.flight.earth import STRETCH
 from cocap_opt.scenarios.earth import utm
 from cocap_opt.scenarios.earth.lengths import Stated, stated_length
+from cocap_opt.text import pair
 
 WEB_MERCATOR = "Pseudo-Mercator", "Pseudo Mercator", "Mercator_Auxiliary_Sphere", "webmerc"
 _CODE = re.compile(
@@ -193,9 +194,7 @@ def require_true(text: str, x: float, y: float) -> None:
 
 
 def _undefined(x: float, y: float) -> ProblemError:
-    return ProblemError(
-        f"must be a projection that is defined where the map is, at ({x:.7g}, {y:.7g})"
-    )
+    return ProblemError(f"must be a projection that is defined where the map is, at {pair(x, y)}")
 
 
 # Arc/Info

@@ -275,12 +275,14 @@ class _Loader(CoreLoader):  # type: ignore[misc]  # yamlcore has no annotations
 
 
 def _world(text: str) -> _World:
+    value = None
     try:
-        return msgspec.convert(yaml.load(text, _Loader), _Sequence).planner.world
+        value = yaml.load(text, _Loader)
+        return msgspec.convert(value, _Sequence).planner.world
     except yaml.YAMLError as error:
         raise ProblemError(_yaml_in_words(error) if text.strip() else "is empty") from error
     except (ValueError, RecursionError) as error:
-        raise ProblemError(in_words(error, text, _Sequence)) from error
+        raise ProblemError(in_words(error, text, _Sequence, value)) from error
 
 
 def _yaml_in_words(error: yaml.YAMLError) -> str:

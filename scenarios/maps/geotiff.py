@@ -3,8 +3,11 @@
 Source of the format: Open Geospatial Consortium, "OGC GeoTIFF Standard", 19-008r4, 2019.
 """
 
+import logging
 import math
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from cocap_opt.scenarios.earth.lengths import Stated, metres_of_heights, stated_
 from cocap_opt.scenarios.earth.units import units_of
 from cocap_opt.scenarios.maps.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
+from cocap_opt.text import pair
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
@@ -38,7 +42,7 @@ def read(
     except ImportError as error:
         raise ProblemError("needs rasterio: pip install 'cocap-opt[maps]'") from error
     try:
-        with warnings.catch_warnings(), rasterio.Env(GDAL_CACHEMAX=CACHE):
+        with warnings.catch_warnings(), _unlogged(), rasterio.Env(GDAL_CACHEMAX=CACHE):
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", NotGeoreferencedWarning)
             with rasterio.open(path, driver="GTiff") as dataset:
@@ -49,6 +53,18 @@ def read(
         raise ProblemError(
             "cannot be read as GeoTIFF: it is damaged, cut off, or packed in an unknown way"
         ) from error
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Leaves out what GDAL says of a file, in its own words, through the log of rasterio."""
+    log = logging.getLogger("rasterio")
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _read(
@@ -177,13 +193,11 @@ def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, Flo
         east, north = np.radians(transform(crs, "EPSG:4326", x, y))
     except Exception as error:  # GDAL's own errors have no public base
         raise ProblemError(
-            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
-            f"{y[0]:.7g})"
+            f"coordinates: must lie where their projection is defined, not at {pair(x[0], y[0])}"
         ) from error
     if not (np.isfinite(east).all() and np.isfinite(north).all()):
         raise ProblemError(
-            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
-            f"{y[0]:.7g})"
+            f"coordinates: must lie where their projection is defined, not at {pair(x[0], y[0])}"
         )
     return east, north
 

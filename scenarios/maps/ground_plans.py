@@ -27,6 +27,7 @@ from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
 from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
 from cocap_opt.scenarios.tables import PER_METRE, Point
+from cocap_opt.text import pair, plain
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
 Meaning = Literal["obstacles", "walkable"]
@@ -136,7 +137,7 @@ def sound(polygon: Polygon, field: str) -> BaseGeometry:
     if abs(polygon.area - mended.area) > SLIVER:
         reason = shapely.is_valid_reason(polygon)
         at = re.search(r"\[(\S+) (\S+?)\]", reason)
-        where = f" at ({float(at[1]):.6g}, {float(at[2]):.6g}) m" if at else ""
+        where = f" at {pair(float(at[1]), float(at[2]))} m" if at else ""
         if "ntersection" in reason:
             raise ProblemError(f"{field}: must not cross itself, as it does{where}")
         raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
@@ -158,7 +159,7 @@ def _named(text: str, name: str | None) -> _Plan:
     if not plans:
         raise ProblemError("holds no ground plan")
     if name is None and len(plans) != 1:
-        raise ProblemError(f"name: must be one of {', '.join(plans)}")
+        raise ProblemError(f"name: must be given, one of {', '.join(plans)}")
     if name is not None and name not in plans:
         raise ProblemError(f"name: must be one of {', '.join(plans)}, not {name!r}")
     return plans[name] if name is not None else next(iter(plans.values()))
@@ -187,8 +188,8 @@ def _of_polygons(
         raise ProblemError(f"name: must be left out where the file is {kind.name}")
     if meaning is None:
         raise ProblemError(
-            f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
-            f"file is {kind.name} and does not say it"
+            f'polygons: must be given for {kind.name}: write polygons = "obstacles" (houses), or '
+            'polygons = "walkable" (an area to walk in, whose holes are obstacles)'
         )
     found, others, stated = _found(text, kind)
     if not found:
@@ -281,4 +282,4 @@ def _shown(properties: Mapping[str, Any]) -> str:
 def _require_points(polygons: Sequence[Polygon]) -> None:
     """Raises a ProblemError if polygons are endless."""
     if not np.abs(shapely.get_coordinates(polygons)).max() <= LARGEST:  # true for nan, too
-        raise ProblemError(f"coordinates: must be finite numbers within +-{LARGEST:g} m")
+        raise ProblemError(f"coordinates: must be finite numbers within +-{plain(LARGEST)} m")

@@ -62,7 +62,7 @@ class LayerTable(Table):
         """
         height_map = terrain.height_map
         raster = self._raster(folder, height_map)
-        with naming(self.file):
+        with naming(Path(self.file)):
             if raster.crs and terrain.crs and not same_system(raster.crs, terrain.crs):
                 raise ProblemError(
                     f"must be in the reference system of the map, {short_name(terrain.crs)}, not "

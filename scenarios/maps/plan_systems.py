@@ -19,6 +19,7 @@ from cocap_opt.scenarios.earth.place import FARTHEST, MapProjection
 from cocap_opt.scenarios.earth.units import NeedsPyprojError, Units, units_of
 from cocap_opt.scenarios.kinds import GEOJSON, Kind
 from cocap_opt.scenarios.tables import PER_METRE
+from cocap_opt.text import pair
 
 DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
 MERCATOR = ("3857", "900913")
@@ -117,7 +118,7 @@ def _require_degrees(polygons: Sequence[Polygon]) -> None:
         x, y = points[np.argmax(wrong)]
         raise ProblemError(
             "coordinates: must be longitudes and latitudes, as those of GeoJSON are by its "
-            f"standard, not ({x:.9g}, {y:.9g}); {SAYS_LENGTHS}"
+            f"standard, not {pair(x, y)}; {SAYS_LENGTHS}"
         )
 
 

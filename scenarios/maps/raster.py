@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cocap_opt.data import LARGEST, SMALLEST, FloatArray, ProblemError
+from cocap_opt.text import plain
 
 MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can spell far more
 LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, taken for metres, is smaller
@@ -165,7 +166,7 @@ class Layout(NamedTuple):
         for lower, upper, cell in zip(self.lower, self.upper, self.cell, strict=True):
             _require(cell >= LEAST_CELL, f"cell: must be >= {LEAST_CELL} m, not {cell:.9g}")
             inside = -LARGEST <= lower <= upper <= LARGEST
-            _require(inside, f"origin: must lie, as all of the raster, within +-{LARGEST:g} m")
+            _require(inside, f"origin: must lie, as all of the raster, within +-{plain(LARGEST)} m")
 
     def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
         """Refuses values that must mean that there is no data, though the file does not say so."""
@@ -248,7 +249,7 @@ class Grid(NamedTuple):
         resolution = min(dx, dy) if resolution is None else resolution
         if not SMALLEST <= resolution <= LARGEST:  # false for nan too
             raise ProblemError(
-                f"resolution: must be within {SMALLEST:g}..{LARGEST:g} m, not {resolution:g}"
+                f"resolution: must be within {SMALLEST:g}..{plain(LARGEST)} m, not {resolution:g}"
             )
         refuse_too_many("grid", "window", width * dx, height * dy, resolution)
         reduce = _REDUCTIONS[how]

@@ -25,7 +25,7 @@ from cocap_opt.scenarios.meshes.ply import read_ply
 from cocap_opt.scenarios.meshes.stl import read_stl
 from cocap_opt.scenarios.tables import PER_METRE, Coordinate, Table, Unit
 from cocap_opt.scenarios.text import naming
-from cocap_opt.text import unread
+from cocap_opt.text import plain, unread
 from cocap_opt.world.workspace import Mesh
 
 # By the ending of the name: the reader, the axis that is upwards (z as in surveys), and the kind
@@ -119,4 +119,4 @@ def _require_sound(faces: MeshFaces) -> None:
     if not np.isfinite(faces.vertices).all():
         raise ProblemError("vertices: must be finite numbers x, y, z, not NaN or infinite")
     if len(faces.vertices) and np.abs(faces.vertices).max() > LARGEST:
-        raise ProblemError(f"vertices: must be within +-{LARGEST:g} m")
+        raise ProblemError(f"vertices: must be within +-{plain(LARGEST)} m")

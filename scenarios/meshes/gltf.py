@@ -123,7 +123,8 @@ def read_gltf(path: Path) -> MeshFaces:
             triangles.append(given + count)
             count += len(places)
             size += len(given)
-            require(size <= MOST_TRIANGLES, "triangles", f"must be at most {MOST_TRIANGLES}")
+            most = f"must be at most {MOST_TRIANGLES:,}, not {size:,} or more"
+            require(size <= MOST_TRIANGLES, "triangles", most)
     reader.say_left_out()
     return MeshFaces.of_triangles(np.concatenate(vertices), np.concatenate(triangles))
 

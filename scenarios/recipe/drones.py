@@ -36,7 +36,7 @@ from cocap_opt.scenarios.recipe.landing import ground_to_land_on
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
 from cocap_opt.scenarios.text import naming, rectangle
-from cocap_opt.text import meant
+from cocap_opt.text import meant, pair
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
@@ -239,7 +239,7 @@ class DronesTable(Table):
             if not height_map.inside(*cell):
                 ends = rectangle(*height_map.ends)
                 raise ProblemError(
-                    f"homes[{k}]: must lie on the map, {ends}, not at ({x:.9g}, {y:.9g}) m"
+                    f"homes[{k}]: must lie on the map, {ends}, not at {pair(x, y)} m"
                 )
             if cell in cells[:k]:
                 raise ProblemError(f"homes[{k}]: must be in a cell of its own; {cell} is taken")
@@ -417,8 +417,8 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap, field: st
     x, y = height_map.cell_of(start.x, start.y)
     if not height_map.inside(x, y):
         raise ProblemError(
-            f"{field}: must lie on the map, {rectangle(*height_map.ends)}, not at ({start.x:g}, "
-            f"{start.y:g}) m"
+            f"{field}: must lie on the map, {rectangle(*height_map.ends)}, not at "
+            f"{pair(start.x, start.y)} m"
         )
     layer = 0 if start.height is None else _layer(start.height, motion, f"{field}.height")
     heading = _stated_heading(start.heading, motion, f"{field}.heading")

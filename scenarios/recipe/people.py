@@ -26,6 +26,7 @@ from cocap_opt.scenarios.tables import (
 from cocap_opt.scenarios.text import rectangle
 from cocap_opt.scenarios.tracks import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 from cocap_opt.scenarios.tracks.times import SINCE_1970, Epoch, likely_unit
+from cocap_opt.text import distance, pair, plain
 
 log = logging.getLogger(__name__)
 
@@ -129,7 +130,13 @@ class TracksTable(Table):
         wished = self._begin(tracks)
         if (self.ids is None) == (self.count is None):
             present = _present(tracks, steps * step, wished)
-            raise ProblemError(f"must have either ids or a count; {present}")
+            if self.count is not None:
+                raise ProblemError(f"must have ids or a count, not both; {present}")
+            ids = ", ".join(repr(track.id) for track in tracks[:2]).replace("'", '"')
+            raise ProblemError(
+                f"must say who is filmed: write ids = [{ids}] or count = {min(len(tracks), 2)} in "
+                f"[[tracks]]; {present}"
+            )
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
         wanted = self.count or len(candidates)
         # More people are there only from a time at which someone appears.
@@ -146,7 +153,7 @@ class TracksTable(Table):
         self._require_dense(candidates)
         shown = candidates if self.ids else [who for who in candidates if len(who.spans()) > 1]
         shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
-        who = "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
+        who = "; ".join(f"id {track.id} is there {track.presence()}" for track in shown[:4])
         self._require_lasting(candidates, wanted, step, steps, wished, who)
         raise ProblemError(
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
@@ -162,7 +169,7 @@ class TracksTable(Table):
         when = f", at their {begin:.12g} s" if abs(first) > SLACK else ""
         log.warning(
             "%s: step 0 is %.6g s into the tracks%s, because %d people are there for %.6g s only "
-            "from then on; %s is there %s; begin names another time",
+            "from then on; id %s is there %s; begin names another time",
             self._named, begin - first, when, wanted, seconds, late.id, late.presence(),
         )  # fmt: skip
 
@@ -259,7 +266,7 @@ class WalkTable(Table):
             yaw[:] = math.radians(self.heading)
         actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name)
         x, y = self.points[0]
-        walk = f"the walk of {self.name}" if self.name else f"the walk from ({x:.9g}, {y:.9g}) m"
+        walk = f"the walk of {self.name}" if self.name else f"the walk from {pair(x, y)} m"
         if warning := _pace_warning([walk], [actor], step, "speed and step"):
             log.warning("%s", warning)
         _require_near_map(["points:"], [actor], terrain, "`origin` of [map] moves the map")
@@ -307,7 +314,8 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
     """Says who is in a file, and when most of them are there for some seconds."""
     spans = np.array([span for track in tracks for span in track.spans()])
     lasting = spans[spans[:, 1] - spans[:, 0] >= seconds - SLACK]
-    words = f"the file has {len(tracks)} people ({_listed(tracks)})"
+    noun = "person" if len(tracks) == 1 else "people"
+    words = f"the file has {len(tracks)} {noun} ({_listed(tracks)})"
     moments = np.unique(lasting[:, 0]) if begin is None else np.array([begin])
     # Who is there at a moment has come by then, and does not leave before the seconds are over.
     counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
@@ -354,7 +362,8 @@ def _require_near_map(
             x, y = points[away.argmin()].tolist()
             raise ProblemError(
                 f"{name} must come within {_REACH:g} m of the map, {rectangle(first, last)}, but "
-                f"({x:.9g}, {y:.9g}) m is the nearest, {away.min():.4g} m away; {way_out}"
+                f"{pair(x, y)} m is the nearest, {distance(away.min())} away; "
+                f"{way_out}"
             )
 
 
@@ -377,7 +386,8 @@ def _pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, ca
         ways = np.hypot(*np.diff(actor.poses[:, :2], axis=0).T)
         t = int(np.argmax(ways))
         speed = ways[t] / step
-        words = f"moves by {ways[t]:.4g} m from step {t} to {t + 1}, {speed:.4g} m/s"
+        pace = plain(float(f"{speed:.4g}"))
+        words = f"moves by {distance(ways[t])} from step {t} to {t + 1}, {pace} m/s"
         if speed > IMPOSSIBLE:
             raise ProblemError(
                 f"{name} must be slower than {IMPOSSIBLE:g} m/s, but {words}: are {causes} right?"

@@ -36,6 +36,7 @@ from cocap_opt.scenarios.tracks.table import Form, TrackTable
 from cocap_opt.scenarios.tracks.text import read_text_table
 from cocap_opt.scenarios.tracks.times import Epoch
 from cocap_opt.scenarios.tracks.warnings import HEIGHTS, track_warnings
+from cocap_opt.text import plain
 
 log = logging.getLogger(__name__)
 
@@ -311,7 +312,7 @@ def _times(begin: float, step: float, steps: int) -> FloatArray:
     if not 1 <= steps <= MOST_STEPS:
         raise ProblemError(f"steps: must be 1..{MOST_STEPS}, not {steps}")
     if not 0 < step <= LARGEST:  # false for nan, too
-        raise ProblemError(f"step: must be > 0 s and at most {LARGEST:g} s, not {step:g}")
+        raise ProblemError(f"step: must be > 0 s and at most {plain(LARGEST)} s, not {step:g}")
     if not math.isfinite(begin):
         raise ProblemError(f"begin: must be a number, not {begin:g}")
     return begin + step * np.arange(steps + 1, dtype=np.float64)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.tables import PER_METRE, PER_SECOND
 from cocap_opt.scenarios.tracks.times import Epoch
+from cocap_opt.text import plain
 
 Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
 DELIMITERS = (" ", "\t", ",", ";")
@@ -103,6 +104,14 @@ class TrackTable(NamedTuple):
         )
 
 
+# What to write where a file does not state a field.
+_EXAMPLES = {
+    "unit": f'unit = "m" (or {", ".join(list(PER_METRE)[1:])})',
+    "time_unit": f'time_unit = "s" (or {", ".join(list(PER_SECOND)[1:])})',
+    "fps": "fps = 25 (its frames per second)",
+}
+
+
 def require_numbers(values: Values, where: Callable[[int], str]) -> None:
     """Raises a ProblemError unless numbers are finite and in range, and ids and frames whole."""
     for role, column in values.items():
@@ -115,7 +124,7 @@ def require_numbers(values: Values, where: Callable[[int], str]) -> None:
             row = int(np.argmax(wrong))
             kind = "a whole number" if whole else "a number"
             raise ProblemError(
-                f"{where(row)}, {role}: must be {kind} within +-{most:g}, not {column[row]:g}"
+                f"{where(row)}, {role}: must be {kind} within +-{plain(most)}, not {column[row]:g}"
                 + ("; is it a time? Name it time in columns" if role == "frame" else "")
             )
 
@@ -130,7 +139,8 @@ def settled(field: str, stated: set[T], given: T | None) -> T:
             raise ProblemError(f"{field}: must be {value}, as the file states, not {given}")
         return value
     if given is None:
-        raise ProblemError(f"{field}: must be given, for the file does not state it")
+        words = f"must be given, for the file does not state it: write {_EXAMPLES[field]}"
+        raise ProblemError(f"{field}: {words} in [[tracks]]")
     return given
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.tracks.table import TrackTable
+from cocap_opt.text import distance, pair
 
 # Limits beyond which a unit or a frame rate is likely to be wrong.
 HEIGHTS = 0.4, 2.6  # m
@@ -84,8 +85,8 @@ def _jump(table: TrackTable, moves: _Moves, jumps: IntArray) -> str:
     row, way, seconds = int(moves.rows[first]), moves.ways[first], moves.seconds[first]
     more = f", the first of {len(jumps)} such rows" if len(jumps) > 1 else ""
     return (
-        f"{table.where(row)}: {table.ids[row]} is {way:.4g} m from where it was {seconds:.3g} "
-        f"s before{more}: are its id and position right?"
+        f"{table.where(row)}: id {table.ids[row]} is {distance(way)} from where it was "
+        f"{seconds:.3g} s before{more}: are its id and position right?"
     )
 
 
@@ -105,14 +106,14 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
     if len(below):
         yield (
             f"z of {len(below)} of {len(heights)} people is below 0, {heights[below[0]]:.3g} m of "
-            f"{names[below[0]]}: does z point downwards? They have the height of the shape"
+            f"id {names[below[0]]}: does z point downwards? They have the height of the shape"
         )
     odd = known[~_within(heights[known], HEIGHTS)]
     if len(odd):
         height = float(heights[odd[0]])
         yield (
             f"height of {len(odd)} of {len(known)} people outside {HEIGHTS[0]:g}..{HEIGHTS[1]:g} "
-            f"m, {height:.3g} m of {names[odd[0]]}: is "
+            f"m, {distance(height)} of id {names[odd[0]]}: is "
             f"{_likely(height, table.unit, HEIGHTS) or 'z a height above the floor'}?"
             + (
                 " Who is lower has the height of the shape"
@@ -140,11 +141,12 @@ def _about_room(table: TrackTable) -> Iterator[str]:
     if 0 < extent < EXTENTS[0] and _may_be_degrees(table):
         x, y = table.points[0].tolist()
         yield (
-            f"all points lie within {extent:.3g} m, at x {x:.6g}, y {y:.6g}: are they degrees? "
+            f"all points lie within {extent:.3g} m, at {pair(x, y)}: are they "
+            "degrees? "
             "Columns named longitude and latitude become metres, by [earth] of the recipe"
         )
     elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
-        yield f"all points lie within {extent:.3g} m: is the unit {table.unit} right?"
+        yield f"all points lie within {distance(extent)}: is the unit {table.unit} right?"
     elif (apart := _apart(table)) < APART[0]:
         unit_of = _likely(apart, table.unit, APART) or f"the unit {table.unit} right"
         yield f"people are {apart:.2g} m from the next, on the median: is {unit_of}?"

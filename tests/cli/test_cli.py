@@ -692,7 +692,7 @@ def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) ->
     run = Run(capsys, "plan", "tiny-head-on", "--json")
     assert run.code == 0
     assert (run.json["reward"], run.json["reason"]) == (None, "infeasible")
-    assert "no plan obeys the rules" in run.json["message"]
+    assert "proved: no plan exists" in run.json["message"]
     for command in ("plan", "solve"):  # said before anything else
         first = Run(capsys, command, "tiny-head-on").out.splitlines()[0]
         assert first.split()[0] == "note" and "no plan" in first
@@ -1146,7 +1146,7 @@ WRONG = [
     ),
     (
         ["export", "corridor", "--views", "2", "--views-weight", "-2", "-o", "x.json"],
-        "--views-weight: must be 0..1e+12, not -2.0",
+        "--views-weight: must be 0..1,000,000,000,000, not -2.0",
     ),
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
     (
@@ -1163,8 +1163,8 @@ WRONG = [
     (["solve", "corridor", "--method", "guess"], "--method"),
     (["solve", "corridor", "--method", "alone"], "--method"),
     (["solve", "corridor", "--method", "brute-force"], "at most"),
-    (["bound", "corridor", "--method", "envelop"], 'Did you mean "envelope"?'),
-    (["table", "results", "--format", "htm"], '"markdown", "latex", "html"'),
+    (["bound", "corridor", "--method", "envelop"], "not 'envelop'; did you mean envelope?"),
+    (["table", "results", "--format", "htm"], "must be one of markdown, latex, html, not 'htm'"),
     (["solve", "corridor", "--gap", "-0.1"], "--gap"),
     (["solve", "corridor", "--gap", "nan"], "--gap"),
     (["solve", "corridor", "--gap", "1"], "--gap"),
@@ -1185,7 +1185,7 @@ WRONG = [
     (["plan", "corridor", "--seed", "9" * 40], "--seed"),
     (["plan", "corridor", "--seed", "9" * 5000], "--seed"),
     (["gap", "corridor", "--bound-limit", "-1"], "--bound-limit"),
-    (["gap", "corridor", "--work-limit", "-1"], "--work-limit: must be 0.."),
+    (["gap", "corridor", "--work-limit", "-1"], "--work-limit: must be a whole number"),
     (["plan", "corridor", "--work-limit", "few"], "--work-limit"),
     (["plan", "corridor", "--work-limit", "1.5"], "--work-limit"),
     (["plan", "corridor", "--work-limit", "9" * 16], "--work-limit"),
@@ -1572,3 +1572,22 @@ def test_python_runs_the_module_as_the_command() -> None:
     words = [sys.executable, "-m", "cocap_opt.cli.main", "--version"]
     found = subprocess.run(words, capture_output=True, text=True, check=True)
     assert co.__version__ in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("bound", "corridor", "--method", "alon"), "--method: must be one of alone, .*; did you"),
+        (("figure", "gap"), "COMMAND: must be one of gaps, .*, not 'gap'; did you mean gaps"),
+        (("slve",), "COMMAND: must be one of scenes, .*, not 'slve'; did you mean solve"),
+        (("compile", "more"), "more: must be left out, for the command does not take it"),
+        (("plan", "corridor", "--seed", "-1"), "--seed: .* from 0 to 9,000,000,000,000,000, not"),
+    ],
+)
+def test_wrong_words_are_told_like_all_else(
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What must be, what is given, and what was meant: also where Cyclopts reads the command."""
+    run = Run(capsys, *words)
+    assert run.code == 2
+    assert re.search(told, run.err)

@@ -115,4 +115,4 @@ def test_wrong_input_is_refused_in_one_line(
         assert expected in line, line
         assert not out.exists()
     run = Run(capsys, "plan", "corridor", *start)
-    assert run.code == 2 and "plan.json: paths: 4 paths for 2 drones" in run.err
+    assert run.code == 2 and "plan.json: paths: must be 2, one for each drone, not 4" in run.err

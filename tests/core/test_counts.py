@@ -139,7 +139,7 @@ def test_a_plan_for_views_alone_is_not_blind() -> None:
     [
         ({"cameras": 0}, "cameras: must be 1..64"),
         ({"cameras": 1.5}, "cameras: must be a whole number"),
-        ({"weight": -1.0}, "weight: must be 0..1e"),
+        ({"weight": -1.0}, "weight: must be 0..1,"),
         ({"at_least": 0.0}, "at_least: must be > 0"),
         ({"at_least": 1.2}, "at_least: must be 0..1"),
     ],

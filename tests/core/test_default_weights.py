@@ -201,7 +201,7 @@ def test_what_is_no_number_of_cameras_is_said() -> None:
         (TypeError, "at_least: must be a number", {"at_least": "all"}),
         (ProblemError, "at_least: must be 0..1, not 2", {"at_least": 2}),
         (TypeError, "weight: must be a number", {"weight": {}}),
-        (ProblemError, "weight: must be 0..1e.12, not -1", {"weight": -1}),
+        (ProblemError, "weight: must be 0..1,000,000,000,000, not -1", {"weight": -1}),
         (ProblemError, "weight: must be one number, or one for each", {"weight": [1, 2, 3, 4]}),
     ):
         with pytest.raises(error, match=words):

@@ -90,7 +90,7 @@ def test_the_referee_and_the_scene_name_goals() -> None:
     problem = line()
     stays = co.Plan(paths=((State(2, 0),) * 3,))
     assert check(problem, stays).violations == (
-        "paths[0]: ends in cell (2, 0), not in one of its goals",
+        "paths[0]: must end in one of its goals, not in cell (2, 0)",
     )
     assert not problem.may_hover(0, problem.starts[0]).any()
     for cells, words in (

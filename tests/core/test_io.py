@@ -495,8 +495,12 @@ def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"horizon": 2', '"horizon": "two"', "problem.horizon: must be a whole number, not text"),
-        ('"horizon": 2', '"horizon": 2.5', "problem.horizon: must be a whole number, not a number"),
+        (
+            '"horizon": 2',
+            '"horizon": "two"',
+            "problem.horizon: must be a whole number, not the text 'two'",
+        ),
+        ('"horizon": 2', '"horizon": 2.5', "problem.horizon: must be a whole number, not 2.5"),
         ('"horizon": 2', '"horizon": NaN', "must hold finite numbers only, not NaN (byte "),
         ('"horizon": 2,', "", "problem: must have the field `horizon`"),
         (

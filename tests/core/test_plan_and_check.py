@@ -95,11 +95,11 @@ BROKEN: dict[str, tuple[tuple[State, ...], str]] = {
     "no such heading": (path_of((2, 1), (2, 1, 0, 8), (2, 1)), "step 1 is at a heading that"),
     "negative heading": (path_of((2, 1), (2, 1, 0, -1), (2, 1)), "step 1 is at a heading that"),
     "no such pitch": (path_of((2, 1), (2, 1, 0, 0, 3), (2, 1)), "step 1 is at a tilt that"),
-    "wrong start": (path_of((2, 2), (2, 2), (2, 2)), "starts at (2, 2, 0, 0, 0), not (2, 1, 0, 0"),
-    "wrong start heading": (path_of((2, 1, 0, 1), (2, 1), (2, 1)), "starts at (2, 1, 0, 1, 0)"),
-    "too short": (path_of((2, 1), (2, 1)), "2 states for the steps 0..2"),
-    "too long": (path_of((2, 1), (2, 1), (2, 1), (2, 1)), "4 states for the steps 0..2"),
-    "empty": ((), "0 states for the steps 0..2"),
+    "wrong start": (path_of((2, 2), (2, 2), (2, 2)), "must start at (2, 1, 0, 0, 0), not at (2, 2"),
+    "wrong start heading": (path_of((2, 1, 0, 1), (2, 1), (2, 1)), "0), not at (2, 1, 0, 1, 0)"),
+    "too short": (path_of((2, 1), (2, 1)), "3 states, for the steps 0..2, not 2"),
+    "too long": (path_of((2, 1), (2, 1), (2, 1), (2, 1)), "3 states, for the steps 0..2, not 4"),
+    "empty": ((), "3 states, for the steps 0..2, not 0"),
 }  # fmt: skip
 
 
@@ -122,14 +122,14 @@ def test_wrong_number_of_paths_is_found(number: int) -> None:
     """A plan needs exactly one path per robot."""
     problem = arena(S, State(0, 0))
     verdict = check(problem, Plan(paths=(path_of((2, 1), (2, 1), (2, 1)),) * number))
-    assert verdict.violations == (f"paths: {number} paths for 2 drones",)
+    assert verdict.violations == (f"paths: must be 2, one for each drone, not {number}",)
 
 
 def test_missed_goal_is_found() -> None:
     """A robot that does not end in its goal cell breaks its motion; any heading there is fine."""
     problem = arena(S, goal=(1, 1))
     missed = check(problem, Plan(paths=(path_of((2, 1), (1, 1), (2, 1)),)))
-    assert missed.violations == ("paths[0]: ends in cell (2, 1), not (1, 1)",)
+    assert missed.violations == ("paths[0]: must end in cell (1, 1), not in cell (2, 1)",)
     reached = Plan(paths=(path_of((2, 1), (2, 1, 0, 7), (1, 1, 0, 6)),))
     assert check(problem, reached).valid
 

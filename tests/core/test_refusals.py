@@ -145,7 +145,7 @@ def test_all_refused_starts_are_in_one_line() -> None:
         "here it is free at 8 m",
         "robots[2].start: is 0.00 m from person 0 at step 0, must be 1.2 m from people or 4 m "
         "above",
-        "the nearest free place, 1.41 m away, is x = 3.5, y = 2.5, cell (3, 2)",
+        "the nearest free place, 1.414 m away, is x = 3.5, y = 2.5, cell (3, 2)",
         "here it is free at 8 m",
         "robots[3].start: is 1.00 m from robots[1].start, must keep the rules separation 2 m",
         "the nearest free place, 1 m away, is x = 6.5, y = 3.5, cell (6, 3)",

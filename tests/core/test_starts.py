@@ -249,14 +249,16 @@ def test_a_plan_must_start_where_it_may() -> None:
     problem = anywhere(tiny())
     plan = co.plan(problem, "sequential").plan
     assert plan is not None and check(problem, plan).valid
-    assert any("starts at" in words for words in check(tiny(), plan).violations)
+    assert any("must start at" in words for words in check(tiny(), plan).violations)
     turned = [path[0]._replace(heading=(path[0].heading + 1) % 4) for path in plan.paths]
     near = tuple(
         robot.replace(start=[state, state._replace(heading=(state.heading + 1) % 4)])
         for robot, state in zip(problem.robots, turned, strict=True)
     )
     words = check(problem.replace(robots=near), plan).violations
-    assert len(words) == 2 and all("not in one of its starts" in each for each in words)
+    assert len(words) == 2 and all(
+        "must start in one of its starts, not at" in each for each in words
+    )
 
 
 def test_free_starts_are_worth_no_less_than_fixed_ones() -> None:

@@ -129,7 +129,11 @@ FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
     "heading": (GOOD[0], lambda f: f["plan"]["paths"][0][0].__setitem__(3, 0), "refused"),
     "drone": (GOOD[0], lambda f: f["plan"]["paths"].pop(), "refused"),
     "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "is of no instance"),
-    "version": (GOOD[1], lambda f: f.update(version=99), "no known kind of file, or version"),
+    "version": (
+        GOOD[1],
+        lambda f: f.update(version=99),
+        "version: must be one of 3, 4, 5, 6, not 99",
+    ),
 }
 
 

@@ -432,8 +432,11 @@ def test_the_command_says_what_agrees(
     [
         (("coverage 2", "coverage 99"), "coverage: must be 2, the version that is enclosed"),
         (("cocap-instance 1", "cocap-instance 7"), "line 1: must be cocap-instance 1"),
-        (("sees 1 0 0 :", "sees 1 99 0 :"), "sees: no such state"),
-        (("weight ", "weight 0 "), "no hexadecimal number"),
+        (("sees 1 0 0 :", "sees 1 99 0 :"), "sees: must name places below "),
+        (
+            ("weight ", "weight 0 "),
+            "weight, 2nd number: must be hexadecimal, such as 0x1.0p+0, not",
+        ),
     ],
 )
 def test_what_is_no_instance_is_refused_in_a_line(

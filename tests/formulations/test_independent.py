@@ -206,11 +206,12 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"bound": "50"}, "no finite number: '50'"),
-        ({"bound": True}, "no finite number: True"),
+        ({"bound": "50"}, "bound: must be a finite number, not '50'"),
+        ({"bound": True}, "bound: must be a finite number, not True"),
         ({"bound": None}, "bound: claims less than its numbers prove"),
-        ({"version": 99}, "no known kind of file, or version"),
-        ({"coverage_version": 99}, "coverage_version: the instance has another"),
+        ({"format": "cocap-opt scene"}, "format: must be one of cocap-opt certificate, "),
+        ({"version": 99}, "version: must be one of 3, 4, 5, 6, not 99"),
+        ({"coverage_version": 99}, f"coverage_version: must be the instance's {COVERAGE_VERSION}"),
         ({"digest": "0"}, "digest: the file is of another scene"),
         ({"instance": "0"}, "instance: the file is of the one of sha256 '0'"),
         ({"more": 1}, "what is"),
@@ -242,7 +243,7 @@ def test_what_is_unknown_in_a_plan_is_refused(folder: Path) -> None:
     for change in ({"version": 1}, {"more": 1}, {"reward": "1"}, {"reward": 1e9}):
         assert answered(text, file | change, folder)[0] == 1
     file["plan"]["paths"][0][0][0] = True
-    assert answered(text, file, folder) == (1, "refused: no whole number: True")
+    assert answered(text, file, folder) == (1, "refused: must be a whole number, not True")
 
 
 def test_a_cut_that_takes_too_long_is_refused() -> None:
@@ -262,19 +263,30 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "told"),
     [
-        ("horizon 2", "horizon 3", "groups: wrong rows"),
-        ("rules 1 1", "rules 0 1", "rules: vertex must be 1"),
-        ("\nend\n", "\n", "the last line must be: end"),
-        ("\nkind\n", "\nkinds\n", "unknown word: 'kinds'"),
-        ("\nkind\n", "\nkind 5\n", "kind: wrong number of words"),
-        ("rules 1 1", "rules 1 yes", "rules: must be 0 or 1"),
-        ("\nkind\n", "\nkind\nclosed 9999 0\n", "closed: no such place"),
-        ("\nkind\n", "\nkind\norientation 0 0 : 0\n", "orientation: one is there twice"),
-        ("horizon 2", "horizon 2 7", "horizon: wrong number of words"),
-        ("0x0.0p+0 0x0.0p+0\nweight", "0 0x0.0p+0\nweight", "no hexadecimal number: '0'"),
-        ("rewards 0x0.0p+0", "rewards -0x1.0p+0", "rewards: must be four, >= 0"),
-        ("rewards 0x0.0p+0", "rewards nan", "no hexadecimal number: 'nan'"),
-        ("drone 0 :", "drone 1 :", "a drone is there twice"),
+        ("horizon 2", "horizon 3", "line 6: groups: must have 1 row or {more}, not {rows}"),
+        ("rules 1 1", "rules 0 1", "line 8: rules: must begin with 1"),
+        ("\nend\n", "\n", "line {last}: must be end, as the last line is"),
+        ("\nkind\n", "\nkinds\n", "line {kind}: must begin with a known word, not 'kinds'"),
+        ("\nkind\n", "\n\nkind\n", "line {kind}: must not be empty"),
+        ("\nkind\n", "\nkind 5\n", "line {kind}: kind: must have nothing after it, not 1"),
+        ("\nkind\n", "\nsees 0 0 0 : 0:0x1p0\n", "line {kind}: sees: must come after a line kind"),
+        ("rules 1 1", "rules 1 yes", "line 8: rules, 2nd number: must be 0 or 1, not 'yes'"),
+        ("\nkind\n", "\nkind\nclosed 9999 0\n", "closed: must be at a step up to {horizon}"),
+        ("\nkind\n", "\nkind\norientation 0 0 : 0\n", "orientation: must be given once in a kind"),
+        ("horizon 2", "horizon 2 7", "line 5: horizon: must have 1 number, not 2"),
+        (
+            "horizon 2",
+            "horizon -2",
+            "line 5: horizon, 1st number: must be a whole number >= 0, not",
+        ),
+        (
+            "0x0.0p+0 0x0.0p+0\nweight",
+            "0 0x0.0p+0\nweight",
+            "line 8: rules, 3rd number: must be hexadecimal, such as 0x1.0p+0, not '0'",
+        ),
+        ("rewards 0x0.0p+0", "rewards -0x1.0p+0", "line 7: rewards: must be numbers >= 0"),
+        ("rewards 0x0.0p+0", "rewards nan", "line 7: rewards, 1st number: must be hexadecimal, "),
+        ("drone 0 :", "drone 1 :", "drone: must be given once for drone 1"),
         ("cocap-instance 1", "cocap-instance 2", "line 1: must be cocap-instance 1"),
     ],
 )
@@ -286,8 +298,84 @@ def test_instances_are_read_whole_or_refused(before: str, after: str, told: str)
     after = after.replace("horizon 3", f"horizon {horizon + 1}")
     after = after.replace("horizon 2", f"horizon {horizon}")
     assert before in text
+    lines = text.splitlines()
+    told = told.format(
+        horizon=horizon, rows=horizon + 1, more=horizon + 2, last=len(lines) - 1,
+        kind=lines.index("kind") + 1,
+    )  # fmt: skip
     with pytest.raises(Refused, match=re.escape(told)):
         Instance(text.replace(before, after, 1))
+
+
+def test_lines_that_do_not_fit_are_named() -> None:
+    """Of each kind it is the nth line of a word, whatever is between them."""
+    problem = load_scene("tiny-doorway", 0)
+    first, *others = problem.robots
+    other = first.replace(motion=first.motion.replace(turn=0))
+    text = instance_of(compiled(problem.replace(robots=(other, *others))))
+    lines = text.splitlines()
+    kinds = [n for n, line in enumerate(lines) if line == "kind"]
+    assert len(kinds) > 1
+    sees = next(n for n in range(kinds[1], len(lines)) if lines[n].startswith("sees"))
+    lines[sees + 1] = lines[sees + 1].replace("sees ", "sees 9", 1)
+    with pytest.raises(Refused, match=rf"^line {sees + 2}: sees: must be at a step up to "):
+        Instance("\n".join(lines))
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        ([], "INSTANCE: name a file; "),
+        (["--best"], "--best: no such option"),
+        (["x.instance", "none.json"], "none.json: no such file"),
+        (["proof.json", "x.instance"], "proof.json: is a proof; name the .instance first"),
+        (["text.sol", "proof.json"], "text.sol: is no instance; write one with cocap-opt export"),
+        (["x.instance", "x.instance"], "x.instance: is an instance; name one only, and first"),
+        (["x.instance", "proof.json", "text.sol"], "text.sol: is no JSON; name plans, "),
+        (["x.instance", "empty.json"], "empty.json: is empty"),
+        (["x.instance", "."], ".: cannot be read: Is a directory"),
+    ],
+)
+def test_wrong_calls_check_nothing(
+    names: list[str],
+    told: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """They have an exit code of their own and a line, which says what to name."""
+    problem = load_scene("tiny-doorway", 0)
+    (folder / "x.instance").write_text(instance_of(compiled(problem)))
+    (folder / "proof.json").write_text(
+        json.dumps(document(searchless(problem).certificate, folder))
+    )
+    (folder / "text.sol").write_text("=obj= 3\n")
+    (folder / "empty.json").write_text(" \n")
+    monkeypatch.chdir(folder)
+    assert cocap_check.main(names) == 2
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(told)
+
+
+def test_a_bound_below_0_says_that_no_plan_exists(folder: Path) -> None:
+    """Instances have no weight or reward below 0, so that no J is."""
+    problem = load_scene("tiny-head-on", 0)
+    file = document(searchless(problem).certificate, folder)
+    text = instance_of(compiled(problem))
+    code, told = answered(text, file, folder)
+    assert (code, file["bound"] < 0) == (0, True)
+    assert re.fullmatch(
+        r"no plan exists: J would be at most -\d+\.\d{6}, but no J is below 0", told
+    )
+    assert answered(text, file | {"bound": None}, folder) == (0, told)
+
+
+def test_help_says_what_exit_codes_mean(capsys: pytest.CaptureFixture[str]) -> None:
+    """It names the command as it was called, and each code."""
+    assert cocap_check.main(["x.instance", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("usage: cocap-check INSTANCE [FILE]...")
+    assert all(f"\n  {code}  " in text for code in range(4))
 
 
 def test_the_instance_worked_by_hand_has_the_numbers_of_its_page() -> None:

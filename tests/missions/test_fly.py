@@ -424,8 +424,8 @@ def test_limits_hold_for_scenes_and_for_flights(
     """Moves that no step allows make no scene; accelerations that are too large make no flight."""
     scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
     for limits, words in (
-        ("limits = { speed = 2 }", r"drones\[0\]: motion.radius: .* a step of 0.708 s would do"),
-        ('airframe = "px4"', r"drones\[0\]: motion.turn: .* a step of 0.75 s"),
+        ("limits = { speed = 2 }", r"drones\[0\].motion.radius: .* a step of 0.708 s would do"),
+        ('airframe = "px4"', r"drones\[0\].motion.turn: .* a step of 0.75 s"),
         ('airframe = "kite"', "airframe: must be one of px4"),
         ("limits = { wings = 2 }", "wings"),
         ("limits = { endurance = 1.9 }", "endurance: the flight takes 2 s, but the battery lasts"),
@@ -542,7 +542,7 @@ def test_changes_that_are_none_are_refused(
         ((scene, plan, "--lost", 5), "--lost: must be steps of the plan, 0..4, not 5"),
         ((scene, plan, "--step", 1), "--step: must be left out"),
         (("tiny-queue", clash), "--step: must be given"),
-        (("tiny-queue", clash, "--step", "-1"), "--step: must be a finite number of seconds"),
+        (("tiny-queue", clash, "--step", "-1"), "--step: must be more than 0 seconds, and finite"),
         (("tiny-queue", clash, "--step", 1), "clash.json: step 2: drones"),
     ):
         run = Run(capsys, "robustness", *words)

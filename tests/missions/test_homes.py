@@ -134,9 +134,9 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("homes", "words"), [
-    ("[[2.5, 3.5]]", r"drones\[0\]: homes: must be a place for each of 2 drones, not 1"),
-    ("[[2.5, 3.5], [90, 3.5]]", r"drones\[0\]: homes\[1\]: must lie on the map, x 0..20"),
-    ("[[2.5, 3.5], [2.2, 3.1]]", r"drones\[0\]: homes\[1\]: must be in a cell of its own; \(2,"),
+    ("[[2.5, 3.5]]", r"drones\[0\].homes: must be a place for each of 2 drones, not 1"),
+    ("[[2.5, 3.5], [90, 3.5]]", r"drones\[0\].homes\[1\]: must lie on the map, x 0..20"),
+    ("[[2.5, 3.5], [2.2, 3.1]]", r"drones\[0\].homes\[1\]: must be in a cell of its own; \(2,"),
     ("[]", r"drones\[0\].homes: must"),
 ])  # fmt: skip
 def test_homes_that_do_not_fit_are_named(tmp_path: Path, homes: str, words: str) -> None:

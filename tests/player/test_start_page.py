@@ -156,9 +156,9 @@ def test_tables_without_room_are_said(recipe: Path, caplog: pytest.LogCaptureFix
     for starts, words in (
         (
             "starts = [{ x = 90, y = 4 }]",
-            "drones[0]: starts[0]: must lie on the map, x 0..10 and y",
+            "drones[0].starts[0]: must lie on the map, x 0..10 and y",
         ),
-        ("count = 99", "drones[0]: count: must be at most"),
+        ("count = 99", "drones[0].count: must be at most"),
         (
             "count = 1\nstarts = { area = [[8, 0], [10, 0], [10, 2]] }",
             "starts: must have a cell in",

@@ -206,9 +206,9 @@ def test_what_cannot_be_a_rest_is_refused() -> None:
         (problem, plan, 1, [2], "without: must be numbers of drones, 0..1, not 2"),
         (problem, plan, 1, [1, 1], "without: must name each drone once"),
         (problem, plan, 1, all_, "without: must leave a drone of the 2 that there are"),
-        (problem, short, 1, [], "paths[0]: 4 states for the steps 0..4"),
-        (problem, Plan(paths=plan.paths[:1]), 1, [], "paths: 1 paths for 2 drones"),
-        (problem, away, 1, [], "paths[0]: starts at"),
+        (problem, short, 1, [], "paths[0]: must have 5 states, for the steps 0..4, not 4"),
+        (problem, Plan(paths=plan.paths[:1]), 1, [], "paths: must be 2, one for each drone, not 1"),
+        (problem, away, 1, [], "paths[0]: must start at"),
         (over_time, plan, 2, [], "objective.over_time: must be false for a rest to be planned"),
     ]
     for mission, flown, step, lost, words in cases:

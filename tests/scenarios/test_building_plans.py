@@ -138,7 +138,10 @@ def test_points_and_lines_are_left_out_with_a_word(
         ('{"type": "FeatureCollection"}', "must have the field `features`"),
         ('{"type": "FeatureCollection", "features": [null]}', r"features\[0\]: must be an object"),
         ('{"type": "Polygon", "coordinates": [[1, 2], [3, 4]]}', r"coordinates\[0\]\[0\]: must be"),
-        ('{"type": "Polygon", "coordinates": [[["1", 2], [3, 4]]]}', "must be a number, not text"),
+        (
+            '{"type": "Polygon", "coordinates": [[["1", 2], [3, 4]]]}',
+            "must be a number, not the text '1'",
+        ),
         ('{"type": "Polygon", "coordinates": [[[1, null], [3, 4]]]}', "must be a number, not null"),
         ('{"type": "Polygon", "coordinates": [[[NaN, 2], [3, 4]]]}', "is no|finite numbers only"),
         ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [5, 7]]]}', "rings must end at"),

@@ -63,8 +63,8 @@ def test_plans_end_where_drones_can_land(tmp_path: Path) -> None:
     verified = co.verify(problem, landing.plan, landing.certificate, second_opinion=True)
     assert verified.gap == pytest.approx(0.0, abs=1e-6)
     assert check(problem, best.plan).violations == (
-        f"paths[0]: ends in cell ({best.plan.paths[0][-1].x}, {best.plan.paths[0][-1].y}), not in "
-        "one of its goals",
+        "paths[0]: must end in one of its goals, not in cell "
+        f"({best.plan.paths[0][-1].x}, {best.plan.paths[0][-1].y})",
     )
     for name, planner in PLANNERS.items():
         result = planner(problem, never)
@@ -112,8 +112,8 @@ def test_nothing_but_ground_is_landed_on(tmp_path: Path) -> None:
     ("land", "more", "words"),
     [
         (LAND, "lowest = 3\n[[no_fly]]\npolygon = [[0, 0], [18, 0], [18, 14], [0, 14]]\nbottom = 9",
-         r"drones\[0\]: land: must be left out here: no cell .* is above free ground"),
-        (f"{LAND}\nhomes = [[3, 3]]", "", r"drones\[0\]: land: must be left out beside homes"),
+         r"drones\[0\].land: must be left out here: no cell .* is above free ground"),
+        (f"{LAND}\nhomes = [[3, 3]]", "", r"drones\[0\].land: must be left out beside homes"),
         ('land = "roof"', "", r"""land: must be "ground", not 'roof'"""),
     ],
 )  # fmt: skip

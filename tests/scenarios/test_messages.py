@@ -10,6 +10,7 @@ from scene_files import SEQUENCE
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.text import naming
 
 FLAT = "steps = 4\n[map]\nsize = [9, 9]\n[[drones]]\nstarts = [{ x = 1.5, y = 1.5 }]\n"
 WALLS = FLAT + '[[walls]]\nfile = "{}"\nheight = 2.0\npolygons = "obstacles"\n'
@@ -25,6 +26,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty nothing x\nend_header\n
         (FLAT.replace("9]", "9]\nsize = [1, 1]"), "", "", "line 4.* each key and each table must"),
         (FLAT + "[map]\n", "", "", "line 6, column 5: each key and each table must be given once"),
         (FLAT + "x = [", "", "", "ends before its TOML is complete"),
+        ("\udcff\udcfe", "", "", "must be a text file in UTF-8; it has nothing but a mark"),
         (FLAT + "# \udcff", "", "", "must be a text file in UTF-8, but byte 76, in line 6, is not"),
         (WALLS, "a.geojson", POLYGON[:-1] + ",}", r"line 1, byte \d+: must be JSON; a bracket"),
         (WALLS, "a.geojson", POLYGON.replace("[1, 1]]", "[1, 3]]"), "GeoJSON: rings must end at"),
@@ -74,3 +76,16 @@ def test_damaged_sequences_are_told_in_plain_words(
     (tmp_path / "map.npy").write_bytes(content[:-9])
     with pytest.raises((ProblemError, FileError), match=words):
         load_scene(str(tmp_path))
+
+
+def test_a_field_within_a_field_is_a_path(tmp_path: Path) -> None:
+    """Fields are joined by points; the name of a file is none, though it has one."""
+    words = r"^drones\[0\]\.starts\[1\]\.x: must be above 0$"
+    with pytest.raises(ProblemError, match=words), naming("drones[0]"), naming("starts[1]"):
+        raise ProblemError("x: must be above 0")
+    words, path = r"^tracks\[0\]: .*people\.csv: fps: must be given$", tmp_path / "people.csv"
+    with pytest.raises(ProblemError, match=words), naming("tracks[0]"), naming(path):
+        raise ProblemError("fps: must be given")
+    words = "^map: the system beside it: crs: must be known$"
+    with pytest.raises(ProblemError, match=words), naming("map"), naming("the system beside it"):
+        raise ProblemError("crs: must be known")

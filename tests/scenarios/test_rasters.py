@@ -436,13 +436,19 @@ def test_projections_that_are_true_there(tiff: Write, crs: str, x: float, y: flo
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.99])
-def test_truncated_tiff(tiff: Write, share: float, capfd: pytest.CaptureFixture[str]) -> None:
-    """A file that ends early is refused in one line, and GDAL prints nothing of its own."""
+def test_truncated_tiff(
+    tiff: Write,
+    share: float,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A file that ends early is refused in one line, and GDAL says nothing of its own."""
     path = tiff(np.random.default_rng(0).random((80, 90)), crs="EPSG:25830")
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     refused(path, "cannot be read as GeoTIFF: it is damaged, cut off")
     assert capfd.readouterr() == ("", "")
+    assert not caplog.records
 
 
 def test_tiff_with_text_of_another_encoding(tiff: Write) -> None:

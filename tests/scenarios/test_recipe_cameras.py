@@ -135,7 +135,7 @@ def test_photos_are_pointed_out(tmp_path: Path, caplog: pytest.LogCaptureFixture
 def test_contradictions_are_named(tmp_path: Path, words: str, message: str) -> None:
     """One line with the table, the field and what is allowed."""
     numbers = ", ".join(["width = 3840, height = 2160", *filter(None, [words])])
-    with pytest.raises(ProblemError, match=rf"drones\[0\]: camera: {message}") as error:
+    with pytest.raises(ProblemError, match=rf"drones\[0\].camera[.:] ?{message}") as error:
         camera(tmp_path, f"{{ {numbers} }}")
     assert "\n" not in str(error.value)
 
@@ -143,7 +143,7 @@ def test_contradictions_are_named(tmp_path: Path, words: str, message: str) -> N
 @pytest.mark.parametrize(("words", "message"), [
     ("{ width = 3840, height = 2160, fov = 180 }", r"drones\[0\].camera.fov: must be .* < 180"),
     ("{ width = 3840, height = 2160, fov_diagonal = 0 }", r"camera.fov_diagonal: must be .* > 0"),
-    ("{ width = 0, height = 2160, fov = 60 }", r"camera.width: must be a whole number >= 1"),
+    ("{ width = 0, height = 2160, fov = 60 }", "width: must be a whole number from 1 to 100,000"),
     ("{ width = 3840, fov = 60 }", "height"),
     ("{ width = 3840, height = 2160, fovv = 60 }", "unknown field `fovv`; did you mean fov"),
     ("7", r"drones\[0\].camera: must be"),

@@ -61,13 +61,13 @@ def test_areas_and_stated_starts_stand_side_by_side(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("starts", "words"), [
-    ("{ area = [[1, 1], [3, 1]] }", "starts: area: must have at least 3 corners, not 2"),
-    ("{ area = [[1, 1], [3, 3], [3, 1], [1, 3]] }", "starts: area: polygon: must not cross itself"),
-    ("{ area = [[1.6, 1.6], [1.9, 1.6], [1.9, 1.9]] }", "starts: area: .* the middle of a cell"),
-    ("{ area = [[50, 1], [53, 1], [53, 3]] }", "starts: area: .* the map is x 0..12"),
+    ("{ area = [[1, 1], [3, 1]] }", "starts.area: must have at least 3 corners, not 2"),
+    ("{ area = [[1, 1], [3, 3], [3, 1], [1, 3]] }", "starts.area.polygon: must not cross itself"),
+    ("{ area = [[1.6, 1.6], [1.9, 1.6], [1.9, 1.9]] }", "starts.area: .* the middle of a cell"),
+    ("{ area = [[50, 1], [53, 1], [53, 3]] }", "starts.area: .* the map is x 0..12"),
     ('{ area = "somewhere" }', "area"),
-    ('{ area = "anywhere", heights = [5] }', "starts: heights: must be one of the layers 4, 6 m"),
-    ('{ area = "anywhere", headings = [45] }', "starts: headings: must be one of the 4 directions"),
+    ('{ area = "anywhere", heights = [5] }', "starts.heights: must be one of the layers 4, 6 m"),
+    ('{ area = "anywhere", headings = [45] }', "starts.headings: must be one of the 4 directions"),
     ('{ area = "anywhere", heights = [] }', "heights: must"),
     ('{ area = "anywhere", height = 4 }', "unknown field .height."),
     ("{ heights = [4] }", "area"),
@@ -91,7 +91,7 @@ def test_a_start_that_is_none_is_named_by_its_row(tmp_path: Path) -> None:
     ):
         rows = f"[{fine}, {{ {wrong} }}]"
         path.write_text(RECIPE.replace("{starts}", rows).replace("count = 2\n", ""))
-        with pytest.raises(ProblemError, match=rf"drones\[0\]: starts{words}"):
+        with pytest.raises(ProblemError, match=rf"drones\[0\].starts{words}"):
             read(path, seed=0)
 
 

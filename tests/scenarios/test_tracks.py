@@ -195,9 +195,17 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1 0 1,5 2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("1\t0\t1,5\t2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("id,frame,x,y\n1,0,1,5,2,5\n", {}, "line 2: must have 4 values, not 6; are commas dec"),
-        ("1 0 1 2\n\n1 1 nan 2\n", {}, "line 3, x: must be a number within +-1e+09, not nan"),
-        ("1 0 1 2\n1 1 1 -inf\n", {}, "line 2, y: must be a number within +-1e+09, not -inf"),
-        ("1 0 1e10 2\n", {}, "line 1, x: must be a number within +-1e+09, not 1e+10"),
+        (
+            "1 0 1 2\n\n1 1 nan 2\n",
+            {},
+            "line 3, x: must be a number within +-1,000,000,000, not nan",
+        ),
+        (
+            "1 0 1 2\n1 1 1 -inf\n",
+            {},
+            "line 2, y: must be a number within +-1,000,000,000, not -inf",
+        ),
+        ("1 0 1e10 2\n", {}, "line 1, x: must be a number within +-1,000,000,000, not 1e+10"),
         ("1 0 1 2\n1.5 1 1 2\n", {}, "line 2, id: must be a whole number"),
         ("1 0 1 2\n1 0.5 1 2\n", {}, "line 2, frame: must be a whole number"),
         ("Bob,0,1,2\nBob,1,1,inf\n", {}, "line 2, y: must be a number within"),
@@ -221,8 +229,9 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
             "anna,0.0,6,18\nanna,0.25,6,18\n",
             {"fps": None},
             "fps: must be given, for the file does "
-            "not state it; the file has no header, so that its columns are read as id, frame, x, "
-            'y: columns = ["id", "time", "x", "y"]',
+            "not state it: write fps = 25 (its frames per second) in [[tracks]]; the file has no "
+            "header, so that its columns are read as id, frame, x, y: columns = "
+            '["id", "time", "x", "y"]',
         ),
         ("id,t,x,y\n1,0,1,1\n", {}, "fps: must be left out"),
         (HEADED, {"columns": ("id", "x", "y")}, "line 2: must have 3 values, not 4"),
@@ -326,16 +335,16 @@ def test_rows_in_any_order_and_among_words(
         ([(0, 0, 170), (130, 0, 170)], "cm", []),
         ([(0, 0, 170), (130, 0, 170)], "m", ["130 m/s: is the unit cm, or is fps = 1 right?",
                                              "height of 1 of 1 people outside 0.4..2.6 m, 170 m "
-                                             "of 1: is the unit cm?"]),
+                                             "of id 1: is the unit cm?"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
         ([(0, 0, 1.7), (0, 0, 1.7)], "m", []),  # somebody stands
         ([(0, 0, 1.7), (30, 0, 1.7)], "m", ["median speed 30 m/s: is fps = 1 right?"]),
         ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps = 1 right?"]),
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
-        ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 5e+05 m"]),
+        ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 500 km"]),
         ([(13.059, 52.4, 1.7), (13.06, 52.4, 1.7)], "m", ["are they degrees?"]),
-        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["z of 1 of 1 people is below 0, -1.7 m of 1: does z"]),
+        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["1 people is below 0, -1.7 m of id 1: does z"]),
     ],
 )  # fmt: skip
 def test_odd_tracks_are_warned_of(
@@ -369,7 +378,7 @@ def test_when_step_0_is_is_said_if_tracks_begin_before(
         assert [actor.begin for actor in actors] == [begin, begin]
         assert actors[0].poses[0, 0] == begin
         assert ("step 0 is 7 s into the tracks, because 2 people are there for 9 s only from then "
-                "on; bob is there from 0 to 3 s and from 7 to 19 s; begin" in caplog.text) == (
+                "on; id bob is there from 0 to 3 s and from 7 to 19 s; begin" in caplog.text) == (
             steps == 9
         )  # fmt: skip
     words = r"last 3 s at most from begin = 0 s on; steps = 3 would do, or another begin"
@@ -393,7 +402,7 @@ def test_a_single_bad_row_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixt
     text = "".join(" ".join(map(str, row)) + "\n" for row in rows)
     read(tmp_path, text, unit="m", fps=25)
     (message,) = caplog.messages
-    assert "line 31: 1 is 1e+06 m from where it was 0.04 s before, the first of 2" in message
+    assert "line 31: id 1 is 1,000 km from where it was 0.04 s before, the first of 2" in message
 
 
 def test_people_in_one_place_raise_warnings(
@@ -759,7 +768,7 @@ def test_databases_of_jupedsim_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("statements", "words"),
     [
-        ((TRAJECTORIES, PEOPLE), "fps: must be given, for the file does not state it"),
+        ((TRAJECTORIES, PEOPLE), "fps: must be given, .*: write fps = 25 .its frames per second"),
         ((TRAJECTORIES, METADATA, RATE), "trajectory_data: must hold at least one row"),
         ((METADATA, RATE), "must have the table trajectory_data, .*, not only metadata"),
         (("create view trajectory_data as select 1",), "must have the table trajectory_data"),

@@ -167,7 +167,7 @@ class Narrowing:
         if model.problem.objective.over_time:
             raise CertificateError("certificate: where pixels add up over time, there are no steps")
         if not math.isfinite(target):
-            raise CertificateError("certificate.target: must be finite")
+            raise CertificateError(f"certificate.target: must be finite, not {target!r}")
         prices = CertificatePrices.of(model, multipliers, stop=stop)
         constants = model.problem.by_step(prices.pixels.constants)
         classes = range(len(model.classes))
