@@ -75,7 +75,7 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
 def framed(flight: Flight) -> list[str]:
     """The warnings in the frame of the first page."""
     parts = clock_of(flight).parts
-    return [f"{note}." for note in attention(flight, Touchdowns.of(flight), parts)]
+    return [f"{note.text}." for note in attention(flight, Touchdowns.of(flight), parts)]
 
 
 def left_open(flight: Flight) -> list[str]:
@@ -291,7 +291,8 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     paths = tuple((robot.start, robot.start) for robot in beside.robots)
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
-        urgent, others = [*each.too_near()], [note.text for note in each.near_without_rule()]
+        urgent = [note.text for note in each.too_near()]
+        others = [note.text for note in each.near_without_rule()]
         assert (len(urgent), len(others)) == ((1, 0) if is_first else (0, 1))
         assert framed(each)[:1] == [f"ATTENTION: {words}." for words in urgent]
         assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
@@ -304,7 +305,7 @@ def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     notes = [*flight.notes(), *people_and_delay(flight, None)]
     remedies = [note.remedy for note in notes if note.remedy]
     told = "".join(map(str, notes))
-    assert len(remedies) == 2 and all(f"; {words}" in told for words in remedies)
+    assert len(remedies) == 3 and all(f"; {words}" in told for words in remedies)
     texts = [text.get_text() for figure in pages_of(flight, None, [USUAL]).figures
              for text in figure.texts]  # fmt: skip
     printed = " ".join(" ".join(texts).split())
