@@ -94,6 +94,18 @@ def drone_colour(number: int) -> str:
     return DRONE_COLOURS[number % len(DRONE_COLOURS)]
 
 
+def shared_digits(corner: float) -> float:
+    """Returns what is taken off coordinates (m), to be shown once: thousands, or 0 if they are few.
+
+    Map coordinates have seven digits, and those of a scene have the first ones in common.
+
+    Parameters
+    ----------
+    corner : m, the least coordinate
+    """
+    return corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+
+
 def distinct_colours(drones: Iterable[int]) -> list[str]:
     """Returns the distinct colours of drones, as many as a legend has room for."""
     return list(dict.fromkeys(map(drone_colour, drones)))[:_MOST_MARKS]
@@ -302,8 +314,7 @@ class TopView(NamedTuple):
         ax.set_ylim(*extent[2:])
         for axis, name, corner in ((ax.xaxis, "x", x), (ax.yaxis, "y", y)):
             axis.set_major_locator(MaxNLocator(6))
-            # Map coordinates have seven digits; the digits that all of them share are shown once.
-            shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+            shared = shared_digits(corner)
             axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
