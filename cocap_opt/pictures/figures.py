@@ -190,14 +190,9 @@ def _draw_meanings(figure: Figure, view: TopView) -> None:
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
     above or below.
     """
-    goes_on = " (arrows: it goes on)" if view.is_cut else " or ceiling"
-    words = {
-        2: (pictures.WALL, f"blocks {view.height:g} m"),
-        1: (pictures.COVERED, "something above or below"),
-        3: (pictures.LOW, "lower obstacle"),
-        4: (pictures.CLOSED, f"no-fly zone{goes_on}"),
-    }
-    shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
+    shown = view.meanings
+    if view.is_cut and 4 in shown:
+        shown[4] = pictures.CLOSED, "no-fly zone (arrows: it goes on)"
     if shown.keys() - {2}:
         handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
         figure.legend(handles=handles, fontsize=SMALL, loc="outside lower center",

@@ -202,7 +202,7 @@ def draw_cells_left() -> Figure:
     first, *_, last = worked.stages()
     for cells, colour, words in (
         (first.cells, "#cfe0ec", f"in reach at step {t}"),
-        (last.cells, TEAL, "left to better plans"),
+        (last.cells, TEAL, "where a better plan can still be"),
     ):
         spots = np.array([example.problem.height_map.centre(*cell) for cell in sorted(cells)])
         ax.set_ylim(_NEAR)
