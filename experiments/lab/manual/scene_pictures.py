@@ -210,5 +210,5 @@ def draw_cells_left() -> Figure:
     for j, actor in enumerate(example.problem.actors):
         ax.plot(*actor.poses[t, :2], "o", ms=7, color=pictures.PERSON, mec="black", zorder=4,
                 label="people" if j == 0 else None)  # fmt: skip
-    add_legend(figure, ax)
+    add_legend(figure, ax, columns=2)
     return figure
