@@ -207,14 +207,13 @@ class Flight(NamedTuple):
             )
 
     def _left_open(self) -> Iterator[Note]:
-        """Yields what was not checked or is unknown."""
+        """Yields what was not checked or is unknown, and that drones are in the air already."""
         problem = self.flown.problem
         if problem.begins_in_the_air:
             numbers = ", ".join(f"drone {i} is {r.number}" for i, r in enumerate(problem.robots))
             yield Note(
                 "the scene is the rest of a mission: drones hover at their first places until all "
-                f"begin; in the mission {numbers}",
-                Kind.UNCHECKED,
+                f"begin; in the mission {numbers}"
             )
         if not self.is_smooth:
             yield Note(

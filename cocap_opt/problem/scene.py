@@ -255,10 +255,11 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return near
 
     def person(self, j: int) -> str:
-        """Returns the words for a person: number, and name and take if there are any."""
+        """Returns the words for a person: `Ada (0)`, or `person 0` without a name; and the take."""
         name, take = self.actors[j].name, self.actors[j].take
-        words = [*([] if name is None else [name]), *([] if take is None else [told_take(take)])]
-        return f"person {j} ({', '.join(words)})" if words else f"person {j}"
+        more = [*([] if name is None else [str(j)]), *([] if take is None else [told_take(take)])]
+        first = f"person {j}" if name is None else name
+        return f"{first} ({', '.join(more)})" if more else first
 
     @cached_property
     def distinct_people(self) -> tuple[Actor, ...]:

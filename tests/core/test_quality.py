@@ -308,16 +308,16 @@ def test_the_worst_moments_come_first_in_words() -> None:
     shares[7, 1, 2] = 0
     found = Quality.of(problem, plan, shares)
     assert found.worst == [
-        "person 1 (Bo): no camera at 1 s",
+        "Bo (1): no camera at 1 s",
         "Ada: one camera from 1 to 1.75 s",
-        "person 1 (Bo): one camera from 0.25 to 0.75 s",
-        "person 2 (Bo): cameras at most 0 degrees apart at 1.75 s",
+        "Bo (1): one camera from 0.25 to 0.75 s",
+        "Bo (2): cameras at most 0 degrees apart at 1.75 s",
     ]
     untimed = Quality.of(problem.replace(step=None), plan, shares)
     assert untimed.worst[:3] == [
-        "person 1 (Bo): no camera at step 4",
+        "Bo (1): no camera at step 4",
         "Ada: one camera at steps 4 to 7",
-        "person 1 (Bo): one camera at steps 1 to 3",
+        "Bo (1): one camera at steps 1 to 3",
     ]
 
 

@@ -110,7 +110,7 @@ def test_people_of_all_takes_are_in_each() -> None:
     assert there == [("Ada", "one"), ("Bob", "one"), ("Ada", "two"), ("Ada", "three")]
     assert problem.take_of.tolist() == [0, 0, 1, 2]
     assert problem.importance[1].tolist() == [0.5, 0.5, 0.25, 0.25]
-    assert problem.person(2) == "person 2 (Ada, take two)"
+    assert problem.person(2) == "Ada (2, take two)"
     assert [actor.name for actor in problem.of_take(0).actors] == ["Ada", "Bob"]
     with pytest.raises(ProblemError, match=r"take: must be 0\.\.2, not -1"):
         problem.of_take(-1)

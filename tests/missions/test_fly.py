@@ -258,7 +258,7 @@ def test_somebody_who_walks_through_a_wall_is_told_by_name(
     run = Run(
         capsys, "fly", *saved(tmp_path, problem, plan)[:2], "-o", tmp_path / "f.csv", "--json"
     )
-    told = [f"ATTENTION: person 0 (Cleo) is {words}"] if words else []
+    told = [f"ATTENTION: Cleo (0) is {words}"] if words else []
     assert [note for note in run.json["notes"] if "Cleo" in note and "ATT" in note][:1] == told
     flight = Flight.of(problem, plan, False)
     framed = [*map(str, attention(flight, Touchdowns.of(flight), ()))]

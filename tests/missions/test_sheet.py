@@ -297,6 +297,19 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
         assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
 
 
+def test_the_rest_of_a_mission_is_no_thing_that_was_not_checked() -> None:
+    """The crew reads in a section of its own which drones are in the air; `fly` tells it, too."""
+    problem, plan = scene()
+    robots = tuple(r.replace(number=3 * i + 1) for i, r in enumerate(problem.robots))
+    flight = Flight.of(problem.replace(robots=robots), plan, False)
+    hover, *numbers, _ = text_of(flight)["Drones in the air"]
+    assert hover.startswith("The rest of a mission: all drones hover at their first places")
+    assert numbers == [f"Drone {i} of this sheet is drone {3 * i + 1} of the mission."
+                       for i in range(2)]  # fmt: skip
+    assert not any("mission" in words for words in left_open(flight))
+    assert any("in the mission drone 0 is 1, drone 1 is 4" in note.text for note in flight.notes())
+
+
 def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     """The sheet leaves such remedies out, and has its own words for heights."""
     problem, plan = scene()
@@ -322,11 +335,11 @@ def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
     flight = Flight.of(problem, plan, False)
     found = quality_of(flight)
     assert found is not None
-    clock, names = clock_of(flight), ["P0 Ax"]
+    clock, names = clock_of(flight), ["Ax (0)"]
     (row,) = quality_table(found, names, clock).rows
     (person,) = co.quality(problem, plan).by_person
     ends = [clock.time(float(s)) for s in re.findall(r"[\d.]+(?= (?:to|s)\b)", person.worst)]
-    assert row[0] == "P0 Ax" and ends and all(end in row[-1] for end in ends)
+    assert row[0] == "Ax (0)" and ends and all(end in row[-1] for end in ends)
     pale = "Pale: the first step, which does not count."
     assert (pale in quality_notes(found)) == (found.first_step > 0)
     assert numbers(row[1])[0] == pytest.approx(100 * person.by_two, abs=0.5)
@@ -430,10 +443,11 @@ def test_a_place_name_is_drawn_whole_or_not_at_all(at: float, is_drawn: bool) ->
 
 
 def test_names_stay_as_they_are() -> None:
-    """A person's card has her name over it as the scene writes it, beside the number on maps."""
+    """A person's card has her name over it as the scene writes it, before her number."""
     problem, plan = scene()
     (actor,) = problem.actors
-    for name, title in ((None, "P0"), ("Ada LOVELACE", "P0 Ada LOVELACE"), ("ada", "P0 ada")):
+    names = (None, "Person 0"), ("Ada LOVELACE", "Ada LOVELACE (0)"), ("ada", "ada (0)")
+    for name, title in names:
         flight = Flight.of(problem.replace(actors=(actor.replace(name=name),)), plan, False)
         (card,) = people_cards(flight, clock_of(flight))
         assert card.title == title
@@ -750,7 +764,7 @@ def test_a_card_lists_the_first_twenty_people() -> None:
         found = quality_of(Flight.of(crowd, plan, False))
         assert found is not None
         words = filmed_by(replace(found, seen=np.ones_like(found.seen)), 0, crowd)
-        assert re.findall(r"P(\d+) ", words) == [str(k) for k in range(listed)]
+        assert re.findall(r"\((\d+)\) ", words) == [str(k) for k in range(listed)]
         assert words.endswith(end) and words.count("100 %") == listed
         assert max(map(len, words.split(", "))) <= 60
         assert filmed_by(replace(found, seen=np.zeros_like(found.seen)), 0, crowd) == "nobody"

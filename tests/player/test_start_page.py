@@ -145,7 +145,7 @@ def test_people_in_a_house_are_said_before_drones_have_places(
         caplog.clear()
         assert run(["show", str(recipe), "-o", str(recipe.with_suffix(".png"))]) == 0
         lines = [record.getMessage().partition(": ")[2] for record in caplog.records]
-        said.append([line for line in lines if line.startswith("person")])
+        said.append([line for line in lines if line.startswith("Bo (")])
     assert "is inside an obstacle at" in said[0][0]
     assert said[0] == said[1] == said[2]
 

@@ -47,7 +47,7 @@ def test_no_label_says_take_twice(take: str, words: str) -> None:
     people = problem.actors[0].replace(take=take, name="Carla"), problem.actors[1]
     takes = problem.takes[0].replace(name=take), problem.takes[1]
     named = problem.replace(actors=people, takes=takes)
-    assert named.person(0) == f"person 0 (Carla, {words})"
+    assert named.person(0) == f"Carla (0, {words})"
     assert named.of_take(0).name == f"tiny, {words}"
     person = co.show(named).data()["people"][0]
     assert (person["name"], person["inTake"]) == ("Carla", words)

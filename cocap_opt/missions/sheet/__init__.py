@@ -37,7 +37,6 @@ from cocap_opt.missions.sheet.maps import draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import Inset, Pages
 from cocap_opt.missions.sheet.places import degrees
 from cocap_opt.missions.sheet.words import (
-    label_of,
     running_order,
     sections,
     to_check,
@@ -150,8 +149,8 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phas
     legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
     pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
     if any(actor.name for actor in flight.flown.problem.actors):
-        people = range(len(flight.flown.problem.actors))
-        names = [label_of(flight.flown.problem, person) for person in people]
+        problem = flight.flown.problem
+        names = map(problem.person, range(len(problem.actors)))
         pages.sentence(f"People: {', '.join(names)}.", SMALL)
     for phase in phases:
         height = _map_height(pages.room - _TITLE)
@@ -166,7 +165,7 @@ def _write_filmed(
     """Writes who is filmed by whom in the take, and how well; nothing if nobody counts."""
     if found is None:
         return
-    names = [label_of(flight.flown.problem, person.actor) for person in found.by_person]
+    names = [flight.flown.problem.person(person.actor) for person in found.by_person]
     pages.section("Who films whom", [who_films_whom(found, names, phases, clock)], BODY)
     pages.sentence("Drones that see the person at half of the steps or more; in brackets: drones "
                    "that see the person less often.", SMALL)  # fmt: skip

@@ -15,7 +15,6 @@ from cocap_opt.missions.sheet.filmed import filmed_by
 from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Card, Table
 from cocap_opt.missions.sheet.places import degree_heads, degrees
-from cocap_opt.missions.sheet.words import label_of
 from cocap_opt.problem import Robot
 from cocap_opt.problem.pictures import shared_digits
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
@@ -150,7 +149,10 @@ def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
     x, y = (np.interp(times, steps, axis) for axis in walk.T)
     facts = [] if flight.geodesy else [("stands by at", f"x {x[0]:.1f}, y {y[0]:.1f}")]
     cues, signal = _person_cues(flight, clock, times, x, y), ("signal", clock.time(0.0))
-    return Card(label_of(problem, person), facts, cues, signal)
+    title = problem.person(person)
+    if actor.name is None:
+        title = f"{title[0].upper()}{title[1:]}"
+    return Card(title, facts, cues, signal)
 
 
 def _person_cues(

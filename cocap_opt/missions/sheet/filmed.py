@@ -15,7 +15,6 @@ from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import whole_percent
 from cocap_opt.missions.sheet.clock import TAKE, Clock, Phase
 from cocap_opt.missions.sheet.pages import INNER, Inset, Table
-from cocap_opt.missions.sheet.words import label_of
 from cocap_opt.problem import Problem
 from cocap_opt.text import in_ranges, shortened
 
@@ -79,7 +78,7 @@ def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
         j = person.actor
         share = float(found.seen[found.counts[:, j], drone, j].mean())
         if share:
-            told.append(f"{shortened(label_of(problem, j), _LETTERS)} {whole_percent(share)}")
+            told.append(f"{shortened(problem.person(j), _LETTERS)} {whole_percent(share)}")
     more = len(told) - _MOST_NAMES
     rest = f" and {more} more" if more > 0 else ""
     return ", ".join(told[:_MOST_NAMES]) + rest or "nobody"

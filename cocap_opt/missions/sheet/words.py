@@ -25,8 +25,6 @@ from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Problem
-from cocap_opt.problem.takes import told_take
-from cocap_opt.text import printable
 
 _CHECKS = (
     "batteries are charged; radio links and satellite reception are good",
@@ -57,14 +55,6 @@ def sections(
         *_missions(flight),
         *([] if every is None else [*places(flight, every), *walks(flight, every)]),
     ]
-
-
-def label_of(problem: Problem, person: int) -> str:
-    """Returns the number of a person on maps, with name and take as the scene writes them."""
-    actor = problem.actors[person]
-    take = [] if actor.take is None else [told_take(actor.take)]
-    names = ", ".join([*([] if actor.name is None else [actor.name]), *take])
-    return printable(f"P{person} {names}".strip())
 
 
 def running_order(flight: Flight, clock: Clock) -> Table:

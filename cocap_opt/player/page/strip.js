@@ -110,7 +110,7 @@ export class Strip {
 
   nameOf({ person }) {
     const { name } = this.data.people[person];
-    return name === null ? String(person) : `${name} ${person}`;
+    return name === null ? String(person) : `${name} (${person})`;
   }
 
   draw(time, picked) {
@@ -174,7 +174,7 @@ export class Strip {
     context.textBaseline = "middle";
     context.fillStyle = k === this.picked ? words.ink : words.soft;
     let text = this.nameOf(row);
-    while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… ${row.person}`;
+    while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… (${row.person})`;
     if (this.isAbove) return context.fillText(text, MARGIN.right, k * this.pitch + NAME_HIGH / 2 + 1);
     const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
     context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
