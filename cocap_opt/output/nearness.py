@@ -1,4 +1,4 @@
-"""How near a plan's drones come to each other and to people, where no rule asks for a distance."""
+"""Distances of a plan's drones from each other and from people, where no rule asks for any."""
 
 from collections.abc import Iterator
 

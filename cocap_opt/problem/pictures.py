@@ -94,7 +94,7 @@ def drone_colour(number: int) -> str:
 
 
 def shared_digits(corner: float) -> float:
-    """Returns what is taken off coordinates (m), to be shown once: thousands, or 0 if they are few.
+    """Returns the thousands that are taken off coordinates (m) and shown once; 0 if they are few.
 
     Map coordinates have seven digits, and those of a scene have the first ones in common.
 

@@ -186,7 +186,7 @@ def _person_cues(
 
 
 def _shared(flight: Flight) -> tuple[float, float]:
-    """Returns what is taken off x and y (m) in tables, as on maps."""
+    """Returns the thousands that are taken off x and y (m) in tables, as on maps."""
     x, y = flight.flown.problem.height_map.origin
     return shared_digits(x), shared_digits(y)
 
