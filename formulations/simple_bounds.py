@@ -79,7 +79,7 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
 
 
 # The most that states of a robot class see, added up over the faces with their weights: roots
-# w sqrt(px/m2) and pixels w px/m2 [T+1, S]; and over the people who count. Where there are too many
+# w px^0.5/m and pixels w px/m2 [T+1, S]; and over the people who count. Where there are too many
 # states for value iteration S is 1: the most that any of them sees.
 _Sums = tuple[FloatArray, FloatArray, FloatArray]
 

@@ -37,8 +37,7 @@ def front(
     share : share of all possible views around which plans and bounds are found first. None: the
         share of `so_far`, else that of the objective, if it has one
     directions : largest number of weightings of J and views to try until the trade-off is settled
-    seconds : for each weighting, coverage not included; they double each time that it is tried
-        again
+    seconds : for each weighting, coverage not included; doubled whenever a weighting is tried again
     time_limit : seconds for all of them, coverage included
     stop : a further stopping criterion
     so_far : a trade-off of the same problem, which is continued

@@ -66,10 +66,14 @@ def gap(
     Raises
     ------
     ValueError
-        If there is no such scene or planner, a limit is negative, there are fewer cores than
-        `workers`, `out` cannot be used, results of a function are to be kept but could not be
-        recognised later, or a script that uses `workers` has no line
-        ``if __name__ == "__main__":``.
+        If
+
+        - there is no such scene or planner,
+        - a limit is negative,
+        - there are fewer cores than `workers`,
+        - `out` cannot be used,
+        - `out` is given, and a planner is a function whose code cannot be recognised later, or
+        - a script that uses `workers` has no line ``if __name__ == "__main__":``.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet; otherwise the rows so far are returned.
 

@@ -116,7 +116,7 @@ def rest(
     from_step: int,
     without: Sequence[int] = (),
 ) -> Problem:
-    """Make the scene of the rest of a mission, after a plan was flown up to a step.
+    """Make the scene of the rest of a mission, after a plan has been flown up to a step.
 
     People walk on from that step, each drone starts in its state at that step, and the scene ends
     with the mission's last step. Views at its first step belong to the part that was flown, so that

@@ -51,6 +51,11 @@ def say(answer: Record, words: str) -> None:
     answer["message"] = "; ".join(filter(None, (answer["message"], words)))
 
 
+def say_unwritten(answer: Record, option: str = "-o plan.json") -> None:
+    """Adds to the message of an answer that its plan is not kept, and the option that keeps it."""
+    say(answer, f"the plan is not written; {option} keeps it")
+
+
 Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
 
 

@@ -29,6 +29,7 @@ from cocap_opt.cli import (
     verify_command,
 )
 from cocap_opt.console.streams import say
+from cocap_opt.console.usage import usage_of
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
@@ -56,17 +57,6 @@ def _help(command: Callable[..., int]) -> _Help:
         "help": "\n\n".join([*told[:above], example]),
         "help_epilogue": "\n\n".join(told[above:]) or None,
     }
-
-
-def _usage(name: str, command: Callable[..., int]) -> str:
-    """Returns the usage line of a command."""
-    words = []
-    for parameter in inspect.signature(command).parameters.values():
-        if parameter.kind is parameter.VAR_POSITIONAL:
-            words.append(f"[{parameter.name.upper()}...]")
-        elif parameter.kind is parameter.POSITIONAL_ONLY:
-            words.append(parameter.name.upper())
-    return " ".join(["Usage: cocap-opt", name, *words, "[OPTIONS]"])
 
 
 _NAMES = {
@@ -111,27 +101,28 @@ for _family in (
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(
-            _command, name=_name, usage=_usage(_name, _command), **_help(_command),
-            **_place(_name),
+            _command, name=_name, usage=usage_of(f"cocap-opt {_name}", _command),
+            **_help(_command), **_place(_name),
         )  # fmt: skip
 app.command(  # by name: matplotlib is slow to import
     "cocap_opt.cli.figure_commands:app",
     name="figure",
     **_place("figure"),
-    help="Draw charts of results for papers.",
+    help="Draw charts of results for papers.\n\nExample: cocap-opt figure gaps results -o gaps.pdf",
 )
 app.command(
     "cocap_opt.cli.library_command:app",
     name="library",
     **_place("library"),
-    help="List the library's instances with their best plans and bounds; submit better ones.",
+    help="List the library's instances with their best plans and bounds; submit better ones.\n\n"
+    "Example: cocap-opt library status --all",
 )
 if find_spec("cocap_opt.experiments.lab"):  # in the repository
     app.command(
         "cocap_opt.experiments.lab.studies.app:app",
         name="study",
         **_place("study"),
-        help="Re-run the project's benchmarks.",
+        help="Re-run the project's benchmarks.\n\nExample: cocap-opt study planners",
     )
 else:
 

@@ -51,9 +51,9 @@ def _export(
     views_weight: Annotated[
         float | Literal["first"] | None,
         Parameter(
-            help="worth of a drone that sees a person at a step, px^0.5/m; if not given, half of J "
-            "of a view in which the person fills a third of the image's height; first: more than "
-            "all pixels"
+            help="worth of a drone that sees a person at a step, px^0.5/m: a number, or `first`, "
+            "more than all pixels; if not given, half of J of a view in which the person fills a "
+            "third of the image's height"
         ),
     ] = None,
     views_share: Annotated[

@@ -18,6 +18,7 @@ from cocap_opt.cli.options import (
     chosen,
     load_planned,
 )
+from cocap_opt.console.usage import set_usages
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
 from cocap_opt.experiments.report.profiles import profiles_figure
 from cocap_opt.experiments.report.teams import teams_figure
@@ -166,3 +167,6 @@ def _save(output: Path | None, figure: Figure, json: bool) -> int:
     save_bytes(output, picture(figure, output.suffix.lower()))
     print_result({"file": output}, json)
     return 0
+
+
+set_usages(app, "cocap-opt figure")

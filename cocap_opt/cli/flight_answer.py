@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.flight.earth import told_accuracy
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.notes import Kind, Note, notes_of
 from cocap_opt.flight.ways import Part
@@ -89,9 +90,7 @@ class FlightAnswer(NamedTuple):
         if self.parts:
             yield "in the air", _told_air(self.parts)
         if "crs" in found:
-            off = found["accuracy"]
-            known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
-            yield "on the Earth", f"{found['crs']}, {known}"
+            yield "on the Earth", f"{found['crs']}, {told_accuracy(found['accuracy'])}"
 
 
 def _rule(least: float, over: float | None, way: str, none: str) -> str:

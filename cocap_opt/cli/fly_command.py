@@ -72,12 +72,12 @@ def _fly(
     cameras, an animated scene, or a sheet for the crew. Wind, deviations from the planned flight,
     and the ways up and down are not checked.
 
-    A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x, counter-
-    clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above ground
-    and take-off, and latitude and longitude where the scene has a reference system. A .geojson or
-    .kml file has tracks, cameras' footprints and people's walks by latitude and longitude; a .glb
-    file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet for
-    the crew.
+    A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
+    counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
+    ground and take-off, and latitude and longitude where the scene has a reference system. A
+    .geojson or .kml file has tracks, cameras' footprints and people's walks by latitude and
+    longitude; a .glb file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf
+    file is a sheet for the crew.
 
     The answer begins with warnings: of drones that come too near to each other or to people where
     no rule forbids it, of drones that take off from or land on roofs, obstacles or water, or too

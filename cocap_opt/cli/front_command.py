@@ -14,12 +14,12 @@ from cocap_opt.data import ProblemError
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import rounded_up
 
 _log = logging.getLogger(__name__)
 
@@ -134,15 +134,15 @@ def _rows(front: Front) -> list[Record]:
             "of all (%)": 100 * front.share(point.views),
             f"seen by {front.views.cameras} (%)": 100 * front.seen(point),
             "J": point.reward,
-            "no plan has more than": _told(front.reward_bound(point.views)),
+            "no plan has more than": _told(front.reward_bound(point.views), point.reward),
         }
         for point in front.plans
     ]
 
 
-def _told(bound: float) -> str:
-    """Returns a bound as it is told, not below what is proved."""
-    return rounded_up(bound, 2) if bound < math.inf else "-"
+def _told(bound: float, reward: float) -> str:
+    """Returns a bound as it is told, beside J of the best plan that is known."""
+    return told_bound(bound, reward) if bound < math.inf else "-"
 
 
 COMMANDS = {"front": _front}

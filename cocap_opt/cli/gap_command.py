@@ -1,12 +1,13 @@
 """The command `gap`: plans of planners and of files on scenes and seeds, and what bounds them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import FLAG, USUAL, Budget, Json, Scene, Verbose, load, say_why_no_plan
+from cocap_opt.cli.options import FLAG, Budget, Json, Scene, Verbose, load, say_why_no_plan
 from cocap_opt.cli.workforce import HERE, Workforce
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
@@ -26,6 +27,21 @@ from cocap_opt.run.named_planners import FORMS, own_planners
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.text import OTHERWISE, other_scene, printable
 
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class _CellBudget(Budget):
+    """The options that say when each planner and bound of a scene and seed stops."""
+
+    time_limit: Annotated[
+        float,
+        Parameter(
+            name="--time-limit", help="seconds for each plan, excluding coverage; must be finite"
+        ),
+    ] = 60.0
+
+
+_USUAL = _CellBudget()
 _TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
 
 
@@ -146,11 +162,11 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help=f"may be repeated; one of {', '.join(SOLVERS)}; {FORMS}",
+            help=f"one of {', '.join(SOLVERS)}; {FORMS}; may be repeated",
         ),
     ] = None,
     seeds: Annotated[str, Parameter(help="seeds, such as 0-9 or 0,3,7")] = "0",
-    budget: Budget = USUAL,
+    budget: _CellBudget = _USUAL,
     bound_limit: Annotated[
         float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
     ] = None,
@@ -173,8 +189,7 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help="may be repeated; a file whose plan also gets a row, at the scene and seed that "
-            "it was made for",
+            help="a plan file that gets a row of its own, at its scene and seed; may be repeated",
         ),
     ] = None,
     starts: Annotated[
@@ -182,8 +197,8 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help=f"may be repeated; where drones start: {', '.join(CHOICES)}; each choice is a "
-            "scene of its own, and a last table compares them",
+            help=f"where drones start: {', '.join(CHOICES)}; each choice is a scene of its own, "
+            "and a last table compares them; may be repeated",
         ),
     ] = None,
     workforce: Workforce = HERE,

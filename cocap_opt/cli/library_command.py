@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output
+from cocap_opt.console.usage import set_usages
 from cocap_opt.experiments.library.entries import DATA
 from cocap_opt.experiments.library.judge import TIME_LIMIT
 from cocap_opt.experiments.library.records import Library, Standing
@@ -204,3 +205,6 @@ def _page(
 def _told(standing: Standing) -> dict[str, object]:
     (row,) = full_rows([standing])
     return {key: row[key] for key in ("state", "reward", "bound", "gap")}
+
+
+set_usages(app, "cocap-opt library")

@@ -15,15 +15,20 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.told_bounds import is_attained, told_bound, told_gap
 from cocap_opt.problem import Problem
 from cocap_opt.problem.motion import MOST_MOVED
 from cocap_opt.referee import check
 from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.options import UsageError
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import rounded_up
 
 _METHOD = "column-generation"
+# Keys of rows, as a terminal of 80 characters has room for them.
+_HEADS = {
+    "moves of recipe": "moves\nof recipe", "longest of recipe (m)": "longest (m)\nof recipe",
+    "turn of recipe (deg)": "turn (deg)\nof recipe",
+}  # fmt: skip
 
 
 def _limits(
@@ -64,24 +69,29 @@ def _limits(
         answer |= {"reward": reward, "bound": bound, "lost": lost}
         if limit is not None:
             notes.append(f"the search for the bound was stopped by the {limit} limit")
-        if reward > bound:
+        if reward > bound and not is_attained(bound, reward):
             notes.append(
                 f"the limits cost nothing: this plan moves by parts of cells and has J "
                 f"{reward:,.2f}; certified: no plan that moves by whole cells has a J above "
                 f"{bound:,.2f}"
             )
         elif math.isfinite(bound):
+            most = f"no plan has a J above {told_bound(bound, reward)}"
+            gap = told_gap(lost / bound if bound else 0.0)
+            this = f"is below the best by {gap}"
+            if is_attained(bound, reward):
+                this = "is a best one"
             notes.append(
-                f"certified: with all moves of the recipe no plan has a J above {bound:,.2f}; "
-                f"this one, with J {reward:,.2f}, is at most "
-                f"{rounded_up(100 * lost / bound if bound else 0.0, 2)} % below"
+                f"certified: with all moves of the recipe {most}; this one, with J {reward:,.2f}, "
+                f"{this}"
             )
         else:
             notes.append("no bound was found in time; a longer --time-limit may give one")
     if json:
         print_result({**answer, "drones": rows, "notes": notes}, json)
     else:
-        Listing("moves in a step", rows, notes).print()
+        shown = [{_HEADS.get(key, key): value for key, value in row.items()} for row in rows]
+        Listing("moves in a step, and those of the recipe", shown, notes).print()
     return 0
 
 

@@ -33,8 +33,8 @@ Scene = Annotated[
 PlanPath = Annotated[
     Path,
     Parameter(
-        help="plan file for the scene: from `plan`, in a scene format's own plan format, or a "
-        "solver's solution (.sol) of a program from `export`"
+        help="plan file for the scene: from `plan`, from the project whose scene format it is, or "
+        "a solver's solution (.sol) of a program from `export`"
     ),
 ]
 Results = Annotated[Path, Parameter(help="results folder, written by `gap --out`")]
@@ -45,7 +45,7 @@ Seconds = Annotated[
     Parameter(
         name="--time-limit",
         help="seconds for coverage and search; reading, estimating, compiling and checking come on "
-        "top; inf: no limit; in `gap` finite and excluding coverage",
+        "top; inf: no limit",
     ),
 ]
 Work = Annotated[
@@ -70,10 +70,15 @@ Verbose = Annotated[
 ]
 Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
+PlanOutput = Annotated[
+    Path | None, Parameter(name=["-o", "--output"], help="file to write the plan to")
+]
 OfScenes = Annotated[
     list[str] | None,
     Parameter(
-        name="--scene", negative="", help="may be repeated (default: all scenes of the results)"
+        name="--scene",
+        negative="",
+        help="scene whose results to use; may be repeated (default: all scenes of the results)",
     ),
 ]
 OfPlanners = Annotated[
@@ -81,7 +86,7 @@ OfPlanners = Annotated[
     Parameter(
         name="--planner",
         negative="",
-        help="may be repeated (default: all planners of the results)",
+        help="planner whose results to use; may be repeated (default: all planners of the results)",
     ),
 ]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.answers import Wanted, check_outputs, in_order, record_of, save
+from cocap_opt.cli.answers import Wanted, check_outputs, in_order, record_of, save, say_unwritten
 from cocap_opt.cli.options import Whole, load, say_why_no_plan
 from cocap_opt.console.progress import Watch
 from cocap_opt.console.streams import say
@@ -158,6 +158,8 @@ def replan(
         answer |= nearness(rest.scene, bounded.result.plan)
     if not json:
         answer["drones"] = " ".join(map(str, rest.drones))
+        if bounded.result.plan is not None and output is None and options.rest_plan is None:
+            say_unwritten(answer, "--rest-plan rest.json" if options.without else "-o plan.json")
     print_result(in_order(answer, bounded.result.plan is not None), json, verbose)
     return 0
 

@@ -99,6 +99,8 @@ def _table(
         tables.print()
     elif output is None:
         sys.stdout.write(as_document(tables))
+    else:
+        print_result({"file": output}, json)
     return 0
 
 

@@ -129,7 +129,9 @@ def _losses(found: WhatIf) -> Listing:
 def _seen(left: ChangeRow, seen: Seen) -> Record:
     """Returns a row of the losses as people read it."""
     shares = {"J (%)": left.share, "seen by two (%)": seen.by_two, "by none (%)": seen.by_none}
-    percents = {name: None if part is None else 100 * part for name, part in shares.items()}
+    percents = {
+        name: None if part is None else f"{100 * part:.1f}" for name, part in shares.items()
+    }
     return {"change": left.change, **percents}
 
 
@@ -137,14 +139,16 @@ def _shown(row: ChangeRow) -> Record:
     """Returns a row of the changes as people read it."""
     columns: Record = {
         "change": row.change,
-        "J (%)": None if row.share is None else 100 * row.share,
+        "J (%)": None if row.share is None else f"{100 * row.share:.1f}",
         "drones (m)": row.least_distance,
     }
     if row.people_distance is not None:
         columns["people (m)"] = row.people_distance
-    asked = [metres for metres in (row.ask_drones, row.ask_people) if metres is not None]
-    way_out = f"; plan with {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
-    return {**columns, "rules": f"{row.rules}{way_out}"}
+    asked = {"drones": row.ask_drones, "people": row.ask_people}
+    ways_out = [
+        f"{name}: plan with {metres:.2f} m" for name, metres in asked.items() if metres is not None
+    ]
+    return {**columns, "rules": "\n".join(ways_out) or row.rules}
 
 
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
@@ -168,6 +172,9 @@ def _asking(found: WhatIf) -> Iterator[str]:
     """Yields a sentence on the distances to plan with, where there are any."""
     rows = [*found.changes, *(row.left for row in found.losses)]
     if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
+        yield (
+            "rules: where a distance is not kept, drones or people and the distance to plan with"
+        )
         yield (
             "the distance to plan with is the scene's plus the shortfall; it leads to a different "
             "plan: evaluate that one again, with --margin increased by the shortfall to people"

@@ -31,7 +31,7 @@ def _scenes(*, json: Json = False) -> int:
         Listing("built-in scenes", known["scenes"]).print()
         Listing("files that can be read in place of a scene's name", known["formats"]).print()
         Listing("options of `export`, as in --option triangles=no", known["options"]).print()
-        Listing("cameras that `export` can put on a scene's drones (px)", known["cameras"]).print()
+        Listing("cameras (px)", known["cameras"]).print()
         Listing("airframes of recipes (m/s, m/s2, degrees/s)", known["airframes"]).print()
     return 0
 
@@ -98,9 +98,9 @@ def kernels() -> tuple[Kernel, ...]:
 
 
 def _compile() -> int:
-    """Compile ahead, so that no later run waits for it.
+    """Compile coverage and searches now, so that no later run has to.
 
-    It compiles coverage, value iteration, and the searches behind bounds and proofs.
+    The searches are value iteration, and those behind bounds and proofs.
 
     Example: cocap-opt compile
     """

@@ -9,13 +9,13 @@ from typing import Annotated, Any, NamedTuple
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.answers import check_outputs, in_order, record_of, save, say
+from cocap_opt.cli.answers import check_outputs, in_order, record_of, save, say, say_unwritten
 from cocap_opt.cli.options import (
     USUAL,
     Budget,
     Free,
     Json,
-    Output,
+    PlanOutput,
     Scene,
     Seed,
     Verbose,
@@ -75,11 +75,11 @@ def _plan(
     free: Free = False,
     budget: Budget = USUAL,
     rest: RestOptions = WHOLE,
-    output: Output = None,
+    output: PlanOutput = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Plan a scene, check the plan, and write it to a file.
+    """Plan a scene, check the plan, and with -o write it to a file.
 
     With --from-step the drones have flown the plan of --plan up to that step, and the rest is
     replanned: without lost drones, or in a scene whose people walk elsewhere. The new rest is no
@@ -121,6 +121,8 @@ def _plan(
         answer |= _nearness(problem, judged)
     answer |= _chosen_starts(problem, judged.result.plan)
     answer |= _take_by_take(problem, judged)
+    if output is None and judged.result.plan is not None and not json:
+        say_unwritten(answer)
     print_result(in_order(answer, judged.result.plan is not None), json, verbose)
     return 0
 
@@ -136,7 +138,10 @@ def _bound(
     start: _Start = None,
     free: Free = False,
     budget: Budget = USUAL,
-    output: Output = None,
+    output: Annotated[
+        Path | None,
+        Parameter(name=["-o", "--output"], help="file to write the certificate to"),
+    ] = None,
     trace: _TraceFile = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -178,7 +183,7 @@ def _solve(
     start: _Start = None,
     free: Free = False,
     budget: Budget = USUAL,
-    output: Output = None,
+    output: PlanOutput = None,
     certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
     trace: _TraceFile = None,
     json: Json = False,
@@ -209,6 +214,8 @@ def _solve(
         save(answer, "plan", {"file": made, "certificate": proof})
     answer |= _nearness(task.problem, judged)
     has_plan = judged.result.plan is not None
+    if output is None and has_plan and not json:
+        say_unwritten(answer)
     print_result(in_order({**answer, **judged.result.statistics}, has_plan), json, verbose)
     return 0
 

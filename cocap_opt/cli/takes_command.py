@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,13 +15,13 @@ from cocap_opt.files.documents import PlanFile, SceneFile, encode
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.problem import Problem
 from cocap_opt.run.drawn_takes import with_drawn_takes
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.takes import Hedging, PlanForTake, hedging
 from cocap_opt.scenarios.spread import Spread
 from cocap_opt.stop import Interrupt
-from cocap_opt.text import rounded_up
 
 _log = logging.getLogger(__name__)
 
@@ -37,13 +38,13 @@ def _takes(
         float, Parameter(name="--seconds", help="seconds for each plan, including coverage")
     ] = 20.0,
     delay: Annotated[
-        float, Parameter(help="s by which people are late or early: standard deviation")
+        float, Parameter(help="how late or early people are, standard deviation in s")
     ] = 0.0,
     aside: Annotated[
-        float, Parameter(help="m by which people walk to a side: standard deviation")
+        float, Parameter(help="how far people walk to one side, standard deviation in m")
     ] = 0.0,
     speed: Annotated[
-        float, Parameter(help="share by which people are faster or slower: standard deviation")
+        float, Parameter(help="how much faster or slower people are, standard deviation as a share")
     ] = 0.0,
     count: Annotated[
         Whole | None,
@@ -145,7 +146,7 @@ def _say(
     *plans, bounds = found.rows
     rows = [
         *({key: _told(value) for key, value in row.items()} for row in plans),
-        {key: _told_bound(value) for key, value in bounds.items()},
+        {key: _told_bound(value, [row[key] for row in plans]) for key, value in bounds.items()},
     ]
     Listing(f"{found.problem.name}: J of each plan in each take", rows, notes).print()
 
@@ -163,11 +164,11 @@ def _told(value: object) -> object:
     return f"{value:,.2f}" if isinstance(value, float) else value
 
 
-def _told_bound(value: object) -> object:
-    """Returns a bound as it is told: not below what is proved."""
+def _told_bound(value: object, rewards: Sequence[float]) -> object:
+    """Returns a bound as it is told, of which plans have so much J."""
     if not isinstance(value, float):
         return value
-    return rounded_up(value, 2) if math.isfinite(value) else "not proved"
+    return told_bound(value, max(rewards, default=None)) if math.isfinite(value) else "not proved"
 
 
 COMMANDS = {"takes": _takes}

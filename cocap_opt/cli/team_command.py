@@ -2,6 +2,7 @@
 
 import sys
 import textwrap
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ from cocap_opt.experiments.sweeps.teams import Asked, compare_teams, team_settin
 from cocap_opt.experiments.tables.teams import records, sentences, teams_table
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.printing import line_width
+from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import CAMERAS
 
@@ -106,10 +108,18 @@ def _team(
         print_result({"rows": records(rows), "words": words, "output": out}, json)
     else:
         spare = ("apart", "mm", "gain")
-        teams_table(rows).fitted(spare, "--json").print()
+        listing = teams_table(rows).fitted(spare, "--json")
+        listing._replace(notes=[*listing.notes, *_of_starts(problem, out)]).print()
         for sentence in words:
             sys.stdout.write(f"{textwrap.fill(sentence, line_width())}\n")
     return 1 if any(row.failed for row in rows) else 0
+
+
+def _of_starts(problem: Problem, out: Path | None) -> Iterator[str]:
+    """Yields why teams have more J than plans of the scene, if its drones' starts are fixed."""
+    if not problem.has_free_starts:
+        kept = "" if out is not None else "; -o FOLDER keeps plans and starts"
+        yield f"teams start where it is best, not at the scene's starts{kept}"
 
 
 def _asked(drones: str, camera: str | None, heights: str | None, required: _RequiredViews) -> Asked:

@@ -95,7 +95,7 @@ def _verify(
 ) -> int:
     """Independently verify plans, certificates and proofs: exit 0 only if all claims hold.
 
-    The plan may also be in a scene format's own plan format, or a solver's
+    The plan may also be from the project whose scene format it is, or a solver's
     solution (.sol) of a program that `export` has written; a solution of
     Hughes et al. names its scene, so you need not pass one. Of several bounds
     the lowest is shown and explained. Gaps are to the bound that is proved,

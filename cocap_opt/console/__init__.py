@@ -1,1 +1,1 @@
-"""The terminal: its streams, progress, threads, and the versions of what is installed."""
+"""The terminal: streams, progress, threads, usage lines, and versions of what is installed."""

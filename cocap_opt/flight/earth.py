@@ -257,3 +257,10 @@ def _pyproj() -> Any:
             "crs", "places on the Earth need pyproj: pip install 'cocap-opt[earth]'"
         ) from error
     return pyproj
+
+
+def told_accuracy(metres: float | None) -> str:
+    """Returns in words how exact latitudes and longitudes are; None: that is unknown."""
+    if metres is None:
+        return "conversion to WGS 84 of unknown accuracy"
+    return f"conversion to WGS 84 exact{f' to {metres:g} m' if metres else ''}"

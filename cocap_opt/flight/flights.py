@@ -136,13 +136,13 @@ class Flight(NamedTuple):
         """Returns the largest distance (m) of the flight from straight lines between rows."""
         return self.flown.distance_from_chords(self._moments(every))
 
-    def between_rows(self, every: float | None) -> Iterator[Note]:
+    def between_rows(self, every: float | None, rows: str = "rows") -> Iterator[Note]:
         """Yields what straight lines between rows are, if they are not the flight."""
         off = self.off_between_rows(every)
         if off > _TOUCH:
             yield Note(
-                f"rows are on the flight that was checked; straight lines between them leave it by "
-                f"up to {off:.2g} m: a smaller --every keeps nearer to it"
+                f"{rows} are on the flight that was checked; straight lines between them leave it "
+                f"by up to {off:.2g} m: a smaller --every keeps nearer to it"
             )
 
     def record(self) -> dict[str, Any]:

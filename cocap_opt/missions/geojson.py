@@ -42,7 +42,8 @@ def write(flight: Flight, every: float | None) -> Export:
     writer = _Features(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
-    notes = (*flight.between_rows(every), *readings(flight, writer.heights()))
+    details = readings(flight, writer.heights())
+    notes = (*flight.between_rows(every, "points of the file"), *details)
     head = b'{"type":"FeatureCollection","name":%b,"description":%b,"features":[\n'
     text = head % (name, msgspec.json.encode("; ".join(map(str, notes))))
     return Export({"": text + features + b"\n]}\n"}, notes)

@@ -44,7 +44,8 @@ def write(flight: Flight, every: float | None) -> Export:
     """Returns the tracks of drones and people and the cameras' footprints, with their times."""
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
-    notes = (*flight.between_rows(every), *readings(flight, mode.words))
+    details = readings(flight, mode.words)
+    notes = (*flight.between_rows(every, "points of the file"), *details)
     writer = _Placemarks(FlightClock.of(flight), mode, flight.flown.step)
     root = ElementTree.Element(f"{{{_KML}}}kml")
     document = _add(root, "Document")

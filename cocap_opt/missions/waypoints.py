@@ -246,7 +246,9 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
     elif delay == 0:
         yield f"delay tolerance 0: {asked} tolerates no difference in time; plan with a larger one"
     else:
-        held = f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
+        held = (
+            f"{asked} holds while no drone is {delay:.2f} s or more later in its plan than another"
+        )
         yield f"delay tolerance: {held}"
 
 

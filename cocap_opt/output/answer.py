@@ -11,6 +11,8 @@ from typing import Any
 
 import msgspec
 
+from cocap_opt.flight.earth import told_accuracy
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.letters import columns_of, folded
 from cocap_opt.output.conflicts import are_conflicts, grouped_conflicts
 from cocap_opt.output.printing import (
@@ -22,6 +24,7 @@ from cocap_opt.output.printing import (
     rounded,
     terminal,
 )
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.stop import NO_LIMIT
 
 _BREAK = "\n"
@@ -74,9 +77,9 @@ LABELS = {
     "states_that_see": "states with a view",
     "near_people_undecided": "undecided near people",
     "draw": "seed of --draw",
-    "views_enclosed": "coverage enclosed",
+    "views_enclosed": "coverage checked",
     "numbers_enclosed": "not 0 on both sides",
-    "numbers_undecided": "undecided numbers",
+    "numbers_undecided": "undecided",
     "widest_share": "widest enclosure",
     "widest_pixels": "widest enclosure",
     "rewards_enclosed": "J by the scene alone",
@@ -114,9 +117,9 @@ _VALUES = {
     "bound_seconds": "{} s",
     "paths_above": "above a J of {}",
     "near_people_undecided": "{} places and moves, too near to a least distance",
-    "views_enclosed": "{} states at steps",
+    "views_enclosed": "at {} pairs of state and step",
     "numbers_enclosed": "{} numbers of coverage",
-    "numbers_undecided": "{}, whose enclosures are too wide",
+    "numbers_undecided": "{} (enclosure too wide)",
     "widest_share": "{} as a share",
     "widest_pixels": "{} px/m2",
     "step": "{} s",
@@ -132,13 +135,19 @@ _VALUES = {
     "shortened": "at {} steps, to be safe",
     "reward_straight": "{}, also between steps",
     "reward_smooth": "{}, also between steps",
-    "accuracy": "off by {} m at most",
 }
 # Lists of rewards: what each is of, and the number of the first.
 _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
 _FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
 # Values that say nothing, by their keys; JSON has them.
-_SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0, "late": 0.0}
+_SILENT = {
+    "limit": NO_LIMIT,
+    "evaluated": 0,
+    "reward_at_start": 0.0,
+    "late": 0.0,
+    "slowed": 0,
+    "shortened": 0,
+}
 _ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
 # What was asked for, in the order in which people read it; all else comes after.
 _FIRST = (
@@ -237,6 +246,10 @@ def _shown(row: Record, key: str) -> str:
     value = row[key]
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
+    if key == "bound" and isinstance(value, float):
+        return told_bound(value, row.get("reward"))
+    if key == "accuracy":
+        return told_accuracy(value)
     if key == "optimal":
         return "yes" if value else "not proved"
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
@@ -281,7 +294,13 @@ def _summary(rewards: Sequence[float], noun: str, first: int) -> str:
 
 def _told_gap(row: Record) -> str:
     """Returns the meaning of a gap; J of the best plan is the bound at most."""
-    if row.get("optimal") or row.get("reason") == "optimal" or row.get("state") == "solved":
+    is_proved = row.get("valid") is not False and 0 <= row["gap"] <= OPTIMALITY
+    if (
+        is_proved
+        or row.get("optimal")
+        or row.get("reason") == "optimal"
+        or row.get("state") == "solved"
+    ):
         return "proved, no plan is better"
     if row["gap"] < 0 or row.get("valid") is False:
         return "J of a plan that breaks rules may exceed the bound"

@@ -40,11 +40,20 @@ def known_scenes() -> dict[str, list[Record]]:
             for name, limits in AIRFRAMES.items()
         ],
         "options": [
-            {"option": name, "values": ", ".join(words), "of files": key}
-            for key, kind in FORMATS.items() if kind.options is not None
-            for name, words in kind.options.allowed.items()
+            {"option": name, "values": values, "of files": ", ".join(files)}
+            for (name, values), files in _options().items()
         ],
     }  # fmt: skip
+
+
+def _options() -> dict[tuple[str, str], list[str]]:
+    """Returns the formats that have an option, by its name and values."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for key, kind in FORMATS.items():
+        if kind.options is not None:
+            for name, words in kind.options.allowed.items():
+                found.setdefault((name, ", ".join(words)), []).append(key)
+    return found
 
 
 def _shape(camera: Camera) -> str:

@@ -18,7 +18,15 @@ from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
-_WRAPPED = ("scene", "about", "message", "worst moment", "limits")  # columns of small tables
+_WRAPPED = (
+    "scene",
+    "about",
+    "message",
+    "worst moment",
+    "limits",
+    "program",
+)  # columns of small tables
+_MOST_NAMES = 0.6  # of the width, of columns that are repeated where a table is in parts
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
@@ -31,7 +39,15 @@ _ONE = (
     r"[*\\]*(?:&lt;|[<~±+-])?\s?\d[\d.,:]*(?:e[+-]?\d+)?(?:\s?[^\s\d(,.]{1,5})?(?:\s?&#42;|[*\\])*"
 )
 _NUMBER = re.compile(rf"{_ONE}(?:(?:,\s| ± | to | of |\.\.){_ONE})*(?: \([^()]*\))?[*\\]*")
-_NO_NUMBER = ("none", "no plan", "unknown", "above 100", "inf", "nan")  # cells among numbers
+_NO_NUMBER = (
+    "none",
+    "no plan",
+    "proved",
+    "unknown",
+    "above 100",
+    "inf",
+    "nan",
+)  # cells among numbers
 
 # Methods of bounds whose names say little; JSON has the names.
 _METHODS = {
@@ -188,11 +204,12 @@ class Listing(NamedTuple):
     def _folded(self) -> "list[Listing]":
         """Returns it in parts, each as wide as the terminal if its columns are not wider.
 
-        The names that rows begin with are in all parts, unless they take more than half the width.
+        The columns by which one tells rows apart are in all parts; the first one alone, if the
+        others leave no room.
         """
         keys, width = list(self.rows[0]) if self.rows else [], terminal().width
-        count = next((k for k, key in enumerate(keys) if k and not self._has_names(key)), len(keys))
-        if self._only(keys[:count])._least_width > width / 2:
+        count = next((k for k in range(1, len(keys)) if self._differ_by(keys[:k])), len(keys))
+        if self._only(keys[:count])._least_width > _MOST_NAMES * width:
             count = 1
         parts, shown = list[Listing](), keys[:count]
         for key in keys[count:]:
@@ -203,10 +220,10 @@ class Listing(NamedTuple):
         first, *others = [*parts, self._only(shown)]
         return [first, *(other._replace(title="") for other in others)]
 
-    def _has_names(self, key: str) -> bool:
-        """Returns True for a column of short words, or of seeds, which distinguish rows."""
-        is_name = key == "seed" or all(_is_name(row[key]) for row in self.rows)
-        return is_name and key not in _WRAPPED[1:]
+    def _differ_by(self, keys: Sequence[str]) -> bool:
+        """Returns True if no two rows have the same text in some columns."""
+        texts = {tuple(cell_text(key, row[key]) for key in keys) for row in self.rows}
+        return len(texts) == len(self.rows)
 
     def _only(self, keys: Sequence[str]) -> "Listing":
         """Returns it with some of its columns, without notes."""

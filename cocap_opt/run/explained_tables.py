@@ -105,6 +105,7 @@ def _grid(
             [[name, *amounts[part]] for name, amounts in cells],
             width,
             note if part is parts[-1] else "",
+            over=None if None in steps else _over(head[part]),
         )
         for part in parts
     ]
@@ -163,11 +164,13 @@ def _table(
     note: str = "",
     spare: Sequence[str] = (),
     hidden: Sequence[str] = (),
+    over: list[str] | None = None,
 ) -> str:
     """Returns a table as text: the first column to the left, the others to the right.
 
     Parameters
     ----------
+    over : words above the heads of columns; nothing if there are none
     spare : columns that go where it is too wide, the first first
     hidden : those that are gone, which a line below the table names
     """
@@ -185,10 +188,16 @@ def _table(
                 for cell, most in zip(line[1:], widths[1:], strict=True)
             ]
         )
-        for line in (head, *rows)
+        for line in ([over] if over else []) + [head, *rows]
     ]
     absent = f"Hidden (terminal too narrow): {', '.join(hidden)}; --json has all." if hidden else ""
     return "\n".join([*wrap(title, width), *lines, *wrap(note, width), *wrap(absent, width)])
+
+
+def _over(head: Sequence[str]) -> list[str]:
+    """Returns the line above a head: "step" above the first number of a step."""
+    number = next((k for k, cell in enumerate(head) if cell.isdecimal()), len(head))
+    return ["", *("step" if k == number else "" for k in range(len(head)))]
 
 
 def _step(step: int | None) -> str:

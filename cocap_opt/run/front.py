@@ -19,6 +19,8 @@ import numpy as np
 
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.told_bounds import told_bound, told_gap
 from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.run.view_share import (
@@ -38,7 +40,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SAME = 1e-9  # relative, by which two directions, or a plan and a line, may differ
-_CLOSED = 1e-6  # relative room in which no better plan is looked for
 
 
 class Direction(NamedTuple):
@@ -79,7 +80,7 @@ class HalfPlane(NamedTuple):
     def __repr__(self) -> str:
         weight = self.direction.views
         left = f"J + {weight:.6g} V" if self.direction.reward else "V"
-        return f"HalfPlane({left} <= {rounded_up(self.bound, 2)})"
+        return f"HalfPlane({left} <= {told_bound(self.bound)})"
 
 
 @dataclass(frozen=True, repr=False)
@@ -185,7 +186,7 @@ class Front:
         return views / self.most_views if self.most_views else 0.0
 
     def seen(self, point: PlanPoint) -> float:
-        """Returns the share of person-steps that `cameras` drones see, by importance."""
+        """Returns the share of person-steps that `cameras` drones see, weighted by importance."""
         return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
@@ -243,7 +244,7 @@ class Front:
 
         Plans that are better by less than a millionth do not count.
         """
-        return self.no_plan if not self.plans else self.gap <= _CLOSED
+        return self.no_plan if not self.plans else self.gap <= OPTIMALITY
 
     def directions(self) -> list[Direction]:
         """Returns the directions along the axes, and across the edges between plans."""
@@ -256,7 +257,7 @@ class Front:
         Directions without room are left aside where others have some. If a share of views is asked
         for, the direction across the edge above it comes before others.
         """
-        edges = [d for d in self.directions() if self.room(d) > _CLOSED] or self.directions()
+        edges = [d for d in self.directions() if self.room(d) > OPTIMALITY] or self.directions()
         new = [d for d in edges if not self.tries(d)]
         asked = self.asked_direction()
         return asked if asked in new else max(new or edges, key=self.room)
@@ -381,7 +382,7 @@ class Front:
                 words = "one plan is best for both"
             yield f"the trade-off is settled: {words}"
         elif math.isfinite(self.gap):
-            yield f"plans and proofs are at most {rounded_up(100 * self.gap, 2)} % apart"
+            yield f"plans and proofs differ by {told_gap(self.gap)}"
         if self.views.share is not None:
             kept = views_to_keep(self.problem, self.views)
             best = self.best_with(kept)

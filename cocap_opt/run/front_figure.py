@@ -39,7 +39,7 @@ def draw(
     ax.plot([*grid, end], [*tops, bottom], color="0.4", linewidth=1)
     ax.plot(shares, rewards, "o-", color="C0", markersize=4, linewidth=1, label="plans")
     ax.set_xlabel(label)
-    ax.set_ylabel("J (√px / m)")
+    ax.set_ylabel("J (px^0.5/m)")
     ax.text(0.97, 0.95, "proved: no plan is here", ha="right", va="top", transform=ax.transAxes)
     ax.legend(loc="lower left", frameon=False)
     return ax

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.output.told_bounds import is_attained, told_gap
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import run
 from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, never
-from cocap_opt.text import rounded_up
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,10 +152,12 @@ class Hedging(NamedTuple):
                 f"unfinished searches: {', '.join(cut_short)}; better plans may exist there, up to "
                 "what is proved"
             )
+        best = "" if is_attained(hedged.bound, hedged.mean) else "below "
+        known = "as good as" if is_attained(self.foreknowledge, hedged.mean) else "below"
         yield (
-            f"on average the plan for {HEDGED} is below the best such plan "
-            f"({_at_most(hedged.mean, hedged.bound, 2)}), and below plans made for the take if it "
-            f"were known ({_at_most(hedged.mean, self.foreknowledge, 1)})"
+            f"on average the plan for {HEDGED} is {best}the best such plan "
+            f"({_at_most(hedged.mean, hedged.bound, 2)}), and {known} plans made for the take if "
+            f"it were known ({_at_most(hedged.mean, self.foreknowledge, 1)})"
         )
 
     def __str__(self) -> str:
@@ -179,7 +181,9 @@ def _at_most(reward: float, bound: float, digits: int) -> str:
     """Returns in words how large a share of J is missing at most, by a bound."""
     if not math.isfinite(bound):
         return "not proved by how much at most"
-    return f"proved: at most {rounded_up(100 * _loss(reward, bound), digits)} %"
+    if is_attained(bound, reward):
+        return "proved, no plan is better"
+    return f"proved: {told_gap(_loss(reward, bound), digits)}"
 
 
 def if_sure(problem: Problem, k: int) -> Problem:

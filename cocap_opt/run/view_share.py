@@ -14,9 +14,9 @@ from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Assumptions, Quality, person_steps
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
-from cocap_opt.text import rounded_up
 
 _ROUNDING = 1e-9  # relative
 _KEPT = 64  # plans of a trade-off, which are told after each direction
@@ -188,7 +188,7 @@ def told_share(share: float, reward: float | None, bound: float) -> str:
     if bound < 0:
         return f"no plan of these drones keeps {100 * share:g} %: that is proved"
     words = "none was found" if reward is None else f"the best one found has J = {reward:,.2f}"
-    proved = f"; none has more than {rounded_up(bound, 2)}" if bound < math.inf else ""
+    proved = f"; none has more than {told_bound(bound, reward)}" if bound < math.inf else ""
     return f"with {100 * share:g} % of views {words}{proved}"
 
 

@@ -16,6 +16,7 @@ from cocap_opt.files.documents import PlanFile, decode_document
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.printing import counted
+from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.pictures.figures import picture
 from cocap_opt.pictures.style import BLUE, RED, SMALL, add_legend, new_figure, set_frame
 from cocap_opt.player.pages import page_text
@@ -170,7 +171,7 @@ def _records(records: Sequence[Record]) -> str:
         return "<p>There are none yet.</p>"
     words = (
         "A plan counts here by its J, of which more is better; a bound by the J that no plan "
-        "exceeds, rounded up."
+        "exceeds."
     )
     found = f"<p>{words}</p>\n{html_table('records', rows)}"
     if len({record.date for record in records}) < 2:
@@ -186,4 +187,4 @@ def _records(records: Sequence[Record]) -> str:
 def _value(record: Record) -> str:
     if record.kind == PLAN:
         return f"{record.value:,.2f}"
-    return "no plan" if record.value < 0 else rounded_up(record.value, 2)
+    return "no plan" if record.value < 0 else told_bound(record.value)

@@ -351,7 +351,11 @@ class Library:
             if wrong := _contradiction(*pair):
                 raise FileError(f"{path}: refused: {entry.name}: {wrong}")
             return
-        told = f"{found.value:.6f} is no better than the {best.value:.6f} of the record"
+        told = (
+            f"{found.value:.6f} equals the record"
+            if f"{found.value:.6f}" == f"{best.value:.6f}"
+            else f"{found.value:.6f} is no better than the {best.value:.6f} of the record"
+        )
         raise FileError(f"{path}: refused: {entry.name}: {told}")
 
     @contextmanager

@@ -87,7 +87,7 @@ def teams_figure(rows: Sequence[TeamRow], share: float | None = None) -> Figure:
         draw(right, "seen", ":")
         draw(right, "seen_bound", None)
     seen_by = number_in_words(rows[0].cameras)
-    left.set_title("J (√px / m)", fontsize=TITLE, loc="left")
+    left.set_title("J (px^0.5/m)", fontsize=TITLE, loc="left")
     right.set_title(f"% of person-steps seen by {seen_by}", fontsize=TITLE, loc="left")
     for ax in (left, right):
         set_frame(ax)

@@ -29,7 +29,7 @@ UNASKED = "unasked"  # the reason of a bound that nobody searched for
 ERROR = "error"  # the reason of a planner or a bound that ended by an error
 _EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
-_REWARD = "sqrt(px/m2)"
+_REWARD = "px^0.5/m"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
 # Planners ask for the time every second or so, and may have to end what they are at. Who takes more
 # than a quarter above the limit and a second besides has not kept to it.

@@ -45,7 +45,7 @@ _NOTES = {
     _PLANNERS: "J is higher for better plans: mean ± standard deviation over the seeds. Gap: how "
                "far J is below the best certified bound, in % of the bound, and below the bound of "
                "the same scene without rules of collision. Only plans that obey the rules have "
-               "gaps (n: their number). In brackets: 95 % bootstrap intervals of means. Median "
+               "gaps{counted}. In brackets: 95 % bootstrap intervals of means. Median "
                "(s): time of planning.",
     _DIFFERENCES: "J minus that of the other planner on the same seed, in % of the latter; on how "
                   "many seeds it is better, equal or worse. Both plans must obey the rules.",
@@ -58,6 +58,7 @@ _NOTES = {
            "counts as its time limit; a planner with plans that break rules has no mean. Times "
            "the fastest: the ratio of means over the scenes that all planners were run on.",
 }  # fmt: skip
+_COUNT = "(n = "  # begins the number of seeds of a mean, where it is not over all
 # A number, with its spread or interval, of how many it is, or a unit; or that there is none.
 _NUMBER = re.compile(
     r"(< )?[-+]?[\d.,]+( ± [\d.,]+)?( \([-\d.,]+ to [-\d.,]+\))?( \(n = \d+\))?( of \d+)?( %)?|-"
@@ -101,7 +102,10 @@ class Tables(dict[str, Table]):
             CAMERAS: _camera_table(rows),
             _TIME: _time_table(rows),
         }
-        return cls({title: table for title, table in tables.items() if table}, _NOTES)
+        has_counts = any(_COUNT in text for row in tables[_PLANNERS] for text in row.values())
+        counted = " (n: their number)" if has_counts else ""
+        notes = _NOTES | {_PLANNERS: _NOTES[_PLANNERS].format(counted=counted)}
+        return cls({title: table for title, table in tables.items() if table}, notes)
 
     def print(self) -> None:
         """Prints the tables for a terminal, without the columns that say least if it is narrow."""
@@ -396,7 +400,7 @@ def _mean_seconds(rows: Sequence[GapRow]) -> float:
 
 def _of(text: str, part: int, whole: int) -> str:
     """Returns a mean, with the number of seeds that it is over if not over all."""
-    return text if part in (0, whole) else f"{text} (n = {part})"
+    return text if part in (0, whole) else f"{text} {_COUNT}{part})"
 
 
 def _spread(sample: Sequence[float]) -> str:

@@ -12,7 +12,7 @@ from cocap_opt.output.printing import Listing, Record, counted
 from cocap_opt.text import in_ranges, number_in_words, rounded_up
 
 TEAMS = "teams.csv"  # in a sweep's folder
-_REWARD = {"unit": "sqrt(px/m2)", "least": -(2**63 - 1)}
+_REWARD = {"unit": "px^0.5/m", "least": -(2**63 - 1)}
 _PART = {"unit": "1", "most": 1}
 _ROUNDING = 1e-9
 

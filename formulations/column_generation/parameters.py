@@ -469,12 +469,16 @@ class BundleParameters(Section):
     many_random_starts : starts
         local searches that start at randomly changed joint states, in compiled code
     few_robots : robots
-        largest team whose local searches mostly end at the same joint states, so that compiled ones
-        need not try all states
+        largest team that counts as small in compiled local search
     full_starts : starts
-        searches of such a team, from the highest joint states, that may move robots to all states
+        searches, from the highest joint states, that may move robots to all states; of small teams
     high_states : states of a class
-        states to which its other searches may move robots: those that were highest before
+        states to which other searches may move robots: those that were highest before; of small
+        teams
+    many_full_starts : starts
+        the same as `full_starts`, of larger teams
+    many_high_states : states of a class
+        the same as `high_states`, of larger teams
     """
 
     most_iterations: int = 60
@@ -491,6 +495,8 @@ class BundleParameters(Section):
     few_robots: int = 5
     full_starts: int = 2
     high_states: int = 64
+    many_full_starts: int = 4
+    many_high_states: int = 500
 
 
 @dataclass(frozen=True)

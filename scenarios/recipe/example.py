@@ -184,7 +184,8 @@ pixels = 1.0                # weight of all pixels; 0: they do not count
 stationarity = 0.0          # reward of a drone that keeps its state for a step
 keep_cell = 0.0             # reward of a drone that keeps its cell
 keep_heading = 0.0          # reward of a drone that keeps its heading
-balanced = 0.0              # reward of a drone that moves as many cells along x as along y, or none
+balanced = 0.0              # reward of a step with dx + dy = 0 cells: no move, or as many cells
+                            # along x as back along y
 count_start = false         # true: step 0 counts, too
 over_time = false           # true: pixels add up over the steps before the root is taken
 

@@ -180,7 +180,7 @@ def test_only_what_is_better_is_accepted(empty: Library) -> None:
     """Neither the same again nor what is worse takes the place of a record."""
     for name in GOOD:
         empty.submit(empty.folder / name)
-        with pytest.raises(FileError, match="no better than"):
+        with pytest.raises(FileError, match="equals the record"):
             empty.submit(empty.folder / name)
 
     def stay(file: Row) -> None:

@@ -107,6 +107,8 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
     assert sequential["mean J"] == "85.00 ± 7.07"
     assert cocap["gap (%)"].startswith("5.000 (") and cocap["largest gap (%)"] == "10.000"
     assert cocap["gap (%)"].endswith("(n = 2)")  # of three seeds, as is said
+    assert "(n: their number)" in Tables.of(ROWS).markdown()
+    assert "(n: their number)" not in Tables.of(ROWS[:4]).markdown()  # where there is no n
 
 
 def test_differences_are_paired() -> None:
@@ -385,7 +387,7 @@ def test_the_columns_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     printed = json.loads(capsys.readouterr().out)["columns"]
     assert [line["column"] for line in printed] == list(COLUMNS)
     assert printed[4] == {
-        "column": "reward", "type": "float", "unit": "sqrt(px/m2)",
+        "column": "reward", "type": "float", "unit": "px^0.5/m",
         "about": "J of the plan by the referee; empty without a plan.",
     }  # fmt: skip
     assert commands.run(["columns"]) == 0
@@ -497,11 +499,11 @@ def test_narrow_terminals_keep_all_columns(
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     row = {"scene": "corridor", "seed": 7} | {f"column {k}": 1e9 + k for k in range(8)}
-    Listing("a wide table", [row]).print()
+    Listing("a wide table", [row, row | {"seed": 8}]).print()
     lines = capsys.readouterr().out.splitlines()
     rows = [line.split() for line in lines if "corridor" in line]
-    assert len(rows) > 1 and all("7" in row for row in rows)
-    assert sum(number.startswith("1,000,000,00") for row in rows for number in row) == 8
+    assert len(rows) > 2 and [row[1] for row in rows] == ["7", "8"] * (len(rows) // 2)
+    assert sum(number.startswith("1,000,000,00") for row in rows for number in row) == 16
 
 
 def test_optimal_is_what_the_certificate_proves() -> None:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import combinations_with_replacement, count, product
+from itertools import combinations, combinations_with_replacement, count, product
 from types import SimpleNamespace
 
 import msgspec
@@ -47,12 +47,13 @@ from cocap_opt.formulations.certificates.staged import (
     NotEndedError,
     best_plan,
     compiled_search,
+    conflicts,
     joint_paths,
-    joint_states,
     may_be_used,
     most_profitable,
 )
 from cocap_opt.formulations.certificates.staged import search as plain_search
+from cocap_opt.formulations.certificates.staged.conflicts import Conflicts
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, _Choices, _Following
 from cocap_opt.formulations.certificates.staged.relaxation import Conditions, Relaxation
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
@@ -208,7 +209,7 @@ def test_plans_above_the_target_visit_only_states_that_are_left(
 def does_count(joint: JointStates, chosen: Sequence[int]) -> bool:
     """True for a joint state that some plan above the target may visit."""
     at = list(chosen)
-    apart = not np.triu(joint.conflict[np.ix_(at, at)], 1).any()
+    apart = not np.triu(joint.conflicts.between(*np.ix_(at, at)), 1).any()
     return apart and joint.worth(at) - float(joint.charge[at].sum()) >= joint.floor - joint.margin
 
 
@@ -221,13 +222,15 @@ def random_joint_states(rng: np.random.Generator) -> JointStates:
     n_roots = int(rng.integers(faces + 1)) if rng.integers(2) else faces
     pixels[:, n_roots:] = pixels[:, n_roots:] > 0
     caps = rng.integers(1, 4, faces - n_roots).astype(np.float64)
-    conflict = rng.random((n, n)) < 0.15
-    conflict |= np.eye(n, dtype=np.bool_) & bool(rng.integers(2))  # the rule of vertices
+    places = int(rng.integers(1, n + 1))
+    too_near = rng.random((places, places)) < 0.15
+    too_near |= np.eye(places, dtype=np.bool_) & bool(rng.integers(2))  # the rule of vertices
+    near = Conflicts(rng.integers(places, size=n), lambda: too_near | too_near.T)
     return JointStates(
         1, sizes, np.repeat(np.arange(len(sizes)), counts), np.arange(n), pixels,
         rng.uniform(0.5, 2, faces), Returns(n_roots, caps),
         rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
-        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), lambda: conflict | conflict.T,
+        float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), near,
     )  # fmt: skip
 
 
@@ -302,12 +305,12 @@ def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
 def part_of(joint: JointStates, listed: IntArray) -> JointStates:
     """The joint states of some of the states, and of the faces that these see."""
     seen = (joint.pixels[listed] > 0).any(axis=0)
-    conflict = joint.conflict[np.ix_(listed, listed)]
     return replace(
         joint, class_of=joint.class_of[listed], states=joint.states[listed],
         pixels=joint.pixels[np.ix_(listed, seen)], weights=joint.weights[seen],
         returns=joint.returns.part(np.flatnonzero(seen)),
-        price=joint.price[listed], charge=joint.charge[listed], conflict_of=lambda: conflict,
+        price=joint.price[listed], charge=joint.charge[listed],
+        conflicts=joint.conflicts.part(listed),
     )  # fmt: skip
 
 
@@ -336,7 +339,7 @@ def test_a_part_of_the_states_has_no_joint_state_above_the_highest_of_all(seed: 
     joint = JointStates(
         1, (int(rng.integers(2, 5)),), np.zeros(n, dtype=np.int64), np.arange(n), around,
         np.ones(n), Returns(n, np.zeros(0)), price, np.zeros(n), -np.inf,
-        lambda: np.eye(n, dtype=np.bool_),
+        Conflicts(np.arange(n), lambda: np.eye(n, dtype=np.bool_)),
     )  # fmt: skip
     most = most_profitable(joint, -np.inf, 10**6).profit
     for _ in range(10):
@@ -434,7 +437,13 @@ def test_searches_take_what_they_are_compiled_for_ahead() -> None:
 
 
 @pytest.mark.parametrize(
-    "compiled_", [None, BundleParameters(), BundleParameters(full_starts=1, high_states=1)]
+    "compiled_",
+    [
+        None,
+        BundleParameters(),
+        BundleParameters(full_starts=1, high_states=1),
+        BundleParameters(few_robots=0, many_full_starts=1, many_high_states=1),
+    ],
 )
 @examples(20)
 @given(seeds)
@@ -603,7 +612,8 @@ def test_what_a_relaxation_drops_does_not_matter(seed: int) -> None:
             taken, left = [chosen[i] for i in ways[:k]], [chosen[i] for i in ways[k:]]
             classes = joint.class_of[taken]
             counts = tuple(n - int((classes == c).sum()) for c, n in enumerate(joint.sizes))
-            able = ~joint.conflict[taken].any(axis=0) if taken else np.ones(len(raised), np.bool_)
+            every = np.arange(len(raised))
+            able = ~joint.conflicts.between(np.array(taken, dtype=int)[:, None], every).any(axis=0)
             states = np.flatnonzero(able & (np.array(counts)[joint.class_of] > 0))
             conditions = Conditions(
                 np.array([
@@ -781,9 +791,20 @@ def test_a_search_that_finds_too_much_ends_there(
 def test_tables_of_conflicts_are_made_in_parts(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same table, however many rows are computed at once."""
     narrowing = open_narrowing(2)
-    whole = narrowing.joint_states(1).conflict
-    monkeypatch.setattr(joint_states, "_ROWS", rows)
-    assert (narrowing.joint_states(1).conflict == whole).all() and whole.any()
+    whole = narrowing.joint_states(1).conflicts.too_near
+    monkeypatch.setattr(conflicts, "_ROWS", rows)
+    assert (narrowing.joint_states(1).conflicts.too_near == whole).all() and whole.any()
+
+
+@examples(30)
+@given(seeds)
+def test_states_of_a_clique_are_of_one_class_and_conflict(seed: int) -> None:
+    """Any two of them, and no number is that of two classes."""
+    joint = random_joint_states(np.random.default_rng(seed))
+    cliques = joint.cliques
+    for k, s in combinations(range(len(cliques)), 2):
+        if cliques[k] == cliques[s]:
+            assert joint.class_of[k] == joint.class_of[s] and joint.conflicts.between(k, s)
 
 
 @pytest.mark.parametrize("is_compiled", [False, True])

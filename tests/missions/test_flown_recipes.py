@@ -177,5 +177,5 @@ def test_the_price_of_limits_is_certified(
     assert co.plan(wide, time_limit=20).value <= run.json["bound"] * (1 + 1e-9)
     assert [row["moves"] for row in run.json["drones"]] == [5, 5]
     assert [row["moves of recipe"] for row in run.json["drones"]] == [9, 9]
-    assert "is at most" in run.json["notes"][0]
+    assert "is below the best by at most" in run.json["notes"][0]
     assert Run(capsys, "limits", "corridor").code == 2

@@ -76,6 +76,14 @@ def test_sentences_say_shares_of_what_could_be_had() -> None:
     unproved = 'hedging costs 0.0 % of J in "rare" (not proved by how much at most)'
     assert unproved in told(math.inf)
     assert "nan" not in " ".join(told(math.inf)).lower()
+    assert told(1 + 5e-5)[-1].startswith(
+        "on average the plan for all takes is below the best such plan (proved: less than 0.01 %, "
+        "if at all), and below plans made"
+    )
+    assert told(1 + 1e-7)[-1] == (
+        "on average the plan for all takes is the best such plan (proved, no plan is better), and "
+        "as good as plans made for the take if it were known (proved, no plan is better)"
+    )
 
 
 def test_a_plan_for_a_take_keeps_away_from_the_people_of_others() -> None:

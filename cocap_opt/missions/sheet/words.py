@@ -9,6 +9,7 @@ from cocap_opt.flight.changes import (
     tolerated_delay,
     tolerated_delay_of_people,
 )
+from cocap_opt.flight.earth import told_accuracy
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.notes import Kind
 from cocap_opt.flight.safety import Nearest
@@ -153,10 +154,9 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
     if flight.geodesy is None:
         yield "Places: x and y of the map (m); its location on the Earth is unknown or left out."
     else:
-        off = flight.geodesy.accuracy
-        known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
+        known = told_accuracy(flight.geodesy.accuracy)
         name = flight.geodesy.name
-        yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
+        yield f"Places: x and y in {name}; latitudes and longitudes by {known}."
         yield from (f"{note}." for note in flight.axes())
     yield Heights.of(flight).sentence()
     yield _angles(flight)

@@ -7,6 +7,8 @@ from functools import partial
 from cyclopts import App, Group
 from cyclopts.argument import Argument
 
+from cocap_opt.console.usage import usage_of
+
 _FAMILIES = ("figure", "library", "study")  # commands that hold others
 _OWN_PAGES = ("library", "study")  # families that are not on the page of their group
 
@@ -59,10 +61,11 @@ def _command(called: str, command: App) -> str:
     told = f"{above}{command.help_epilogue or ''}"
     lines = "\n".join(example.strip() for example in examples)
     arguments = [argument for argument in command.assemble_argument_collection() if argument.show]
-    usage = " ".join([called, *(a.name for a in arguments if not a.name.startswith("-"))])
+    assert command.default_command is not None
+    usage = usage_of(called, command.default_command).removeprefix("Usage: ")
     parts = [
         f"## {called.removeprefix('cocap-opt ')}",
-        f"```text\n{usage} [OPTIONS]\n```",
+        f"```text\n{usage}\n```",
         told.strip(),
         f"For example:\n\n```sh\n{lines}\n```" if lines else "",
         "| option | meaning | default |\n|---|---|---|\n" + "\n".join(map(_row, arguments)),
@@ -73,8 +76,9 @@ def _command(called: str, command: App) -> str:
 def _row(argument: Argument) -> str:
     """Returns the line of an option in the table."""
     names = ", ".join(f"`{name}`" for name in argument.names)
-    choices = argument.get_choices()
-    words = [argument.parameter.help, f"one of {', '.join(choices)}" if choices else ""]
+    choices = argument.get_choices() or ()
+    several = len(choices) > 1  # a single one is beside numbers: the help has it
+    words = [argument.parameter.help, f"one of {', '.join(choices)}" if several else ""]
     meaning = "; ".join(filter(None, words)).replace("|", "\\|")
     return f"| {names} | {meaning} | {_default(argument)} |"
 

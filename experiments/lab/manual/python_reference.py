@@ -89,8 +89,9 @@ def _paragraphs(name: str, face: ModuleType) -> Iterator[str]:
 def _line(row: Parameter) -> str:
     """Returns a line of a list; in these docstrings a meaning stands after the colon."""
     name, meaning = (row.name, row.type) if row.name else (row.type, "")
-    words = " ".join(filter(None, [meaning, *row.desc]))
-    return f"- `{name}`: {' '.join(words.split())}"
+    words = "\n".join(filter(None, [meaning, *row.desc]))
+    told, *items = (" ".join(part.split()) for part in re.split(r"(?m)^\s*- ", words))
+    return "\n".join([f"- `{name}`: {told}", *(f"  - {item}" for item in items)])
 
 
 def _signature(name: str, called: Callable[..., object]) -> str:

@@ -23,7 +23,7 @@ _PLANNERS = {
 _BOUNDS: tuple[tuple[str, str, str, Sequence[str]], ...] = (
     ("the optimum, proved, of a team of the paper's size", "`solve` (branch-and-price)",
      "bottleneck", ("proved optima", "median seconds to proof")),
-    ("the same where way is scarce", "`solve` (branch-and-price)",
+    ("the same where space is tight", "`solve` (branch-and-price)",
      "passage", ("proved optima", "median seconds to proof")),
     ("a bound on many people over many steps", "`bound` (column-generation)",
      "field-long", ("median gap after 15 s", "median gap after 300 s")),

@@ -5,7 +5,8 @@ If a file is staged, the searches have to be trusted, too. After the lower store
 
 1. `narrowing`: closes states that no better plan visits, and bounds the joint worth of all faces
    of a step.
-2. `joint_states`, `relaxation`, `search`: the search for the most profitable joint state of a step.
+2. `conflicts`, `joint_states`, `relaxation`, `search`: the search for the most profitable joint
+   state of a step.
 3. `joint_paths`: the exploration, at the end, of the joint paths of all robots that are left.
 4. `stages`: the effect of a file's stages, one after the other, and the numbers that are refused.
 5. `search_kernel` (with `relaxation_kernel`, `kernel_arrays`) repeats the searches of `search` and

@@ -20,20 +20,18 @@ again, from its own states alone and correctly rounded.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
+from cocap_opt.formulations.certificates.staged.conflicts import Conflicts
 from cocap_opt.model import Model
 from cocap_opt.returns import Returns
-
-_ROWS = 500  # of a table of conflicts, for which distances are computed at once
-
 
 # The most reduced profit of a joint state at other prices, and by how much each state's price, or
 # charge, is higher than then [n].
@@ -57,7 +55,7 @@ class JointStates:
     price : [n] of each state, in units of J
     charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
     floor : in units of J
-    conflict_of : computes `conflict` when it is first needed, and keeps it, for copies, too
+    conflicts : of the states
     ceilings : of earlier prices; rounding included
     limits : ceilings of the worth less the charges; rounding included
     """
@@ -72,7 +70,7 @@ class JointStates:
     price: FloatArray
     charge: FloatArray
     floor: float
-    conflict_of: Callable[[], BoolArray]
+    conflicts: Conflicts
     ceilings: tuple[Ceiling, ...] = ()
     limits: tuple[Ceiling, ...] = ()
 
@@ -113,28 +111,12 @@ class JointStates:
             model.places.positions[c][states % model.classes[c].graph.n_places]
             for c, states in zip(numbers, left, strict=True)
         ])  # fmt: skip
-        different, which = np.unique(at, axis=0, return_inverse=True)
-
-        def conflict() -> BoolArray:
-            parts = [
-                model.problem.rules.too_near(different[None] - different[k : k + _ROWS, None])
-                for k in range(0, len(different), _ROWS)
-            ]
-            return np.concatenate([np.zeros((0, len(different)), np.bool_), *parts])[
-                np.ix_(which, which)
-            ]
-
         return cls(
             t, sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
             model.problem.returns.part(view_sums[seen]),
             np.concatenate(price), np.concatenate(charge), floor,
-            cache(conflict), ceilings, limits,
+            Conflicts.of(model.problem.rules, at), ceilings, limits,
         )  # fmt: skip
-
-    @property
-    def conflict(self) -> BoolArray:
-        """Returns an array [n, n], true for states in which two robots may not be at once."""
-        return self.conflict_of()
 
     @cached_property
     def bounds(self) -> tuple[Ceiling, ...]:
@@ -142,26 +124,9 @@ class JointStates:
         return (*self.ceilings, *self.limits)
 
     @cached_property
-    def may_repeat(self) -> bool:
-        """True if two robots may be in the same state."""
-        return not bool(self.conflict.diagonal().all())
-
-    @cached_property
     def cliques(self) -> IntArray:
         """Numbers [n] such that any two states with the same number, all of a class, conflict."""
-        numbers = np.full(len(self.states), -1)
-        fits = np.zeros((len(self.states), len(self.states)), dtype=np.bool_)
-        found = 0
-        for s in range(len(numbers)):
-            able = np.flatnonzero(fits[:found, s])
-            if len(able):
-                numbers[s] = able[0]
-                fits[able[0]] &= self.conflict[s]
-            else:
-                numbers[s] = found
-                fits[found] = self.conflict[s] & (self.class_of == self.class_of[s])
-                found += 1
-        return numbers
+        return self.conflicts.cliques(self.class_of)
 
     @cached_property
     def most_pixels(self) -> FloatArray:
@@ -202,7 +167,7 @@ class JointStates:
             price=self.price[positions],
             charge=self.charge[positions],
             floor=floor,
-            conflict_of=cache(lambda: self.conflict[np.ix_(positions, positions)]),
+            conflicts=self.conflicts.part(positions),
             ceilings=ceilings,
             limits=limits,
         )

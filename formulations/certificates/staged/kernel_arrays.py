@@ -28,7 +28,8 @@ class Inputs(NamedTuple):
     class_of: IntArray  # [n], not decreasing
     classes: IntArray  # [R] of the robot that is chosen at each depth
     counts: IntArray  # [R+1, C] robots of each class that are left at each depth
-    conflict: BoolArray  # [n, n]
+    place_of: IntArray  # [n], of P places
+    too_near: BoolArray  # [P, P] for two robots at once
     raised: FloatArray  # [B, n] by how much prices or charges are higher than at each bound
     is_limit: BoolArray  # [B]
 

@@ -200,7 +200,7 @@ class Relaxation:
             if not count:
                 continue
             best = of_class[np.argsort(-worth[of_class], kind="stable")]
-            if self._joint.may_repeat:
+            if self._joint.conflicts.may_repeat:
                 best = np.repeat(best[:1], count)
             else:
                 _, first = np.unique(self._cliques[best], return_index=True)

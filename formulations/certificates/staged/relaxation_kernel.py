@@ -59,7 +59,7 @@ def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
     n, n_faces, robots = len(data.class_of), len(data.weights), len(data.classes)
     return Relaxed(
         margin=ROOM * joint.margin,
-        may_repeat=joint.may_repeat,
+        may_repeat=joint.conflicts.may_repeat,
         cliques=joint.cliques,
         least_pixels=LEAST_PIXELS * joint.most_pixels,
         gains=np.zeros(len(data.pixels)),

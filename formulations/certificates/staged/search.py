@@ -285,7 +285,7 @@ class _PlainSearch:
             node.low + gained[1],
             tuple(below - float(raised[state]) for below, (_, raised) in bounds),
             counts,
-            left[~joint.conflict[state, left]],
+            left[~joint.conflicts.between(state, left)],
             node.shares,
         )
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from cocap_opt.compiling import compiled
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.staged.conflicts import Conflicts
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.kernel_arrays import (
     CHARGED,
@@ -205,7 +206,7 @@ def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: floa
     for j in range(taken if others else memory.numbers[depth, 1], memory.numbers[depth, 0]):
         if is_one_class and values[PRICED, depth, j] <= least_gain:
             break
-        if not data.conflict[s, states[depth, j]]:
+        if not data.too_near[data.place_of[s], data.place_of[states[depth, j]]]:
             states[depth + 1, kept] = states[depth, j]
             kept += 1
     memory.numbers[depth + 1, 0] = kept
@@ -239,7 +240,7 @@ def _end_with_two(data: Inputs, memory: Memory, depth: int, best: float, floor: 
             if values[PRICED, depth, j] <= least - profit:
                 break
             other = states[depth, j]
-            may_be = not data.conflict[s, other]
+            may_be = not data.too_near[data.place_of[s], data.place_of[other]]
             for k in range(len(data.raised)):
                 high = memory.below[depth, k] - data.raised[k, s] - data.raised[k, other]
                 may_be &= high >= floor if data.is_limit[k] else high > least
@@ -388,7 +389,8 @@ class CompiledSearch:
                 np.bincount(classes[d:], minlength=len(joint.sizes))
                 for d in range(len(classes) + 1)
             ]),
-            conflict=joint.conflict,
+            place_of=joint.conflicts.place_of,
+            too_near=joint.conflicts.too_near,
             raised=np.array([raised for _, raised in bounds]).reshape(
                 len(bounds), len(joint.class_of)
             ),
@@ -475,7 +477,7 @@ def call_once() -> None:
     joint = JointStates(
         t=0, sizes=(1,), class_of=none, states=none, pixels=np.ones((1, 1)), weights=single,
         returns=Returns(1, np.zeros(0)), price=single, charge=single, floor=0.0,
-        conflict_of=lambda: np.ones((1, 1), dtype=np.bool_),
+        conflicts=Conflicts(none, lambda: np.ones((1, 1), dtype=np.bool_)),
     )  # fmt: skip
     CompiledSearch.of(joint, 0.0).advance(1)
     choices = np.array([0, 1]), none, none.reshape(1, 1)

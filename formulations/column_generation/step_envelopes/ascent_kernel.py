@@ -25,7 +25,8 @@ class AscentViews(NamedTuple):
     price: FloatArray  # [n]
     charge: FloatArray  # [n]
     ranges: IntArray  # [R, 2] first state of each robot's class, and the first of the next class
-    conflict: BoolArray  # [n, n]
+    place_of: IntArray  # [n], of P places
+    too_near: BoolArray  # [P, P] for two robots at once
 
 
 _return_of = partial(compiled, kept=False, forceinline=True)(return_of)
@@ -92,7 +93,9 @@ def _scanned(
         is_free = True
         for other in range(len(team)):
             taken = team[other]
-            if other != robot and taken >= 0 and views.conflict[s, taken]:
+            if other == robot or taken < 0:
+                continue
+            if views.too_near[views.place_of[s], views.place_of[taken]]:
                 is_free = False
         if is_free:
             best, best_height, best_low, best_counts = s, now, low, counts
@@ -174,6 +177,6 @@ def call_once() -> None:
     none, single = np.zeros(1, dtype=np.int64), np.ones(1)
     views = AscentViews(
         np.array([0, 1]), none, single, single, 1, np.zeros(0), single, single,
-        np.array([[0, 1]]), np.zeros((1, 1), dtype=np.bool_),
+        np.array([[0, 1]]), none, np.zeros((1, 1), dtype=np.bool_),
     )  # fmt: skip
     ascend(views, 0.0, np.zeros((0, 1), dtype=np.int64), 0, 1)

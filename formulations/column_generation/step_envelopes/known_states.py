@@ -160,7 +160,7 @@ def _that_count(joint: JointStates, teams: IntArray) -> BoolArray:
     able: BoolArray = low >= joint.floor - joint.margin
     for k in range(teams.shape[1]):
         for other in range(k):
-            able &= ~joint.conflict[teams[:, k], teams[:, other]]
+            able &= ~joint.conflicts.between(teams[:, k], teams[:, other])
     return able
 
 
@@ -190,11 +190,14 @@ def _compiled(
     ranges = np.repeat(np.column_stack([ends[:-1], ends[1:]]), joint.sizes, axis=0)
     views = AscentViews(
         *joint.sparse, joint.weights, *joint.returns, joint.price, joint.charge, ranges,
-        joint.conflict,
+        joint.conflicts.place_of, joint.conflicts.too_near,
     )  # fmt: skip
-    is_few = teams.shape[1] <= parameters.few_robots
-    most_full = parameters.full_starts if is_few else len(teams)
-    ascend(views, joint.floor - joint.margin, teams, most_full, parameters.high_states)
+    full, high = (
+        (parameters.full_starts, parameters.high_states)
+        if teams.shape[1] <= parameters.few_robots
+        else (parameters.many_full_starts, parameters.many_high_states)
+    )
+    ascend(views, joint.floor - joint.margin, teams, full, high)
     return teams[(teams >= 0).all(axis=1)]
 
 
@@ -236,7 +239,8 @@ def _best(joint: JointStates, number: int, others: Sequence[int]) -> int | None:
     seen = joint.pixels[list(others)].sum(axis=0)
     values = joint.returns.values(seen + joint.pixels[first:end])
     gains = values @ joint.weights - joint.price[first:end]
-    gains[joint.conflict[list(others), first:end].any(axis=0)] = -np.inf
+    conflicts = joint.conflicts.between(np.array(others, dtype=int)[:, None], np.arange(first, end))
+    gains[conflicts.any(axis=0)] = -np.inf
     if not len(gains) or gains.max() == -np.inf:
         return None
     return int(first + gains.argmax())

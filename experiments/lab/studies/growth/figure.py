@@ -13,6 +13,7 @@ from cocap_opt.experiments.lab.studies.growth.points import (
     BASES,
     GAP,
     MEASURES,
+    PROVED,
     SIZES,
     GrowthPoint,
     Measure,
@@ -41,6 +42,7 @@ _STYLES = {  # of each measure: its name, colour and mark
     "gap_percent": ("gap at the end or the limit", RED, "D"),
     "gap_of_cuts_percent": ("gap without step envelopes", FADED, "v"),
 }
+_RAISED = str.maketrans("0123456789-.", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻·")
 _APART = 1.3  # times, between sizes that are written on an axis
 _NOUNS = {"robots": "drones", "actors": "people"}
 _SECONDS = ("seconds", "seconds_to_gap")
@@ -81,8 +83,17 @@ def growth_figure(points: Sequence[GrowthPoint], limit: float) -> Figure:
         ends = [end for ax in of_measure for end in ax.get_ylim()]
         for ax in of_measure:
             ax.set_ylim(min(ends), max(ends))
+    for ax in gaps:
+        ax.yaxis.set_major_formatter(_told_gap)
     _name_styles(names)
     return figure
+
+
+def _told_gap(percent: float, _: int | None = None) -> str:
+    """Returns the label of a gap on an axis, whose lowest is that of proofs."""
+    if percent > 1.5 * PROVED:
+        return f"{percent:g}"
+    return "proved" if percent > PROVED / 1.5 else ""
 
 
 def _name_styles(figure: SubFigure) -> None:
@@ -121,9 +132,11 @@ def _draw_law(
     if law is None:
         return None
     slope, offset = law
-    ends = np.array([min(p.size for p in points), max(p.size for p in points)])
+    sizes = [point.size for point in measure.fitted(points)]
+    ends = np.array([min(sizes), max(sizes)])
     ax.plot(ends, np.exp(offset) * ends**slope, color=colour, lw=1, ls="--", zorder=3)
-    return f"~ n^{abs(slope) if abs(slope) < 0.05 else slope:.1f}", colour
+    power = f"{abs(slope) if abs(slope) < 0.05 else slope:.1f}"
+    return f"~ n{power.translate(_RAISED)}", colour
 
 
 def _write_laws(ax: Axes, laws: Sequence[_Law]) -> None:

@@ -18,6 +18,7 @@ from cocap_opt.experiments.lab.studies.growth.points import (
     BASES,
     GAP,
     MEASURES,
+    PROVED,
     SIZES,
     Field,
     GrowthPoint,
@@ -84,8 +85,8 @@ def growth_in_markdown() -> str:
             "changes": _PROSE.get(point.axis, point.axis),
             "to": f"{point.size}",
             f"to a gap of {100 * GAP:g} %": _seconds(found["seconds_to_gap"]),
-            "gap at the end": f"{found['gap_percent']:.2f} %",
-            "without step envelopes": f"{found['gap_of_cuts_percent']:.2f} %",
+            "gap at the end": _gap(found["gap_percent"]),
+            "without step envelopes": _gap(found["gap_of_cuts_percent"]),
             "stopped": f"{sum(not s.finished for s in point.samples)} of {len(point.samples)}",
             "memory": f"{max(sample.gigabytes for sample in point.samples):.2f} GB",
         }
@@ -98,6 +99,13 @@ def growth_in_markdown() -> str:
 
 def _seconds(seconds: float) -> str:
     return f"{seconds:.3g} s" if math.isfinite(seconds) else "-"
+
+
+def _gap(percent: float) -> str:
+    """Returns a gap; of a proof there is none, and others are not rounded to nothing."""
+    if percent <= PROVED:
+        return "proved"
+    return "< 0.01 %" if percent < 0.01 else f"{percent:.2f} %"
 
 
 def _measured(wanted: Field, seed: int, limit: float) -> Runs | None:

@@ -1,8 +1,8 @@
 """Sizes at which growth is measured, the samples of each, and power laws fitted to them.
 
 The exponent of a size n is the slope of log seconds over log n, by least squares over the sizes
-at which all seeds came to their end within the limit; that of the gap is over all sizes. Where
-medians are not near such a line, no power law is said.
+at which all seeds came to their end within the limit; that of the gap is over all sizes at which
+there is one. Where medians are not near such a line, no power law is said.
 """
 
 import math
@@ -18,6 +18,7 @@ from cocap_opt.experiments.lab.results import load_csv
 from cocap_opt.experiments.lab.studies.runs import Run
 from cocap_opt.formulations.result import OPTIMALITY
 
+PROVED = 100 * OPTIMALITY  # %, at which a gap is none: the plan is proved to be the best
 GAP = 0.03  # certified gap whose time is taken: one that most sizes reach
 _LEAST_SIZES = 4  # of a fit: any two points are on a line, and three are often near one
 _NEAR = 1.5  # times, by which medians may be off a power law
@@ -113,10 +114,12 @@ class Measure(NamedTuple):
     ----------
     number : of a sample
     whole : true of a point if no limit has cut one of its numbers short
+    least : smaller numbers count as this one; a law is fitted to larger medians only
     """
 
     number: Callable[[Sample], float]
     whole: Callable[[GrowthPoint], bool]
+    least: float = 0.0
 
     def of(self, point: GrowthPoint) -> list[float]:
         """Returns the numbers of a point's samples."""
@@ -127,13 +130,16 @@ class Measure(NamedTuple):
         line = self.fit(points)
         return math.nan if line is None else line[0]
 
+    def fitted(self, points: Sequence[GrowthPoint]) -> list[GrowthPoint]:
+        """Returns the points that a power law goes through."""
+        return [p for p in points if self.whole(p) and self.least < median(self.of(p)) < math.inf]
+
     def fit(self, points: Sequence[GrowthPoint]) -> tuple[float, float] | None:
         """Returns slope and offset of log measure over log size, of sizes that no limit cut short.
 
         None if there are fewer than four such sizes, or if the medians are not near the line.
         """
-        pairs = [(p.size, median(self.of(p))) for p in points if self.whole(p)]
-        pairs = [(size, value) for size, value in pairs if 0 < value < math.inf]
+        pairs = [(p.size, median(self.of(p))) for p in self.fitted(points)]
         if len(pairs) < _LEAST_SIZES:
             return None
         n, values = np.log(np.array(pairs)).T
@@ -150,9 +156,9 @@ MEASURES: dict[str, Measure] = {
         lambda point: all(math.isfinite(sample.seconds_to_gap) for sample in point.samples),
     ),
     "gap_of_cuts_percent": Measure(
-        lambda sample: 100 * max(sample.gap_of_cuts, OPTIMALITY), lambda point: True
+        lambda sample: max(100 * sample.gap_of_cuts, PROVED), lambda point: True, PROVED
     ),
-    "gap_percent": Measure(  # at least the gap of a proof
-        lambda sample: 100 * max(sample.gap, OPTIMALITY), lambda point: True
+    "gap_percent": Measure(
+        lambda sample: max(100 * sample.gap, PROVED), lambda point: True, PROVED
     ),
 }

@@ -123,9 +123,9 @@ def numbers_in_markdown() -> str:
         f"- **{proved} of {len(best)} optima proved**, each within {limit:g} s: "
         f"{len({row.scene for row in best})} scenes of the paper's size, "
         f"{len({row.seed for row in best})} seeds of each.\n"
-        f"- The recommended planner is **{fmean(gaps[RECOMMENDED]):.3f} % below the bound** on "
-        f"average, {max(gaps[RECOMMENDED]):.2f} % at worst; CoCap is {fmean(gaps['cocap']):.2f} % "
-        "below.\n"
+        f"- Plans of the recommended planner are **{fmean(gaps[RECOMMENDED]):.3f} % below the "
+        f"bound** on average, {max(gaps[RECOMMENDED]):.2f} % at worst; CoCap's are "
+        f"{fmean(gaps['cocap']):.2f} % below.\n"
         f"- Half of its plans take less than **{median(GapRow.values(best, 'seconds')):.1f} s** of "
         "search."
     )

@@ -1,0 +1,31 @@
+"""Bounds on J and what they leave open, as people read them: one rule for tables and sentences."""
+
+import math
+
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.text import rounded_up
+
+_LITTLE = 1e-4  # relative gap below which no figures are told
+
+
+def is_attained(bound: float, reward: float | None) -> bool:
+    """Returns True for a bound that is J of a plan: none is better by more than a millionth."""
+    return reward is not None and abs(bound - reward) <= OPTIMALITY * abs(bound) < math.inf
+
+
+def told_bound(bound: float, reward: float | None = None) -> str:
+    """Returns a bound on J with the decimals that J has; as J of a plan that attains it.
+
+    Parameters
+    ----------
+    reward : J of the best plan that is known; None if none is
+    """
+    shown = bound if reward is None or not is_attained(bound, reward) else reward
+    return f"{round(shown, 2) + 0.0:,.2f}"
+
+
+def told_gap(share: float, digits: int = 2) -> str:
+    """Returns the largest part of J that may be missing, which a bound leaves open, in words."""
+    if share < _LITTLE:
+        return f"less than {100 * _LITTLE:g} %, if at all"
+    return f"at most {rounded_up(100 * share, digits)} %"
