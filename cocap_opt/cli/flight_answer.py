@@ -9,6 +9,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.notes import Kind, Note, notes_of
 from cocap_opt.flight.ways import Part
 from cocap_opt.output.answer import print_pairs, print_result
+from cocap_opt.output.nearness import no_rule
 from cocap_opt.output.printing import (
     Listing,
     Record,
@@ -75,8 +76,8 @@ class FlightAnswer(NamedTuple):
         way = "smooth" if self.flight.is_smooth else "straight"
         steps = f"{flown.problem.horizon} steps of {flown.step:g} s"
         yield "flight", f"{way}, {flown.seconds:g} s: {steps}"
-        reward = rounded(found[f"reward_{way}"])
-        yield "J", f"{reward} in flight, {rounded(found['reward'])} at the steps of the plan"
+        mean = rounded(found[f"reward_{way}"])
+        yield "J", f"{rounded(found['reward'])} at the steps; {mean} as the mean over all moments"
         if found["least_distance"] is not None:
             rule = _rule(rules.separation, rules.vertical, "in height", "between the steps")
             yield "between drones", f"{found['least_distance']:.2f} m at least; {rule}"
@@ -95,7 +96,7 @@ class FlightAnswer(NamedTuple):
 def _rule(least: float, over: float | None, way: str, none: str) -> str:
     """Returns words for a rule on distances: aside (m), or else so far (m) in height."""
     if not least:
-        return f"the scene has no rule {none}"
+        return no_rule(none)
     return f"the scene's rule is {least:g} m" + (f", or {over:g} m {way}" if over else "")
 
 

@@ -21,6 +21,7 @@ from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.method import Method
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
+from cocap_opt.output.nearness import nearness
 from cocap_opt.output.printing import Record
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
@@ -153,6 +154,8 @@ def replan(
         proof = options.certificate, bounded.result.certificate
         save(answer, "plan", {**made, "certificate": proof})
     answer |= _of_the_mission(replanning, bounded)
+    if bounded.result.plan is not None:
+        answer |= nearness(rest.scene, bounded.result.plan)
     if not json:
         answer["drones"] = " ".join(map(str, rest.drones))
         if bounded.result.plan is not None and output is None and options.rest_plan is None:

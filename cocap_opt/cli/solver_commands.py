@@ -35,6 +35,7 @@ from cocap_opt.output.files import (
     PlanReader,
     save_bytes,
 )
+from cocap_opt.output.nearness import nearness
 from cocap_opt.output.printing import Record, counted
 from cocap_opt.output.trace import Trace
 from cocap_opt.planners import RECOMMENDED
@@ -118,6 +119,7 @@ def _plan(
     if judged.verdict:
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
+        answer |= _nearness(problem, judged)
     answer |= _chosen_starts(problem, judged.result.plan)
     answer |= _take_by_take(problem, judged)
     if output is None and judged.result.plan is not None and not json:
@@ -211,6 +213,7 @@ def _solve(
             say_why_no_plan(scene, seed, task.problem)
         made = output, judged.plan_file(task.problem, method, allowance)
         save(answer, "plan", {"file": made, "certificate": proof})
+    answer |= _nearness(task.problem, judged)
     has_plan = judged.result.plan is not None
     if output is None and has_plan and not json:
         say_unwritten(answer)
@@ -313,6 +316,11 @@ class _Task(NamedTuple):
         if is_open and may_have and find_spec("numba") is None:
             say(record, _NOT_COMPILED)
         return record
+
+
+def _nearness(problem: Problem, judged: Judged[Any]) -> Record:
+    """Returns the distances of the plan for which the scene has no rule, where they are small."""
+    return {} if judged.result.plan is None else nearness(problem, judged.result.plan)
 
 
 def _take_by_take(problem: Problem, judged: Judged[Any]) -> Record:

@@ -30,6 +30,7 @@ from cocap_opt.formulations.certificates import CertificateError, CertificateFil
 from cocap_opt.model import Model
 from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, read_claim
+from cocap_opt.output.nearness import nearness
 from cocap_opt.output.printing import Record, line_width, print_texts
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.run.explained import Explained
@@ -319,7 +320,7 @@ class _Claims(NamedTuple):
         return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
 
     def _filmed(self) -> Record:
-        """Returns the quality of a plan that can be flown, as `plan` and `solve` tell it."""
+        """Returns quality and distances of a plan that can be flown, as `plan` tells them."""
         assert self.plan is not None
         found = Quality.of(self.problem, self.plan).summary
         return {
@@ -327,6 +328,7 @@ class _Claims(NamedTuple):
             "seen_by_three": finite(found.by_three),
             "median_error": finite(found.median),
             "cameras": found.line,
+            **nearness(self.problem, self.plan),
         }
 
     def _made_otherwise(self, verified: Verified) -> Iterator[str]:

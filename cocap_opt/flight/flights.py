@@ -16,13 +16,12 @@ from cocap_opt.flight.safety import Danger, Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.strain import steep_ground, sufficient_step
 from cocap_opt.flight.trajectory import Samples, Trajectory
-from cocap_opt.problem import BODY, SEPARATION, Airspace, Plan, Problem
+from cocap_opt.problem import BODY, Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
 
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
 _TOUCH = 1e-6  # m, less is rounding
-_TOO_NEAR = SEPARATION - _TOUCH  # m, between drones, and to people
 _EVEN = ", even where it changes its speed as shortly as it can; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
@@ -218,9 +217,9 @@ class Flight(NamedTuple):
             )
         if not self.is_smooth:
             yield Note(
-                "speeds jump at each step, so acceleration was not checked; smooth flights "
-                "(--smooth) do not jump",
+                "speeds jump at each step, so acceleration was not checked",
                 Kind.UNCHECKED,
+                "smooth flights (--smooth) do not jump",
             )
         yield from self.near_without_rule()
         if any(robot.motion.corner_cutting for robot in problem.robots):
@@ -243,41 +242,45 @@ class Flight(NamedTuple):
 
         Nothing if that is too near, which `too_near` says.
         """
-        least = self.flown.least_distance()
-        if not self.flown.problem.rules.separation and _TOO_NEAR <= least < math.inf:
-            kind = "smooth" if self.is_smooth else "straight"
-            yield Note(
-                "the scene's rules ask for no distance between drones between the steps: on this "
-                f"{kind} flight they come within {least:.2f} m of each other",
-                Kind.NO_RULE,
-            )
+        nearest = Nearest.of_drones(self.flown)
+        if self.flown.problem.rules.separation or nearest is None or nearest.is_too_near:
+            return
+        kind = "smooth" if self.is_smooth else "straight"
+        yield Note(
+            "the scene's rules ask for no distance between drones between the steps: on this "
+            f"{kind} flight they come within {nearest.distance:.2f} m of each other",
+            Kind.NO_RULE,
+        )
 
-    def too_near(self) -> Iterator[str]:
+    def too_near(self) -> Iterator[Note]:
         """Yields which drones come too near to each other or to people, where no rule forbids it.
 
         That is nearer than scenes that are to be flown ask for.
         """
         yield from self._drones_too_near()
-        asked, nearest = self.asked or self.flown.problem.airspace, Nearest.of_people(self.flown)
-        if asked.people_aside or nearest is None or nearest.distance >= _TOO_NEAR:
-            return
-        yield (
-            f"drone {nearest.first} comes within {nearest.distance:.2f} m of "
-            f"{self.flown.problem.person(nearest.second)} at {nearest.t:.1f} s, seen from above; "
-            "plan with `people` under [airspace]"
-        )
+        asked = self.asked or self.flown.problem.airspace
+        if nearest := Nearest.of_people_without_rule(self.flown, asked):
+            yield Note(
+                f"drone {nearest.first} comes within {nearest.distance:.2f} m of "
+                f"{self.flown.problem.person(nearest.second)} at {nearest.t:.1f} s, seen from "
+                "above; the scene has no rule on people",
+                Kind.URGENT,
+                "plan with `people` under [airspace]",
+            )
 
-    def _drones_too_near(self) -> Iterator[str]:
+    def _drones_too_near(self) -> Iterator[Note]:
         """Yields the two drones that come nearest to each other, and when, if that is too near."""
         nearest = Nearest.of_drones(self.flown)
         if self.flown.problem.rules.separation or nearest is None:
             return
         drones = f"drones {nearest.first} and {nearest.second}"
-        when, way_out = f"at {nearest.t:.1f} s", "plan with `separation` under [rules]"
+        when, remedy = f"at {nearest.t:.1f} s", "plan with `separation` under [rules]"
         if nearest.distance < BODY:
-            yield f"{drones} collide {when} ({nearest.distance:.2f} m apart); {way_out}"
-        elif nearest.distance < _TOO_NEAR:
-            yield f"{drones} come within {nearest.distance:.2f} m of each other {when}; {way_out}"
+            words = f"{drones} collide {when} ({nearest.distance:.2f} m apart)"
+            yield Note(words, Kind.URGENT, remedy)
+        elif nearest.is_too_near:
+            words = f"{drones} come within {nearest.distance:.2f} m of each other {when}"
+            yield Note(words, Kind.URGENT, remedy)
 
     def axes(self) -> Iterator[Note]:
         """Yields that y goes to the grid's north, and how far that is from the true one."""

@@ -32,7 +32,7 @@ import numpy as np
 from cocap_opt.data import LARGEST, BoolArray, FloatArray, IntArray
 from cocap_opt.flight.bernstein import Peak, ever_positive, parted, product, squared_length
 from cocap_opt.flight.trajectory import DEGREE, Trajectory
-from cocap_opt.problem import CollisionRules, Motion, Problem
+from cocap_opt.problem import SEPARATION, Airspace, CollisionRules, Motion, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
 
@@ -187,6 +187,22 @@ class Nearest(NamedTuple):
     first: int  # number of a drone
     second: int  # number of another drone, or of a person
     place: FloatArray  # [3] m, of the first
+
+    @property
+    def is_too_near(self) -> bool:
+        """True if it is nearer than scenes that are to be flown ask for."""
+        return self.distance < SEPARATION - TOLERANCE
+
+    @classmethod
+    def of_people_without_rule(cls, flown: Trajectory, airspace: Airspace) -> Self | None:
+        """Returns when a drone is nearest to a person, if that is too near and no rule forbids it.
+
+        Parameters
+        ----------
+        airspace : that the scene asks for
+        """
+        nearest = None if airspace.people_aside else cls.of_people(flown)
+        return nearest if nearest is not None and nearest.is_too_near else None
 
     @classmethod
     def of_drones(cls, flown: Trajectory) -> Self | None:

@@ -169,6 +169,14 @@ class Trajectory:
         return evenly(middles - [*self.problem.height_map.origin, 0.0], self.parts)
 
 
+def in_steps(problem: Problem) -> Problem:
+    """Returns the problem with steps that last, in which nobody can ask too much of a drone."""
+    if problem.step is not None:
+        return problem
+    boundless = tuple(robot.replace(limits=None) for robot in problem.robots)
+    return problem.replace(step=1.0, robots=boundless)
+
+
 def waypoints(problem: Problem, plan: Plan) -> FloatArray:
     """Returns x, y (m from the corner of the map), z, yaw and pitch at the steps [R, T+1, 5].
 

@@ -1,6 +1,7 @@
 """Warnings that nobody who flies a flight must overlook, for all who print or draw it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from cocap_opt.flight.changes import tight_timing
 from cocap_opt.flight.flights import Flight
@@ -21,16 +22,17 @@ def attention(flight: Flight, grounds: Touchdowns, parts: Sequence[Part]) -> Ite
     grounds : touchdowns of the flight
     parts : of the take between which batteries are changed; none without homes
     """
-    for words in _urgent(flight, grounds, parts):
-        yield Note(f"ATTENTION: {words}", Kind.URGENT)
+    for note in _urgent(flight, grounds, parts):
+        yield replace(note, text=f"ATTENTION: {note.text}", kind=Kind.URGENT)
 
 
-def _urgent(flight: Flight, grounds: Touchdowns, parts: Sequence[Part]) -> Iterator[str]:
+def _urgent(flight: Flight, grounds: Touchdowns, parts: Sequence[Part]) -> Iterator[Note]:
     if flight.cut_short:
-        yield flight.cut_short
+        yield Note(flight.cut_short)
     yield from flight.too_near()
-    yield from grounds.warnings()
-    yield from misplaced_people(flight.flown.problem)
-    yield from tight_timing(flight)
+    words = (
+        *grounds.warnings(), *misplaced_people(flight.flown.problem), *tight_timing(flight),
+    )  # fmt: skip
+    yield from map(Note, words)
     if pause := pauses_of(parts):
-        yield pause
+        yield Note(pause)

@@ -91,6 +91,8 @@ LABELS = {
     "deviation": "off the straight flight",
     "least_distance": "between drones",
     "people_distance": "to people",
+    "near_drones": "between drones",
+    "near_people": "to people",
     "items": "longest mission",
     "late": "late at the end",
     "slowed": "passed more slowly",
@@ -150,8 +152,8 @@ _ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
 # What was asked for, in the order in which people read it; all else comes after.
 _FIRST = (
     "cut_short", "valid", "agrees", "reward", "bound", "gap", "optimal", "cameras", "takes",
-    "second_opinion", "second_bound", "violations", "file", "files", "certificate", "rest_scene",
-    "rest_plan", "message",
+    "second_opinion", "second_bound", "violations", "near_drones", "near_people", "file", "files",
+    "certificate", "rest_scene", "rest_plan", "message",
 )  # fmt: skip
 WIDEST = 26  # columns of labels; a value whose label is wider begins in the next line
 _BETWEEN, _INDENT = 2, 3  # columns between label and value; before a value in a line of its own

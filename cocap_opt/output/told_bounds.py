@@ -14,7 +14,7 @@ def is_attained(bound: float, reward: float | None) -> bool:
 
 
 def told_bound(bound: float, reward: float | None = None) -> str:
-    """Returns a bound on J with the decimals that J has: never less, or J of a plan that attains it.
+    """Returns a bound on J rounded up to the decimals of J, or J of a plan that attains it.
 
     Parameters
     ----------

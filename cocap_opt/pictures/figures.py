@@ -43,6 +43,7 @@ _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
 _BELOW = 3  # wide panels of a strip, up to which each has the whole width
 _PANEL = 3.2  # inches, of two beside each other
+_LETTERS = 56  # of a legend in three columns
 _DISC = 11  # points, the width of a drone
 _TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
@@ -190,18 +191,14 @@ def _draw_meanings(figure: Figure, view: TopView) -> None:
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
     above or below.
     """
-    goes_on = " (arrows: it goes on)" if view.is_cut else " or ceiling"
-    words = {
-        2: (pictures.WALL, f"blocks {view.height:g} m"),
-        1: (pictures.COVERED, "something above or below"),
-        3: (pictures.LOW, "lower obstacle"),
-        4: (pictures.CLOSED, f"no-fly zone{goes_on}"),
-    }
-    shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
+    shown = view.meanings
+    if view.is_cut and 4 in shown:
+        shown[4] = pictures.CLOSED, "no-fly zone (arrows: it goes on)"
     if shown.keys() - {2}:
         handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
+        letters = sum(len(label) for _, label in shown.values())
         figure.legend(handles=handles, fontsize=SMALL, loc="outside lower center",
-                      ncols=3, frameon=False)  # fmt: skip
+                      ncols=3 if letters <= _LETTERS else 2, frameon=False)  # fmt: skip
 
 
 def _name(problem: Problem) -> str:

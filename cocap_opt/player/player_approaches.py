@@ -1,4 +1,4 @@
-"""Moments at which drones of a plan come close to each other, as they fly in the player.
+"""Moments at which drones of a plan come close to each other or to people, as the player flies.
 
 Distances are those of the flight's polynomials, as `cocap-opt fly` and the crew's sheet have them.
 """
@@ -12,6 +12,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.flight.bernstein import Peak, squared_length
+from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.trajectory import DEGREE, Trajectory
 from cocap_opt.problem import BODY, SEPARATION, Plan, Problem, VertexConflict
 
@@ -22,7 +23,7 @@ Data = dict[str, Any]
 
 
 class Approaches:
-    """The nearest that two drones come, at any moment and in each step.
+    """The nearest that two drones come, and a drone and a person, at any moment and in each step.
 
     Parameters
     ----------
@@ -34,10 +35,41 @@ class Approaches:
         self, problem: Problem, plan: Plan, there: Sequence[int], flown: Trajectory
     ) -> None:
         self._problem, self._plan = problem, plan
+        self._there, self._flown = there, flown
         self._pairs = list(combinations(there, 2))
         self._nearness = _nearness(flown, there)
 
     def near(self) -> list[Data]:
+        """Returns moments at which drones are nearer to each other or to people than they should.
+
+        Those of people have the number of the `person`.
+        """
+        return [*self._near_each_other(), *self._near_people()]
+
+    def _near_people(self) -> list[Data]:
+        """Returns the nearest that a drone comes to a person, if that is too near without a rule.
+
+        That is nearer than drones should fly, seen from above.
+        """
+        if not self._there:
+            return []
+        flown = self._flown.with_pieces(self._flown.pieces[list(self._there)])
+        found = Nearest.of_people_without_rule(flown, self._problem.airspace)
+        if found is None:
+            return []
+        drone, apart = self._there[found.first], round(found.distance, _DIGITS)
+        who = self._problem.person(found.second)
+        return [
+            {
+                "time": round(found.t / flown.step, 3),
+                "robots": [drone],
+                "person": found.second,
+                "apart": apart,
+                "words": f"drone {drone} comes within {round(apart, 2):g} m of {who}",
+            }
+        ]
+
+    def _near_each_other(self) -> list[Data]:
         """Returns the nearest that two drones come in each step, where they nearly touch.
 
         That is nearer than a drone is wide, in scenes whose rules have no separation; who keeps one

@@ -11,7 +11,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.smooth import Smooth
-from cocap_opt.flight.trajectory import DEGREE, PITCH, Trajectory, split
+from cocap_opt.flight.trajectory import DEGREE, PITCH, Trajectory, in_steps, split
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Plan, Problem
 
@@ -26,14 +26,6 @@ def smooth_flight(problem: Problem, plan: Plan) -> Trajectory | None:
     """
     found = Smooth.of(in_steps(problem), plan)
     return None if found.dangers else found.trajectory
-
-
-def in_steps(problem: Problem) -> Problem:
-    """Returns the problem with steps that last, in which nobody can ask too much of a drone."""
-    if problem.step is not None:
-        return problem
-    boundless = tuple(robot.replace(limits=None) for robot in problem.robots)
-    return problem.replace(step=1.0, robots=boundless)
 
 
 def knots(scene: PlayerScene, flown: Trajectory) -> list[Any]:

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.flight.trajectory import Trajectory, in_steps
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.output.conflicts import told_conflict
 from cocap_opt.player.player_approaches import Approaches
-from cocap_opt.player.player_flight import in_steps, knots, smooth_flight
+from cocap_opt.player.player_flight import knots, smooth_flight
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.player.player_tasks import tasks
 from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
@@ -89,9 +89,9 @@ class PlayerPlan:
         reward would be less without a drone, empty where pixels add up over time. `tasks[i]` is the
         group of people (of the scene) of whom it has most pixels over all steps. `heights[i]` are
         flight heights (m), one if it is the same at all steps. `near` are moments at which two
-        drones nearly touch, `closest` is that at which two are nearest of all, `besidePeople` says
-        where one comes too near to somebody. `knots` are those of the smooth flight
-        (`player_flight`), None where drones fly straight.
+        drones nearly touch, or a drone comes near a person without a rule, `closest` is that at
+        which two are nearest of all, `besidePeople` says where one comes too near to somebody.
+        `knots` are those of the smooth flight (`player_flight`), None where drones fly straight.
         """
         reward, moves, rewards, is_valid = self._rewards()
         flown = self._flown()

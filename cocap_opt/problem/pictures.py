@@ -60,7 +60,6 @@ TICK = 0.9  # cells, length of the line that shows a heading
 
 _MOST_TAKES = len(TAKE_COLOURS)  # in a legend
 _MOST_AREAS = 6  # of starts, in a legend
-_MOST_MARKS = 4  # of drones of different colours beside each other in a legend
 _DASH, _SMALL, _DISC = 3.0, 9.0, 11.0  # points: of lines, of letters, of drones and people
 _WIDTH, _LINE, _LONG = 5.2, 0.2, 26  # inches, of a picture and a line of its legend; letters
 _DPI, _FINE = 100, 2  # of a picture, and how many times finer it is for sharp screens
@@ -94,9 +93,21 @@ def drone_colour(number: int) -> str:
     return DRONE_COLOURS[number % len(DRONE_COLOURS)]
 
 
+def shared_digits(corner: float) -> float:
+    """Returns the thousands that are taken off coordinates (m) and shown once; 0 if they are few.
+
+    Map coordinates have seven digits, and those of a scene have the first ones in common.
+
+    Parameters
+    ----------
+    corner : m, the least coordinate
+    """
+    return corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+
+
 def distinct_colours(drones: Iterable[int]) -> list[str]:
-    """Returns the distinct colours of drones, as many as a legend has room for."""
-    return list(dict.fromkeys(map(drone_colour, drones)))[:_MOST_MARKS]
+    """Returns the distinct colours of drones."""
+    return list(dict.fromkeys(map(drone_colour, drones)))
 
 
 class HasPaths(Protocol):
@@ -302,8 +313,7 @@ class TopView(NamedTuple):
         ax.set_ylim(*extent[2:])
         for axis, name, corner in ((ax.xaxis, "x", x), (ax.yaxis, "y", y)):
             axis.set_major_locator(MaxNLocator(6))
-            # Map coordinates have seven digits; the digits that all of them share are shown once.
-            shared = corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
+            shared = shared_digits(corner)
             axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
@@ -358,19 +368,23 @@ class TopView(NamedTuple):
         if self.walks:
             for words, colour in people_by_take(self.takes).items():
                 found[words] = (disc(colour),)
-        kinds = {
-            1: (COVERED, "something above"),
-            2: (WALL, f"blocks flight at {self.height:g} m"),
-            3: (LOW, "lower obstacle"),
-            4: (CLOSED, f"no-fly zone or ceiling at {self.height:g} m"),
-        }
-        for kind, (colour, label) in kinds.items():
-            if (self.kinds == kind).any():
-                found[label] = (Patch(color=colour),)
+        for colour, label in self.meanings.values():
+            found[label] = (Patch(color=colour),)
         if self.is_cut:
             mark = Line2D([], [], marker=">", ls="none", ms=7, color=ZONE, mec="white")
             found[CUT] = (mark,)
         return found
+
+    @property
+    def meanings(self) -> dict[int, tuple[str, str]]:
+        """The colour of each kind of cells that is there, and what it means."""
+        kinds = {
+            1: (COVERED, f"free at {self.height:g} m, below or above a mesh"),
+            2: (WALL, f"blocks flight at {self.height:g} m"),
+            3: (LOW, "lower obstacle"),
+            4: (CLOSED, f"no-fly zone or ceiling at {self.height:g} m"),
+        }
+        return {kind: found for kind, found in kinds.items() if (self.kinds == kind).any()}
 
     @property
     def words(self) -> str:
@@ -413,7 +427,8 @@ def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) 
 
     how: dict[str, Any] = {
         "handles": list(handles.values()), "labels": list(handles), "fontsize": _SMALL,
-        "handlelength": 4.0, "handler_map": {tuple: HandlerTuple(ndivide=None, pad=0.3)},
+        "handlelength": max(4.0, 0.9 * max(map(len, handles.values()), default=1)),
+        "handler_map": {tuple: HandlerTuple(ndivide=None, pad=0.3)},
     }  # fmt: skip
     grid, beside = ax.get_subplotspec(), ax.figure
     if below is not None:

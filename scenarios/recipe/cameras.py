@@ -15,6 +15,7 @@ from cocap_opt.scenarios.text import naming
 
 log = logging.getLogger(__name__)
 
+ASSUMED = "greedy-perspectives"  # camera of drones whose table names none
 FILM_35MM = math.hypot(36.0, 24.0)  # mm, diagonal of the image to which 35 mm lenses refer
 
 _Pixels = Annotated[int, Meta(ge=1, le=MOST_PIXELS)]
@@ -120,12 +121,12 @@ def _focal(length: float, degrees: float) -> float:
     return length / 2 / math.tan(math.radians(degrees) / 2)
 
 
-def camera_of(given: str | CameraTable, tilts: Sequence[float]) -> Camera:
+def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera:
     """Returns the camera of drones.
 
     Parameters
     ----------
-    given : the name of a camera, or its numbers
+    given : the name of a camera, or its numbers; None: the camera is `ASSUMED`
     tilts : degrees below the horizon
 
     Raises
@@ -141,12 +142,23 @@ def camera_of(given: str | CameraTable, tilts: Sequence[float]) -> Camera:
         with naming("camera"):
             return given.camera(radians)
     numbers = "; or numbers, such as { width = 3840, height = 2160, fov = 65 }"
-    return camera_called(given, numbers).replace(tilts=radians)
+    return camera_called(ASSUMED if given is None else given, numbers).replace(tilts=radians)
 
 
-def say_photos(names: Sequence[str]) -> None:
-    """Says of cameras, by name, which stand for photos, though they film in another shape."""
-    for name in dict.fromkeys(names):
+def say_cameras(given: Sequence[str | CameraTable | None]) -> None:
+    """Says which camera is assumed, and which names stand for photos of another shape than film.
+
+    Parameters
+    ----------
+    given : for each table of drones, as in `camera_of`
+    """
+    if lacking := ", ".join(f"drones[{k}]" for k, each in enumerate(given) if each is None):
+        assumed = camera_called(ASSUMED)
+        log.warning(
+            "%s: camera: not given; %s, %d x %d px, is assumed",
+            lacking, ASSUMED, assumed.width, assumed.height,
+        )  # fmt: skip
+    for name in dict.fromkeys(each for each in given if isinstance(each, str)):
         if film := film_of(name):
             log.warning(
                 'camera = "%s" has the shape of its photos; "%s" is what it films', name, film

@@ -156,7 +156,7 @@ class DronesTable(Table):
     count: Count | None = None
     near: Length | None = None
     starts: _Several[_StartTable] | _AreaTable | None = None
-    camera: str | CameraTable = "greedy-perspectives"
+    camera: str | CameraTable | None = None  # None: `ASSUMED`, and a warning
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
     airframe: str | None = None

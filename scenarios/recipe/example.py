@@ -11,7 +11,8 @@ flown = "smooth"            # drones with limits make only moves that smooth fli
 face_samples = 3            # this number squared of rays tests each triangle that a mesh may hide
 
 [map]
-file = "houses.tif"         # .tif or .asc; or, without a file: size = [60, 40], origin = [0, 0]
+file = "houses.tif"         # .tif or .asc; no default: name a file, or write size = [60, 40] and,
+                            # if the corner is not at 0, 0, origin = [10, 10]
 unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft" (US survey feet) of the heights in
                             # files; default: the unit that the file states, else m
 heights = "above-ground"    # or "absolute", which requires a ground
@@ -19,9 +20,9 @@ ground = "terrain.tif"      # bare terrain; "surface": the map itself; default: 
 resolution = 1.0            # m, cell size of the plan; default: that of the file
 window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part to use; default: the whole map
 fill = 0.0                  # m, height where the file has no data; default: reject such files
-nodata = -32768             # another value that means "no data"
+nodata = -32768             # another value that means "no data"; default: the file's alone
 band = 1                    # band of the file; default: its only band
-lowest = 0.5                # m above the ground; lower things are no obstacles
+lowest = 0.5                # m above the ground; lower things are no obstacles; default: 0
 
 [[layer]]                   # another map on top of [map]; several are allowed, the highest counts
 file = "trees.tif"          # also unit, band, nodata, lowest and heights, as in [map]; absolute
@@ -33,25 +34,25 @@ trunks = 4.0                # m above the ground: below it, crowns leave room to
 file = "land.geojson"       # polygons whose property `kind` is water, green, street, footway,
                             # paved, yard, building or other; a `name` is written on the ground
 property = "surface"        # property with the kind; default: kind
-kinds = { grass = "green" } # translates other words of the file into kinds
+kinds = { grass = "green" } # translates other words of the file into kinds; default: none
 # unit = "m"                # as in [[walls]]
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
 unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"
 up = "y"                    # axis that points up; default: y for glTF, z for other formats
-turn = 90                   # degrees counter-clockwise about its origin
-at = [35, 20, 0]            # place of its origin in the scene
+turn = 90                   # degrees counter-clockwise about its origin; default: 0
+at = [35, 20, 0]            # place of its origin in the scene; default: 0, 0, 0
 
 [[walls]]
 file = "geometry.json"      # polygons of obstacles or of the walkable area: JSON, GeoJSON, WKT
 unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; default: the unit that the file
                             # states; else degrees in GeoJSON, which requires [earth], m in others
-name = "bottleneck"         # which geometry of the file
+name = "bottleneck"         # which geometry of the file; default: its only one
 # polygons = "obstacles"    # or "walkable": meaning of the polygons in GeoJSON and WKT
-height = 2.0                # m above base, for polygons that have no height of their own
+height = 2.0                # m above base, for polygons without a height of their own; no default
 border = 0.2                # m, thickness of walls around the walkable area; default: no walls
-at = [30, 10]               # added to the points
+at = [30, 10]               # added to the points; default: nothing
 base = 50.0                 # m, altitude of the foot; default: the lowest ground below
 
 [[tracks]]
@@ -67,22 +68,25 @@ gap = 1.0                   # s, longest pause between rows that is bridged by a
 begin = 37.0                # s, time of step 0 in the file; dates, and seconds since 1970, count
                             # from the first row; default: the first time from which all people
                             # are present at all steps
-ids = [12, 15, 16]          # or: count = 3, the first three people present at all steps
-at = [40, 20]               # added to the points
+ids = [12, 15, 16]          # or: count = 3, the first three people present at all steps; no
+                            # default: write one of the two
+at = [40, 20]               # added to the points; default: nothing
 delimiter = " "             # default: guessed from the first row
 still = 0.1                 # m/s; slower people keep their heading
-shape = { type = "prism", sides = 6, apothem = 0.25 }
+shape = { type = "prism", sides = 6, apothem = 0.25, height = 1.75 }   # m; a shape that lacks
+                            # numbers has sides = 6, apothem = 0.5 and height = 1.8 by default
 views_weight = 0.5          # factor on the weight of views in [objective]; default: 1
 take = "rehearsed"          # or ["rehearsed", "late"]: takes with these people; default: all
 
 [[walk]]
 points = [[20, 20], [60, 22]]
-name = "Ada"                # name of the person (optional)
+name = "Ada"                # name of the person; default: none
 speed = 1.2                 # m/s
-first = 0.5                 # m walked before step 0
+first = 0.5                 # m walked before step 0; default: 0
 # heading = 90              # degrees from x to y, constant; default: the person looks ahead
-shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
-views_weight = 2.0          # as in [[tracks]]: views of Ada count twice as much
+shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }   # m; default: the prism of
+                            # [[tracks]]; a cuboid has length = 1 and width = 1 by default
+views_weight = 2.0          # views of Ada count twice as much; default: 1
 # take = "late"             # as in [[tracks]]
 
 [[take]]                    # one of several ways in which people may walk; default: only one
@@ -102,22 +106,24 @@ probability = 0.25
 
 [[drones]]
 count = 3                   # the seed chooses cells, within 15 m of a person; they change with
-                            # steps and people, so write `starts` to keep them
-near = 15                   # m
-camera = "dji-mavic-pro-4k" # a name from `cocap-opt scenes`; or the numbers of another camera:
+                            # steps and people, so write `starts` to keep them; no default:
+                            # write a count or starts
+near = 15                   # m; default: wherever drones can meet people
+camera = "dji-mavic-pro-4k" # a name from `cocap-opt scenes`; default: "greedy-perspectives",
+                            # 4000 x 3000 px, with a warning; or the numbers of another camera:
 # camera = { width = 3840, height = 2160, fov = 65 }   # px, and degrees across the width; or, in
 #                           # place of fov, one of: focal = 2900 (px), fov_vertical = 40,
 #                           # fov_diagonal = 72 (degrees), lens_35mm = 28 (mm, equivalent on 35 mm
 #                           # film, by the diagonal), sensor = 6.17 with lens = 4.7 (mm, width of
 #                           # the sensor area that the image uses); photo = [4, 3]: the angle or
 #                           # lens_35mm is that of photos of this shape, which film crops in height
-tilts = [10, 40]            # degrees below the horizon; several make a gimbal
+tilts = [10, 40]            # degrees below the horizon; several make a gimbal; default: [10]
 homes = [[8, 4], [10, 4], [12, 4]]   # m, where each drone takes off and lands, in the middle of a
                             # cell; default: straight below its first and its last place
 airframe = "px4"            # whose limits apply; default: no limits but those in [drones.limits]
 
 [drones.motion]             # what the drones of this table can do in one step
-layers = [4, 6]             # m, flight heights
+layers = [4, 6]             # m, flight heights; default: [5]
 radius = 1                  # cells along each axis; with cells of 1 m and steps of 0.5 s: 2.8 m/s
 climb = 1                   # layers, up or down
 headings = 8                # number of headings in a full turn
@@ -126,10 +132,10 @@ pitch_turn = 1              # tilts, either way
 spacing = 1                 # cells; moves are multiples of it
 stride = { aside = 2.0, upright = 2.0, space = 3.0 }   # m, longest moves; default: as far as
                             # radius, climb and limits allow
-clearance = 0.5             # m, free space above and below
+clearance = 0.5             # m, free space above and below; default: 0
 corner_cutting = false      # true: only the ends of a move must be free, so it may cut a corner
 
-[drones.limits]             # limits that replace those of the airframe
+[drones.limits]             # limits that replace those of the airframe; default: none of them
 speed = 8                   # m/s; climb and descent, too
 climb = 5
 descent = 4
@@ -141,8 +147,8 @@ endurance = 1200            # s that the battery lasts
 
 [[drones]]
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]   # in the middle of the cell that contains
-                            # x and y; heading 0 is along x
-homes = [[14, 4]]           # for all drones or for none
+                            # x and y; heading 0 is along x; default: the lowest layer, heading 0
+homes = [[14, 4]]           # for all drones or for none; default: none
 # land = "ground"           # in place of homes: drones end where they can land
 # starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }   # needs a
 #                           # count: planners choose the best starts in the area, or with "anywhere"
@@ -150,20 +156,22 @@ homes = [[14, 4]]           # for all drones or for none
 
 [[no_fly]]
 polygon = [[40, 10], [50, 10], [50, 20]]   # a cell that it covers in part is closed, too
-bottom = 0.0                # m, altitudes between which it is closed; default: at all altitudes
-top = 30.0
+bottom = 0.0                # m, altitude from which it is closed; default: no bottom
+top = 30.0                  # m; default: no top
 
 [airspace]
 ceiling = 30.0              # m, measured as layers are; default: no ceiling
-people = 3.0                # m from people at every moment, seen from above; 0: no distance
+people = 3.0                # m from people at every moment, seen from above; default: 0, no
+                            # distance
 over_people = 5.0           # m above heads from which drones may fly over people; default: never
 
 [earth]
 crs = "EPSG:25830"          # x points to its east, y to its grid north; default: the map file's
 # latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), if no file states the place
 # longitude = -2.935
-height = 20.0               # m, altitude of z = 0
-heights = "above-sea"       # or "above-ellipsoid"; they are never converted into each other
+height = 20.0               # m, altitude of z = 0; default: unknown
+heights = "above-sea"       # or "above-ellipsoid"; they are never converted into each other;
+                            # default: unknown, as height
 
 [rules]
 vertex = true               # no two drones in one cell; false, as swap: they may share cells

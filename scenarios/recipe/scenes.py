@@ -16,7 +16,7 @@ from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.takes import PeopleInTakes, in_all_takes, least_chance
 from cocap_opt.scenarios.earth.place import MapProjection, require_likely
 from cocap_opt.scenarios.maps.terrain import Terrain
-from cocap_opt.scenarios.recipe.cameras import say_photos
+from cocap_opt.scenarios.recipe.cameras import say_cameras
 from cocap_opt.scenarios.recipe.contents import (
     earth_of,
     land_cover_of,
@@ -187,7 +187,7 @@ class _Place(NamedTuple):
     def say(self) -> None:
         """Says what is doubtful in the tables of drones."""
         tables = self.recipe.drones
-        say_photos([given.camera for given in tables if isinstance(given.camera, str)])
+        say_cameras([given.camera for given in tables])
         say_moved(tables, self.around.height_map)
 
     def fields(self, team: Sequence[Robot]) -> dict[str, Any]:

@@ -429,7 +429,7 @@ def test_answers_come_first_and_internals_on_request(
     words = "solve", "corridor-tight", "-o", plan
     short = Run(capsys, *words).out.splitlines()
     keys = [line.split()[0] for line in short]
-    assert keys[:5] == ["J", "bound", "gap", "cameras", "file"]
+    assert keys[:7] == ["J", "bound", "gap", "cameras", "between", "to", "file"]
     assert "0.000 %: proved, no plan is better" in short[2]
     assert "more lines with --verbose" in short[-1]
     full = [line.split()[0] for line in Run(capsys, *words, "--verbose").out.splitlines()]

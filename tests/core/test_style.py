@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from matplotlib import colors, rcParams, style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 import cocap_opt as co
 from cocap_opt.output.printing import markdown_table
@@ -14,6 +15,7 @@ from cocap_opt.pictures.style import LABEL, SERIES, TITLE, WIDTH
 from cocap_opt.problem.apart_numbers import ApartNumbers
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.pictures import COVERED, DRONE_COLOURS, LOW, PERSON, WALL, TopView
+from cocap_opt.problem.whole_names import WholeName
 from cocap_opt.world.workspace import HeightMap
 
 HOUSE = "cocap_opt.pictures.house"
@@ -107,6 +109,37 @@ def test_scenes_beside_each_other_share_a_legend() -> None:
     assert (left.get_ylabel(), right.get_ylabel()) == ("y (m)", "")
     alone = Figure().add_subplot()
     assert problem.plot(ax=alone).get_legend() is not None
+
+
+def test_a_legend_has_a_mark_for_each_drone() -> None:
+    """As many as there are colours, each in its place."""
+    for scene in ("bottleneck", "field-large"):
+        problem = co.load(scene)
+        colours = min(len(problem.robots), len(DRONE_COLOURS))
+        assert colours > 3
+        legend = problem.plot(ax=Figure().add_subplot()).get_legend()
+        assert legend is not None
+        found = {line for line in legend.findobj(Line2D) if isinstance(line, Line2D)}
+        rings = [line for line in found if line.get_markerfacecolor() == "white"]
+        places = sorted(np.ravel(line.get_xdata())[0] for line in rings)
+        assert len(rings) == colours
+        assert min(np.diff(places)) > rings[0].get_markersize() / 2
+
+
+@pytest.mark.parametrize(("at", "is_drawn"), [((5.0, 5.0), False), ((5.0, 9.0), True)])
+def test_a_name_is_left_out_where_a_disc_would_hide_it(
+    at: tuple[float, float], is_drawn: bool
+) -> None:
+    """Names on the ground are whole, or are not there."""
+    figure = Figure(figsize=(3, 3))
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 10), ylim=(0, 10))
+    ax.plot(*at, "o", ms=10, alpha=0)
+    ax.set_axis_off()
+    ax.add_artist(WholeName(5, 5, "lane", ha="center", va="center", transform=ax.transData))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    assert bool((pixels < 128).any()) == is_drawn
 
 
 def test_pictures_say_what_they_show() -> None:

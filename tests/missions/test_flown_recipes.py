@@ -20,6 +20,7 @@ size = [16, 12]
 [[walk]]
 points = [[2, 6], [14, 6]]
 [[drones]]
+camera = "greedy-perspectives"
 starts = [{{ x = 4.5, y = 2.5, heading = 90 }}, {{ x = 10.5, y = 2.5, heading = 90 }}]
 {drones}
 [airspace]

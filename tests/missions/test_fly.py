@@ -265,6 +265,35 @@ def test_somebody_who_walks_through_a_wall_is_told_by_name(
     assert [each for each in framed if "obstacle" in each] == told
 
 
+@pytest.mark.parametrize(("separation", "people", "told"), [
+    (0.0, 0.0, {"near_drones", "near_people"}), (1.0, 0.0, {"near_people"}),
+    (0.0, 0.1, {"near_drones"}), (1.0, 0.1, set()),
+])  # fmt: skip
+def test_plans_tell_distances_without_a_rule(
+    separation: float, people: float, told: set[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Those that `fly` warns of: `verify` has the same line, and no line where there is a rule."""
+    problem, _ = beside_somebody()
+    paths = tuple(tuple(co.State(4 + t, y) for t in range(5)) for y in (4, 5))
+    near = problem.actors[0].replace(poses=problem.actors[0].poses + np.array([3.0, 0.5, 0, 0]))
+    problem = problem.replace(
+        robots=tuple(co.Robot(start=path[0]) for path in paths),
+        actors=(near,),
+        rules=co.CollisionRules(separation=separation),
+        airspace=co.Airspace(people_aside=people),
+    )
+    scene, file, out = saved(tmp_path, problem, co.Plan(paths=paths))
+    found = Run(capsys, "verify", scene, file, "--json").json
+    assert {key for key in found if key.startswith("near_")} == told
+    answer = Run(capsys, "verify", scene, file).out
+    for line in Run(capsys, "fly", scene, file, "-o", out).out.splitlines():
+        if line.endswith(("no rule between the steps", "no rule on people")):
+            told = told - {"near_drones" if "between the steps" in line else "near_people"}
+            assert " ".join(line.split()) in " ".join(answer.split())
+    assert not told
+
+
 def test_fly_and_the_sheet_warn_of_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -286,7 +315,9 @@ def test_fly_and_the_sheet_warn_of_the_same(
     assert " ".join(lines.split()) == " ".join(f"{each}." for each in told)
     flight = Flight.of(problem, plan, False)._replace(cut_short=words)
     pages = pages_of(flight, None, [USUAL])
-    (first, *_), printed = pages.figures, " ".join(f"{each}." for each in told)
+    crew = [note.text for note in attention(flight, Touchdowns.of(flight), ())]
+    assert all(each.startswith(text) for each, text in zip(told, crew, strict=True))
+    (first, *_), printed = pages.figures, " ".join(f"{text}." for text in crew)
     assert printed in " ".join(" ".join(text.get_text() for text in first.texts).split())
 
 

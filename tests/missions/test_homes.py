@@ -116,7 +116,7 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
     for row in rows:
         assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
     assert found["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
-    assert "nobody is on the ways from and to home" in [*to_check(flown, True)]
+    assert "the ways from and to home are free of people" in [*to_check(flown, True)]
     order = running_order(flown, clock).rows
     assert [row[2].split(",")[0] for row in order if row[1].startswith("drone ")] == [
         "takes off", "takes off", "flies home", "flies home"

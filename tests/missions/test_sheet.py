@@ -75,7 +75,7 @@ def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
 def framed(flight: Flight) -> list[str]:
     """The warnings in the frame of the first page."""
     parts = clock_of(flight).parts
-    return [f"{note}." for note in attention(flight, Touchdowns.of(flight), parts)]
+    return [f"{note.text}." for note in attention(flight, Touchdowns.of(flight), parts)]
 
 
 def left_open(flight: Flight) -> list[str]:
@@ -116,10 +116,9 @@ def test_a_card_has_what_the_scene_knows_of_its_drone() -> None:
     assert (unknown["camera"], unknown["airframe"], unknown["pilot"]) == ("", "", "")
     # 5 m up at 1 m/s, 10 s for all to wait, and 1.5 s, rounded up; the reserve is rounded down.
     assert known["battery"] == (
-        "23:00 min (manufacturer's figure); in the air 0:17 min plus landing; "
-        "reserve 22:43 min (98 %)"
+        "23:00 min (as stated); in the air 0:17 min plus landing; reserve 22:43 min (98 %)"
     )
-    assert unknown["battery"].startswith("20:00 min (manufacturer's figure); ")
+    assert unknown["battery"].startswith("20:00 min (as stated); ")
     bare = robots[0].replace(limits=None)
     flight = Flight.of(problem.replace(robots=(bare, robots[1])), plan, False)
     assert cards_of(flight)[0]["battery"].startswith("________ min; in the air 0:17 min")
@@ -291,7 +290,8 @@ def test_drones_without_a_rule_that_come_close_are_told_first() -> None:
     paths = tuple((robot.start, robot.start) for robot in beside.robots)
     near = Flight.of(beside, co.Plan(paths=paths), False)  # type: ignore[arg-type]
     for each, is_first in ((flight, False), (near, True)):
-        urgent, others = [*each.too_near()], [note.text for note in each.near_without_rule()]
+        urgent = [note.text for note in each.too_near()]
+        others = [note.text for note in each.near_without_rule()]
         assert (len(urgent), len(others)) == ((1, 0) if is_first else (0, 1))
         assert framed(each)[:1] == [f"ATTENTION: {words}." for words in urgent]
         assert {*others} <= {*left_open(each)} and not {*urgent} & {*left_open(each)}
@@ -317,7 +317,7 @@ def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     notes = [*flight.notes(), *people_and_delay(flight, None)]
     remedies = [note.remedy for note in notes if note.remedy]
     told = "".join(map(str, notes))
-    assert len(remedies) == 2 and all(f"; {words}" in told for words in remedies)
+    assert len(remedies) == 3 and all(f"; {words}" in told for words in remedies)
     texts = [text.get_text() for figure in pages_of(flight, None, [USUAL]).figures
              for text in figure.texts]  # fmt: skip
     printed = " ".join(" ".join(texts).split())
@@ -572,7 +572,8 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     assert card.table is not None
     walk = problem.actors[0].poses[:4, :2]
     places = [[float(cell) for cell in row[1:3]] for row in card.table.rows]
-    np.testing.assert_allclose(places, walk, atol=0.06)
+    assert card.table.heads[1:3] == ("x (m)\n- 500 km", "y (m)\n- 4,000 km")
+    np.testing.assert_allclose(places + np.array([500e3, 4000e3]), walk, atol=0.06)
     assert [row[0] for row in card.table.rows] == ["T+0:00", "T+0:00.5", "T+0:01", "T+0:01.5"]
     assert [row[3] for row in card.table.rows] == ["2.00 m/s"] * 3 + ["end"]  # 1 m in half a second
     rows = running_order(flight, clock).rows
@@ -582,6 +583,29 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     assert any(
         "drones keep 1 m from people" in line for line in text_of(flight)["Late drones and people"]
     )
+
+
+def test_cues_of_people_are_on_the_earth_where_it_is_known() -> None:
+    """People have a phone, which knows nothing of x and y."""
+    problem, plan = scene()
+    flight = Flight.of(problem.replace(earth=co.Earth(crs="EPSG:25830")), plan, False)
+    (card,) = people_cards(flight, clock_of(flight))
+    assert card.table is not None and flight.geodesy is not None
+    assert card.table.heads[1:3] == ("latitude", "longitude")
+    walk = problem.actors[0].poses[:4]
+    found = np.array([[float(cell) for cell in row[1:3]] for row in card.table.rows])
+    degrees = np.stack(flight.geodesy.degrees(walk[:, 0], walk[:, 1]), axis=1)
+    np.testing.assert_allclose(found, degrees, rtol=0, atol=6e-7)
+
+
+def test_a_table_parts_no_word_that_has_room() -> None:
+    """Times and numbers are whole where another column can go on in the next line."""
+    cells = "10:00:12.5", *(f"- 4,79{k} km of it" for k in range(6))
+    pages = Pages([USUAL])
+    pages.cards("Cards", [Card("Drone 0", [], Table(("time", *"abcdef"), [cells]))])
+    told = {text.get_text() for text in pages.figures[0].texts}
+    assert "10:00:12.5" in told
+    assert {f"4,79{k}" for k in range(6)} <= {word for text in told for word in text.split()}
 
 
 def test_a_cue_says_where_somebody_stops_and_not_a_mean_pace() -> None:

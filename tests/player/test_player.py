@@ -1,4 +1,5 @@
 import html
+import math
 import re
 import shutil
 import tomllib
@@ -143,6 +144,28 @@ def test_who_keeps_the_separation_comes_not_close() -> None:
     alone = ruled.replace(robots=ruled.robots[:1])
     (shown,) = Player(alone, [("", Plan(paths=apart[:1]))]).data()["plans"]
     assert shown["closest"] is None
+
+
+def test_a_drone_near_a_person_is_told_where_no_rule_asks_for_a_distance() -> None:
+    """Nearer than drones should fly, seen from above; a scene with a rule is judged by that."""
+    problem, plan = crossing()
+    near, far = ((x, 1.2, 0, 0) for x in (0.5, 3.5))
+    for place, airspace, is_told in (
+        (near, Airspace(), True), (near, Airspace(people_aside=0.1), False),
+        (far, Airspace(), False),
+    ):  # fmt: skip
+        people = tuple(
+            actor.replace(poses=np.tile(place, (len(actor.poses), 1)))
+            for actor in problem.actors[:1]
+        )
+        changed = problem.replace(actors=people, airspace=airspace)
+        (shown,) = Player(changed, [("", plan)]).data()["plans"]
+        beside = [moment for moment in shown["near"] if "person" in moment]
+        assert len(beside) == is_told
+        for moment in beside:
+            assert (moment["robots"], moment["person"]) == ([1], 0)
+            assert moment["apart"] == pytest.approx(0.3 * math.sqrt(0.5), abs=1e-4)
+            assert moment["words"].startswith("drone 1 comes within 0.21 m of ")
 
 
 def test_cones_are_no_pixels() -> None:

@@ -1,11 +1,15 @@
 """Recipes, and the meshes, walls and warnings that come with them."""
 
+import inspect
 import json
 import math
 import os
+import re
+import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+import msgspec
 import numpy as np
 import pytest
 import rasterio
@@ -40,6 +44,7 @@ from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
 from cocap_opt.scenarios.recipe.objective import ObjectiveTable, ViewsTable
+from cocap_opt.scenarios.recipe.schema import Recipe
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.stop import never
 from cocap_opt.vision.default_weights import default_weights
@@ -173,6 +178,30 @@ def test_the_example_has_every_field() -> None:
             assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field
     motion = EXAMPLE.split("[drones.motion]")[1]
     assert all(f"\n{field} =" in motion for field in Motion.__struct_fields__)
+
+
+def _struct(kind: Any) -> Any:
+    """Returns the one struct that a type allows, alone or in a list."""
+    if inspect.isclass(kind):
+        return kind if issubclass(kind, msgspec.Struct) else None
+    return next(filter(None, map(_struct, get_args(kind))), None)
+
+
+def test_the_example_names_each_default_that_it_does_not_show() -> None:
+    """Whoever leaves out a key can know what it is then."""
+    for section in re.split(r"\n(?=\[)", EXAMPLE):
+        head, *entries = re.split(r"\n(?=\S)", section)
+        table: Any = Recipe
+        if header := re.match(r"\[+([\w.]+)", head):
+            for name in header[1].split("."):
+                fields = {field.name: field for field in msgspec.structs.fields(table)}
+                table = _struct(fields[name].type)
+        fields = {field.name: field for field in msgspec.structs.fields(table)}
+        for entry in ([] if header else [head]) + [text for text in entries if text[0] != "#"]:
+            ((key, shown),) = tomllib.loads(entry).items()
+            told = tuple(shown) if isinstance(shown, list) else shown
+            is_shown = fields[key].required or told == fields[key].default
+            assert is_shown or "default" in entry + head, entry
 
 
 @pytest.mark.parametrize(

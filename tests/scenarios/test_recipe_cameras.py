@@ -119,6 +119,20 @@ def test_photos_are_pointed_out(tmp_path: Path, caplog: pytest.LogCaptureFixture
     assert caplog.messages == []
 
 
+def test_a_camera_that_is_not_given_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """J depends on the camera, so none is assumed in silence."""
+    path = tmp_path / "scene.toml"
+    path.write_text(RECIPE.replace("camera = {camera}\n", ""))
+    with caplog.at_level(logging.WARNING):
+        found = read(path).robots[0].camera
+    assert isinstance(found, Camera)
+    assert camera_name(found) == "greedy-perspectives"
+    words = "drones[0]: camera: not given; greedy-perspectives, 4000 x 3000 px, is assumed"
+    assert caplog.messages == [words]
+
+
 @pytest.mark.parametrize(("words", "message"), [
     ("", "must give the lens by focal .px., fov, fov_vertical or fov_diagonal .degrees., sensor"),
     ("fov = 60, focal = 900", "must have only one of focal and fov: each gives the lens"),

@@ -128,7 +128,7 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         ("Abort signal", ""),
     ], 2)  # fmt: skip
     pages.skip(2.0)
-    urgent = [f"{note}." for note in attention(flight, grounds, clock.parts)]
+    urgent = [f"{note.text}." for note in attention(flight, grounds, clock.parts)]
     urgent += battery_warnings(flight, clock)
     if urgent:
         pages.box(urgent)

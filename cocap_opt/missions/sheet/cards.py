@@ -14,8 +14,9 @@ from cocap_opt.missions.sheet.clock import Clock
 from cocap_opt.missions.sheet.filmed import filmed_by
 from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Card, Table
-from cocap_opt.missions.sheet.places import degrees
+from cocap_opt.missions.sheet.places import degree_heads, degrees
 from cocap_opt.problem import Robot
+from cocap_opt.problem.pictures import shared_digits
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
 _ROWS = 12  # cues of a card, at most
@@ -116,7 +117,7 @@ def _battery(flight: Flight, clock: Clock, drone: int) -> str:
         return f"________ min; {air}"
     left = lasts - needed
     reserve = f"reserve {_minutes(left)} ({_percent(left / lasts)})" if left >= 0 else "TOO SHORT"
-    return f"{_minutes(lasts)} (manufacturer's figure); {air}; {reserve}"
+    return f"{_minutes(lasts)} (as stated); {air}; {reserve}"
 
 
 def _drone_cues(flight: Flight, clock: Clock, heights: Heights, drone: int) -> Table:
@@ -128,13 +129,14 @@ def _drone_cues(flight: Flight, clock: Clock, heights: Heights, drone: int) -> T
     looks = np.degrees(yaw) % 360
     if flight.geodesy is not None:
         looks = flight.geodesy.compass(place[:, 0], place[:, 1], yaw)
+    west, south = _shared(flight)
     rows = [
-        (clock.time(t), *(f"{metres:.1f}" for metres in (x, y, *heights.columns(z, drone))),
+        (clock.time(t),
+         *(f"{metres:.1f}" for metres in (x - west, y - south, *heights.columns(z, drone))),
          f"{round(look) % 360}", f"{down:.0f}")
         for t, x, y, z, look, down in np.column_stack([times, place, looks, pitch]).tolist()
     ]  # fmt: skip
-    looks = "yaw" if flight.geodesy is None else "looks\nto"
-    heads = ("time", "x (m)", "y (m)", *heights.heads(), looks, "pitch")
+    heads = ("time", *_heads(flight), *heights.heads(), _direction(flight), "pitch")
     return Table(heads, rows, frozenset(range(1, len(heads))))
 
 
@@ -145,7 +147,7 @@ def _person_card(flight: Flight, clock: Clock, person: int) -> Card:
     walk = actor.poses[: len(steps), :2]
     times = _moments(flight)
     x, y = (np.interp(times, steps, axis) for axis in walk.T)
-    facts = [("stands by at", _place(flight, float(x[0]), float(y[0])))]
+    facts = [] if flight.geodesy else [("stands by at", f"x {x[0]:.1f}, y {y[0]:.1f}")]
     cues, signal = _person_cues(flight, clock, times, x, y), ("signal", clock.time(0.0))
     title = problem.person(person)
     if actor.name is None:
@@ -158,6 +160,7 @@ def _person_cues(
 ) -> Table:
     """Returns a person's places by the clock, and the pace to the next one.
 
+    Places are on the Earth where they are known there: people have no instrument for x and y.
     Whoever slows down and then stands has stopped on the way: how far, not how fast, is known.
     """
     along, up = np.diff(x), np.diff(y)
@@ -166,7 +169,7 @@ def _person_cues(
     ways = np.degrees(np.arctan2(up, along)) % 360
     if flight.geodesy is not None:
         ways = flight.geodesy.compass(x[:-1], y[:-1], np.radians(ways))
-    rows = []
+    rows, (west, south) = [], _shared(flight)
     for k, t in enumerate(times.tolist()):
         goes = ("end", "") if k == len(speeds) else ("stands", "")
         if k < len(speeds) and speeds[k] > _STANDS:
@@ -174,9 +177,26 @@ def _person_cues(
             stops = (after <= _STANDS).any() and speeds[k] < before - _STANDS
             pace = f"{far[k]:.2f} m, stops" if stops else f"{speeds[k]:.2f} m/s"
             goes = pace, f"{round(float(ways[k])) % 360}"
-        rows.append((clock.time(t), f"{x[k]:.1f}", f"{y[k]:.1f}", *goes))
-    heads = ("time", "x (m)", "y (m)", "then walks", _direction(flight))
-    return Table(heads, rows, frozenset(range(1, 5)))
+        where = degrees(flight, float(x[k]), float(y[k]), _DIGITS)
+        where = where or (f"{x[k] - west:.1f}", f"{y[k] - south:.1f}")
+        rows.append((clock.time(t), *where, *goes))
+    places = degree_heads(flight) or _heads(flight)
+    heads = ("time", *places, "then walks", _direction(flight))
+    return Table(heads, rows, frozenset(range(1, len(heads))))
+
+
+def _shared(flight: Flight) -> tuple[float, float]:
+    """Returns the thousands that are taken off x and y (m) in tables, as on maps."""
+    x, y = flight.flown.problem.height_map.origin
+    return shared_digits(x), shared_digits(y)
+
+
+def _heads(flight: Flight) -> tuple[str, ...]:
+    """Returns the heads of the columns x and y."""
+    return tuple(
+        f"{name} (m)\n- {less / 1000:,.0f} km" if less else f"{name} (m)"
+        for name, less in zip("xy", _shared(flight), strict=True)
+    )
 
 
 def _moments(flight: Flight) -> FloatArray:

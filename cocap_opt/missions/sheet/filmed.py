@@ -14,12 +14,13 @@ from cocap_opt.footage.quality import Quality
 from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import whole_percent
 from cocap_opt.missions.sheet.clock import TAKE, Clock, Phase
-from cocap_opt.missions.sheet.pages import Inset, Table
+from cocap_opt.missions.sheet.pages import INNER, Inset, Table
 from cocap_opt.problem import Problem
 from cocap_opt.text import in_ranges, shortened
 
 _OFTEN = 0.5  # of a phase's steps
 _ROW = 5.0  # mm, of a person's strip
+_HALF = 8.0  # mm, of a time below the strips
 _MOST_STRIPS = 40  # people, in one picture
 _MOST_NAMES, _LETTERS = 20, 40  # people on a drone's card, and letters of each
 STRIP = Inset(12.0, 9.0, 6.0)  # around the strips of a picture
@@ -155,7 +156,10 @@ def _draw_strips(ax: Axes, found: Quality, people: Sequence[int], clock: Clock) 
     share = found.assumptions.at_least
     draw_strip(ax, found.people, found.views, counts, found.times, share)
     ax.set_yticks(ax.get_yticks(), [f"P{person}" for person in people])
-    ax.xaxis.set_major_formatter(lambda t, _: clock.time(t))
+    first, last = ax.get_xlim()
+    millimetres = (INNER - STRIP.left) / (last - first)
+    times = [t for t in ax.get_xticks().tolist() if 0 <= t <= last - _HALF / millimetres]
+    ax.set_xticks(times, [clock.time(t) for t in times])
     ax.set_xlabel("")
 
 

@@ -349,23 +349,36 @@ class Pages:
                 self._row(cells, widths, card.table, left + _PAD, SMALL)
 
     def _widths(self, table: Table, inner: float, look: Text) -> "_Widths":
-        """Returns the widths of columns: what they need; less of the widest if too much."""
+        """Returns the widths of columns: what they need; less of the widest if too much.
+
+        Words are parted only where they have no room otherwise.
+        """
         bold = look.in_bold
-        needs = [
-            max([self._wide(head, bold), *(self._wide(row[k], look) for row in table.rows)])
+        cells = [
+            [(head, bold), *((row[k], look) for row in table.rows)]
             for k, head in enumerate(table.heads)
         ]
+        needs = [max(self._wide(text, how) for text, how in column) for column in cells]
         spare = inner - sum(needs)
         gaps = max(len(needs) - 1, 1)
         if spare >= _LEAST_GAP * gaps:
             return _Widths(needs, min(_GAP, spare / gaps))
-        rest, left, most = inner - _GAP * gaps, len(needs), max(needs)
-        for need in sorted(needs):  # the narrow ones have what they need
-            if need * left > rest:
+        least = [
+            max((self._wide(word, how) for text, how in column for word in text.split()), default=0)
+            for column in cells
+        ]
+        rest = inner - _LEAST_GAP * gaps - sum(least)
+        if rest < 0:
+            rest, least = rest + sum(least), [0.0] * len(needs)
+        more = [need - word for need, word in zip(needs, least, strict=True)]
+        left, most = len(more), max(more)
+        for each in sorted(more):  # those that lack little have what they need
+            if each * left > rest:
                 most = rest / left
                 break
-            rest, left = rest - need, left - 1
-        return _Widths([min(need, most) for need in needs], _GAP)
+            rest, left = rest - each, left - 1
+        widths = [word + min(each, most) for word, each in zip(least, more, strict=True)]
+        return _Widths(widths, _LEAST_GAP)
 
     def _cells(self, row: Sequence[str], widths: "_Widths", look: Text) -> list[list[str]]:
         return [self._wrapped(text, w, look) for text, w in zip(row, widths.each, strict=True)]

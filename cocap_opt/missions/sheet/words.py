@@ -29,8 +29,8 @@ from cocap_opt.problem import Problem
 
 _CHECKS = (
     "batteries are charged; radio links and satellite reception are good",
-    "no obstacles that the map lacks, such as cranes, cables or trees",
-    "nobody is there who is not on this sheet; everybody knows their walk and their signal",
+    "the map has all obstacles, such as cranes, cables and trees",
+    "only people on this sheet are there; everybody knows their walk and their signal",
     "airspace and its rules are clear, and the owners of the ground agree",
 )
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
@@ -68,16 +68,17 @@ def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
     problem = flight.flown.problem
     yield "wind and gusts are within the drones' limits"
     if has_homes:
-        yield "nobody is on the ways from and to home"
+        yield "the ways from and to home are free of people"
     else:
         yield "take-off and landing spots, and the air above them, are clear"
     yield from _CHECKS
     if not problem.height_map.knows_ground:
         yield (
-            "no roofs or obstacles are below take-offs and landings: the map has no ground heights"
+            "take-offs and landings are above free ground, not above roofs or obstacles: the map "
+            "has no ground heights"
         )
     if not problem.land_cover:
-        yield "no water is below take-offs and landings: the scene has no land cover"
+        yield "take-offs and landings are above land, not water: the scene has no land cover"
     if problem.airspace.no_fly:
         yield "drones have the no-fly zones as a geofence"
     if (ceiling := problem.airspace.ceiling) is not None:
@@ -148,7 +149,7 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
     if flight.is_smooth:
         yield (
             "This sheet is for a smooth flight: waypoint missions fly straight, and need a sheet "
-            "that is made without --smooth."
+            "of their own."
         )
     if flight.geodesy is None:
         yield "Places: x and y of the map (m); its location on the Earth is unknown or left out."
@@ -176,7 +177,7 @@ def _tracks(problem: Problem) -> Iterator[str]:
 def _angles(flight: Flight) -> str:
     yaw = "yaw is 0 along x, counter-clockwise"
     if flight.geodesy is not None:
-        yaw = "'looks to' and 'compass' are clockwise from true north"
+        yaw = "compass is clockwise from true north"
     return f"Degrees: {yaw}; pitch is the camera's, 0 is level, below is negative."
 
 
@@ -184,7 +185,8 @@ def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
     """Yields how near drones come to each other and to people, and the rules for it."""
     problem = flight.flown.problem
     near = Nearest.of_drones(flight.flown)
-    rules, heights = str(problem.rules), Heights.of(flight)
+    rules, heights = problem.rules, Heights.of(flight)
+    required = f"required: {rules}" if rules.separation else "the scene requires no distance"
     if near is None:
         yield "Between drones: there is only one."
     else:
@@ -192,7 +194,7 @@ def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
         yield (
             f"Minimum distance between drones: {near.distance:.2f} m (drones {near.first} and "
             f"{near.second}, at {clock.time(near.t)} near x {x:.1f}, y {y:.1f}, "
-            f"{heights.told(z)}); rules: {rules}."
+            f"{heights.told(z)}); {required}."
         )
     close = Nearest.of_people(flight.flown)
     if close is not None:
@@ -209,7 +211,7 @@ def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
         for zone in zones(flight, flight.geodesy):
             yield f"N{zone.name[1:]}{_corners(zone)}."
     if flight.asked is not None:
-        yield f"The scene requires {flight.asked.told_people}; --margin allows less in this flight."
+        yield f"The scene requires {flight.asked.told_people}; this flight may come nearer."
 
 
 def _corners(zone: Zone) -> str:

@@ -154,15 +154,17 @@ export class Labels {
   }
 
   conflicts(time) {
-    for (const { robots } of conflictsAt(this.view.plan, time)) this.join(robots, time, RED, 2.5);
+    for (const one of conflictsAt(this.view.plan, time)) this.join(one, time, RED, 2.5);
   }
 
   near(time) {
-    for (const { robots } of nearAt(this.view.plan, time)) this.join(robots, time, AMBER, 1.6);
+    for (const one of nearAt(this.view.plan, time)) this.join(one, time, AMBER, 1.6);
   }
 
-  join(robots, time, colour, thickness) {
-    const { context, view } = this, [a, b] = robots.map((i) => view.at(view.bodies.drone(i, time)));
+  // Two drones, or a drone and a person.
+  join({ robots, person }, time, colour, thickness) {
+    const { context, view } = this, { bodies } = view, who = person === undefined ? [] : [bodies.person(person, time)];
+    const [a, b] = [...robots.map((i) => bodies.drone(i, time)), ...who].map((pose) => view.at(pose));
     context.strokeStyle = colour;
     context.lineWidth = thickness;
     context.beginPath();
@@ -179,7 +181,7 @@ export class Labels {
     context.font = `600 11px ${FONT}`;
     this.haloedLine([[x, y - 4], [x, y], [x + long, y], [x + long, y - 4]]);
     context.textAlign = "left";
-    this.haloed(this.view.camera.isAbove ? `${metres} m` : `${metres} m mid-picture`, x, y - 14); // clear of the bar's ends
+    this.haloed(this.view.camera.isAbove ? `${metres} m` : `${metres} m at the centre`, x, y - 14); // clear of the bar's ends
     context.textAlign = "center";
   }
 

@@ -81,18 +81,18 @@ export class Panel {
     return waits ? "not planned yet" : "";
   }
 
-  // Whether drones keep the rules, and how near they come to each other: red if they break a rule or
-  // would touch, green and "no conflicts" only if they are as far apart as drones should fly. A press
-  // goes there.
+  // Whether drones keep the rules, and how near they come to each other and to people: red if they break
+  // a rule or would touch, green and "no conflicts" only if they are as far away as drones should fly.
+  // A press goes there.
   kept() {
-    const { plan, actions } = this, { conflicts: { length: count }, closest } = plan;
-    const words = keptWords(plan);
+    const { data, plan, actions } = this, { conflicts: { length: count }, closest } = plan;
+    const beside = besidePerson(plan), words = keptWords(data, plan);
     if (!words) return [];
-    const isBad = count || (closest && isTouch(closest));
-    const level = isBad ? "bad" : !closest || closest.isKept ? "good" : "mild";
-    if (!count && !closest) return [make("span", `badge ${level}`, words)];
-    const go = () => (count ? actions.next("conflict", plan) : actions.jump(closest.time));
-    const title = count ? "breaks the rules; go to the next conflict (C)" : nearest(plan);
+    const isBad = count || isTouch(closest), isApart = !closest || closest.isKept, isPerson = beside && isApart;
+    const level = isBad ? "bad" : isApart && !beside ? "good" : "mild";
+    if (!count && !closest && !beside) return [make("span", `badge ${level}`, words)];
+    const go = () => (count ? actions.next("conflict", plan) : actions.jump((isPerson ? beside : closest).time));
+    const title = count ? "breaks the rules; go to the next conflict (C)" : isPerson ? nearestPerson(beside) : nearest(plan);
     const badge = button(`badge next ${level}`, words, title, go);
     badge.append(make("i", "", " ▸"));
     return [badge];
@@ -120,8 +120,6 @@ export class Panel {
     this.now = add("J of this step", "", "what this step adds to J");
     this.sum = add("J so far", "", "what all steps up to this one add to J");
     if (turns(plan)) add("flight", plan.knots ? "smooth" : "straight", `between the steps drones fly ${flightOf(plan)}`).className = "flight";
-    const legs = plan.knots && plan.closest ? distance(plan.closest.straight) : "";
-    if (legs && legs !== distance(plan.closest.apart)) add("closest on straight legs", legs, "if they flew straight from step to step").className = "legs";
     if (plan.gap?.losses.length) this.lost = add("cost of this move", "");
     if (this.lost) this.lost.className = "lost";
     this.now.className = "now";
@@ -209,7 +207,7 @@ export class Panel {
     const most = this.canvas.clientWidth < PHONE ? 1 : MOST_WORDS;
     const told = [...conflictsAt(plan, time), ...nearAt(plan, time)].map((one) => one.words);
     put(this.words, several(told, most));
-    const isMild = !conflictsAt(plan, time).length && nearAt(plan, time).every(({ apart }) => apart >= plan.closest.body);
+    const isMild = !conflictsAt(plan, time).length && nearAt(plan, time).every(({ apart, person }) => person !== undefined || apart >= plan.closest.body);
     this.words.classList.toggle("mild", isMild);
     this.describeDrones(step, options);
   }
@@ -267,16 +265,26 @@ const flightOf = ({ knots }) => (knots
 const distance = (metres) => `${Number(metres.toFixed(2))} m`; // as cocap-opt fly rounds it
 
 // Whether the bodies of two drones touch as drawn, though no rule forbids it.
-const isTouch = ({ apart, isKept, body }) => !isKept && apart < body;
+const isTouch = (closest) => closest && !closest.isKept && closest.apart < closest.body;
+
+// Where a drone is nearest to a person, if that is too near and no rule asks for a distance.
+const besidePerson = ({ near }) => near.find(({ person }) => person !== undefined);
 
 // What the badge says of rules and distances.
-function keptWords({ conflicts: { length: count }, closest, waits }) {
-  const apart = closest ? distance(closest.apart) : "", near = apart ? `closest ${apart}` : "";
-  if (count) return [`${count} conflict${count > 1 ? "s" : ""}`, near].filter(Boolean).join("; ");
-  if (!closest || closest.isKept) return [waits ? "" : "no conflicts", near].filter(Boolean).join("; ");
-  if (apart === distance(0)) return `drones touch: ${apart}`;
-  return `no rule broken, but ${isTouch(closest) ? "only " : ""}${apart} apart`;
+function keptWords({ people }, plan) {
+  const { conflicts: { length: count }, closest, waits } = plan, beside = besidePerson(plan);
+  const join = (words, by = "; ") => words.filter(Boolean).join(by);
+  const apart = closest ? distance(closest.apart) : "", near = apart && `closest ${apart}`;
+  const aside = beside ? `${distance(beside.apart)} from ${people[beside.person].called}` : "";
+  if (count) return join([`${count} conflict${count > 1 ? "s" : ""}`, near, aside]);
+  const isApart = !closest || closest.isKept;
+  if (isApart && !aside) return join([waits ? "" : "no conflicts", near]);
+  if (apart === distance(0)) return join([`drones touch: ${apart}`, aside]);
+  return `no rule broken, but ${join([isApart ? "" : `${isTouch(closest) ? "only " : ""}${apart} apart`, aside], " and ")}`;
 }
+
+// Which drone is nearest to a person, when, and how far away drones should be.
+const nearestPerson = ({ words, time }) => `${words} at step ${digits(time, 1)}, seen from above, and no rule forbids it. Green from 2 m on. Go there`;
 
 // Which drones are nearest, when, in which flight, and how far apart they should be.
 function nearest({ closest: { robots, apart, time, straight, kept, above }, knots }) {

@@ -23,9 +23,10 @@ const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
 const ZOOM = 1.25; // by a key
+const USUAL = data.steps > 24 ? 4 : 2; // steps per second
 const SAID = 4000; // ms that a message stays
 const state = {
-  time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
+  time: data.first, playing: false, speed: USUAL, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
 const blocks = new Blocks(data);
 const scene = { blocks, world: new World(data, blocks), rays: new Rays(data, blocks) };
@@ -357,7 +358,7 @@ function listen() {
   slider.addEventListener("input", () => jump(Number(slider.value)));
   find("play").addEventListener("click", () => play(!state.playing));
   offerRealTime(speed);
-  state.speed = data.steps > 24 ? 4 : 2;
+  state.speed = data.seconds === null ? USUAL : 1 / data.seconds; // real time where it is known
   speed.value = String(state.speed);
   speed.addEventListener("change", () => (state.speed = Number(speed.value)));
   for (const name of ["space", "top"]) find(name).addEventListener("click", () => look(name));
@@ -384,7 +385,7 @@ function film() {
   document.body.classList.add("film");
   for (const name of ["views", "solid"]) find(name).checked = false;
   window.film = {
-    shown: { first: data.first, last: data.steps, speed: state.speed },
+    shown: { first: data.first, last: data.steps, speed: USUAL },
     look: (view) => look(view === "above" ? "top" : "space"),
     show(time) {
       jump(time);

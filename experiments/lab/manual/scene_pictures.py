@@ -202,7 +202,7 @@ def draw_cells_left() -> Figure:
     first, *_, last = worked.stages()
     for cells, colour, words in (
         (first.cells, "#cfe0ec", f"in reach at step {t}"),
-        (last.cells, TEAL, "left to better plans"),
+        (last.cells, TEAL, "where a better plan can still be"),
     ):
         spots = np.array([example.problem.height_map.centre(*cell) for cell in sorted(cells)])
         ax.set_ylim(_NEAR)
@@ -210,5 +210,5 @@ def draw_cells_left() -> Figure:
     for j, actor in enumerate(example.problem.actors):
         ax.plot(*actor.poses[t, :2], "o", ms=7, color=pictures.PERSON, mec="black", zorder=4,
                 label="people" if j == 0 else None)  # fmt: skip
-    add_legend(figure, ax)
+    add_legend(figure, ax, columns=2)
     return figure

@@ -21,6 +21,7 @@ _DRAWN_BY = ("player/page/*.*", "missions/sheet/*.py", "problem/pictures.py",
              "problem/whole_names.py")  # fmt: skip
 _PLAIN = Image.Dither.NONE
 _COLOURS = 256
+_ROUNDS = 2  # in which colours move to the middle of what they stand for
 
 
 def made_from(*parts: str) -> str:
@@ -46,6 +47,8 @@ def stamped(picture: Image.Image, digest: str) -> bytes:
     """Returns a PNG of a picture in few colours, with a digest in it."""
     content, info = BytesIO(), PngInfo()
     info.add_text(_MADE_FROM, digest)
-    few = picture.convert("RGB").quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=_PLAIN)
+    few = picture.convert("RGB").quantize(
+        _COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=_ROUNDS, dither=_PLAIN
+    )
     few.save(content, "png", pnginfo=info, optimize=True)
     return content.getvalue()

@@ -62,8 +62,8 @@ def quality_figure(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> Fig
     )
     set_plain_log(median, "y")
     median.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    _name(good, "plans for J, beside\nthat of the most J", "% of J less",
-          "points more, seen by two")  # fmt: skip
+    _name(good, "plans for J and\nthe one with the most J", "J below the best plan's (%)",
+          "seen by two, difference (points)")  # fmt: skip
     good.axhline(0, color=GREY, lw=0.8, ls=":")
     for ax in (errors, every, median, good):
         set_frame(ax)
