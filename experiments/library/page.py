@@ -156,11 +156,12 @@ def _facts(standing: Standing) -> str:
 
 def _records(records: Sequence[Record]) -> str:
     """Returns the table of records, and their curve if they are of several days."""
+    best = max((record.value for record in records if record.kind == PLAN), default=None)
     rows = [
         {
             "date": record.date,
             "found": record.kind,
-            "J or bound of J": _value(record),
+            "J or bound of J": _value(record, best),
             "by": record.who,
             "program": record.program,
             "search (s)": "-" if math.isnan(record.seconds) else f"{record.seconds:,.2f}",
@@ -184,7 +185,7 @@ def _records(records: Sequence[Record]) -> str:
     )
 
 
-def _value(record: Record) -> str:
+def _value(record: Record, best: float | None) -> str:
     if record.kind == PLAN:
         return f"{record.value:,.2f}"
-    return "no plan" if record.value < 0 else told_bound(record.value)
+    return "no plan" if record.value < 0 else told_bound(record.value, best)
