@@ -65,10 +65,12 @@ def gap(
 
     Raises
     ------
+    TypeError
+        If the time limit is no number.
     ValueError
         If
 
-        - there is no such scene or planner,
+        - there is no such scene or planner, or no scene, planner or seed at all,
         - a limit is negative,
         - there are fewer cores than `workers`,
         - `out` cannot be used,
