@@ -2,7 +2,7 @@
 // Where there is no such file, as in a build of one version, there is no choice.
 (async () => {
   const root = new URL(document.documentElement.dataset.content_root, location.href);
-  const reply = await fetch(new URL("../versions.json", root));
+  const reply = await fetch(new URL("../versions.json", root), { cache: "no-cache" });
   if (!reply.ok) return;
   const versions = await reply.json();
   const here = root.pathname.split("/").at(-2);

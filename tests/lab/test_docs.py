@@ -137,7 +137,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}",
         straight("endurance = 1200", "endurance = 1200, acceleration = 1"),
     ),
-    "comes nearer than 4.5 m to person 1": (
+    "comes nearer than 4.5 m to id 2 (1)": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
         straight("people = 3 ", "people = 4.5 "),
     ),
