@@ -26,7 +26,7 @@ def printable(text: str, kept: str = "") -> str:
 
 
 def rounded_up(number: float, digits: int) -> str:
-    """Returns a number with so many decimals that is not below it, as proved numbers are told.
+    """Returns a number with so many decimals that is not below it, as proved numbers are printed.
 
     What is above by no more than rounding of the last bits is not.
     """
