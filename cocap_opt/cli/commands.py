@@ -41,8 +41,7 @@ from cocap_opt.console.usage import usage_of
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
-from cocap_opt.run.options import UsageError
-from cocap_opt.text import meant
+from cocap_opt.run.options import Option, UsageError
 
 _MOST_PARAGRAPHS = 4  # of a command above its options, besides the example
 
@@ -172,7 +171,7 @@ def _reworded(error: Exception) -> str:
     """Returns this program's words for what Cyclopts refuses; empty for other errors."""
     if isinstance(error, UnknownCommandError) and error.app is not None and error.unused_tokens:
         known = [name for name in error.app if not name.startswith("-") and error.app[name].show]
-        return _not_among("COMMAND", known, error.unused_tokens[0])
+        return str(Option("COMMAND").not_among(error.unused_tokens[0], known))
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         given = " ".join(error.unused_tokens)
         return f"{given}: must be left out, for the command does not take it"
@@ -181,14 +180,9 @@ def _reworded(error: Exception) -> str:
     given, choices = error.token.value, [*map(str, get_args(error.target_type))]
     name = error.token.keyword or (error.argument.name if error.argument is not None else "")
     if name and get_origin(error.target_type) is Literal:
-        return _not_among(name, choices, given)
+        return str(Option(name).not_among(given, choices))
     allowed = {int: "a whole number", float: "a number"}.get(error.target_type or object)
     return f"{name}: must be {allowed}, not {given!r}" if allowed and name else ""
-
-
-def _not_among(name: str, known: Sequence[str], given: str) -> str:
-    """Returns words for a value that is none of those that are known."""
-    return f"{name}: must be one of {', '.join(known)}, not {given!r}{meant(given, known)}"
 
 
 class _Once(logging.Filter):

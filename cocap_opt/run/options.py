@@ -54,10 +54,15 @@ class Option(NamedTuple):
         """Refuses a value that is not among the allowed ones."""
         words = list(allowed)
         if value not in words:
-            raise UsageError(
-                f"{self.name}: must be one of {', '.join(words)}, not {value!r}"
-                f"{meant(str(value), words)}"
-            )
+            raise self.not_among(value, words)
+
+    def not_among(self, value: str, allowed: Iterable[str]) -> "UsageError":
+        """Returns the error about a value that is none of the allowed ones."""
+        words = list(allowed)
+        return UsageError(
+            f"{self.name}: must be one of {', '.join(words)}, not {value!r}"
+            f"{meant(str(value), words)}"
+        )
 
     def require_limit(self, value: object) -> float:
         """Returns a time limit in seconds as a plain float; infinite stands for none."""
