@@ -1,11 +1,15 @@
-"""Sums that are the same with every Python, whose own changed in 3.12, and numbers of spans."""
+"""Numbers that are the same on every machine, and numbers of spans.
+
+Python's own sum of floats changed in 3.12. NumPy's trigonometric functions differ in the last bit
+between processors with and without AVX-512, and so would scenes, and with them their digests.
+"""
 
 import math
 from collections.abc import Iterable
 
 import numpy as np
 
-from cocap_opt.data import IntArray
+from cocap_opt.data import FloatArray, IntArray
 
 
 def exact_sum(values: Iterable[float]) -> float:
@@ -15,6 +19,22 @@ def exact_sum(values: Iterable[float]) -> float:
         return math.fsum(values)
     except (OverflowError, ValueError):  # too large on the way, or of both infinities
         return math.inf if -math.inf not in values else math.nan
+
+
+def angles_of(y: FloatArray, x: FloatArray) -> FloatArray:
+    """Returns the angles [n] (radians, from -pi to pi) of vectors, as `numpy.arctan2` would."""
+    pairs = zip(y.tolist(), x.tolist(), strict=True)
+    return np.array([math.atan2(*pair) for pair in pairs], dtype=float)
+
+
+def cosines(angles: FloatArray) -> FloatArray:
+    """Returns the cosines [n] of angles (radians)."""
+    return np.array([math.cos(angle) for angle in angles.tolist()], dtype=float)
+
+
+def sines(angles: FloatArray) -> FloatArray:
+    """Returns the sines [n] of angles (radians)."""
+    return np.array([math.sin(angle) for angle in angles.tolist()], dtype=float)
 
 
 def spans(first: IntArray, counts: IntArray) -> IntArray:

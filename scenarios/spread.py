@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray, ProblemError, require, whole, within
 from cocap_opt.plausibility import buried
 from cocap_opt.problem import Actor
@@ -76,8 +77,8 @@ class _Walk(NamedTuple):
         then = self.speed * np.arange(horizon + 1.0) - self.late
         walked = np.column_stack([np.interp(then, known, column) for column in poses.T])
         before = _ground(workspace, walked)
-        walked[:, 0] -= self.left * np.sin(walked[:, 3])
-        walked[:, 1] += self.left * np.cos(walked[:, 3])
+        walked[:, 0] -= self.left * sines(walked[:, 3])
+        walked[:, 1] += self.left * cosines(walked[:, 3])
         walked[:, 2] += _ground(workspace, walked) - before
         return actor.replace(poses=walked)
 

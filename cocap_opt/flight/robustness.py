@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.flight.bernstein import parted
 from cocap_opt.flight.filming import Film, parts_of
@@ -209,8 +210,8 @@ def _moved(actor: Actor, left: float) -> Actor:
     if not left:
         return actor
     poses = actor.poses.copy()
-    poses[:, 0] -= left * np.sin(actor.poses[:, 3])
-    poses[:, 1] += left * np.cos(actor.poses[:, 3])
+    poses[:, 0] -= left * sines(actor.poses[:, 3])
+    poses[:, 1] += left * cosines(actor.poses[:, 3])
     return actor.replace(poses=poses)
 
 

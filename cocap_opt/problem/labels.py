@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray
 
 _WAYS = 16  # directions that are tried
@@ -31,7 +32,7 @@ def placed(
     taken : [k, 2, 2] mm, middle and size of what is on the map already and must not be hidden
     """
     angles = math.tau * np.arange(_WAYS) / _WAYS
-    ways = np.column_stack([np.cos(angles), np.sin(angles)])
+    ways = np.column_stack([cosines(angles), sines(angles)])
     boxes = [*taken]
     for point, size in zip(points, sizes, strict=True):
         reach = size / 2

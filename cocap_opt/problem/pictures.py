@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 
 import numpy as np
 
+from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem.cut_zones import CUT, cuts, draw_cuts
 from cocap_opt.problem.land_cover import Land, LandCover
@@ -446,7 +447,7 @@ def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) 
 
 def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:
     ax.plot(*flight[:, :2].T, color=colour, lw=1.8, zorder=4)
-    ticks = np.stack([np.cos(flight[:, 2]), np.sin(flight[:, 2])], axis=1) * TICK * cell
+    ticks = np.stack([cosines(flight[:, 2]), sines(flight[:, 2])], axis=1) * TICK * cell
     for (x, y, _), (dx, dy) in zip(flight.tolist(), ticks.tolist(), strict=True):
         ax.plot([x, x + dx], [y, y + dy], color=colour, lw=0.8, alpha=0.8, zorder=4)
     ax.plot(*flight[0, :2], marker="o", mfc="white", mec=colour, ms=_DISC + 1, zorder=6)

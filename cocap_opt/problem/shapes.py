@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import LARGEST, SMALLEST, Data, FloatArray, whole, within
 
 _BOX_FACES = ("front", "left", "back", "right", "top")
@@ -68,9 +69,10 @@ class Prism(Data, frozen=True, tag="prism"):
         Corners are counter-clockwise seen from outside.
         """
         corner = self.apothem / math.cos(math.pi / self.sides)
-        angles = 2 * math.pi / self.sides * (np.arange(self.sides) - 0.5)
+        angles: FloatArray = np.arange(self.sides, dtype=np.float64)
+        angles = 2 * math.pi / self.sides * (angles - 0.5)
         base = np.column_stack(
-            [corner * np.cos(angles), corner * np.sin(angles), np.zeros(self.sides)]
+            [corner * cosines(angles), corner * sines(angles), np.zeros(self.sides)]
         )
         return _prism_faces(base, self.height)
 

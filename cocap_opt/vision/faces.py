@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import SceneData, Shape
 from cocap_opt.vision.bodies import Bodies
@@ -311,7 +312,7 @@ class _Turned:
 
     def __init__(self, poses: FloatArray) -> None:
         self._places = poses[:, :3]
-        self._cosines, self._sines = np.cos(poses[:, 3]), np.sin(poses[:, 3])
+        self._cosines, self._sines = cosines(poses[:, 3]), sines(poses[:, 3])
 
     def ways(self, ways: FloatArray) -> FloatArray:
         """Returns vectors [.., 3], turned [L, .., 3]."""

@@ -3,6 +3,7 @@
 Each module has a dict `SCENES` of its scenes: functions from a seed to a Problem, by name.
 """
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -60,7 +61,7 @@ def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
         leg = int(np.searchsorted(corners, done, side="right")) - 1
         share = (done - corners[leg]) / lengths[leg]
         poses[t, :2] = points[leg] + share * legs[leg]
-        poses[t, 3] = np.arctan2(legs[leg][1], legs[leg][0])
+        poses[t, 3] = math.atan2(legs[leg][1], legs[leg][0])
     return Actor(poses=poses)
 
 

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import angles_of
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.problem import Actor, Motion, Problem, Robot, State
@@ -403,5 +404,5 @@ def _poses(walk: list[GridCell], steps: int) -> FloatArray:
     poses[:, :2] = cells[np.minimum(times, len(cells) - 1)] + 0.5
     if len(moves):  # having arrived, it keeps looking where it last went
         dx, dy = moves[np.minimum(times, len(moves) - 1)].T
-        poses[:, 3] = np.arctan2(dy, dx)
+        poses[:, 3] = angles_of(dy, dx)
     return poses

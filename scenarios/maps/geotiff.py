@@ -169,7 +169,7 @@ def _refuse_stretched(dataset: Any) -> None:
         return
     x, y = dataset.xy(dataset.height // 2, dataset.width // 2)
     east, north = _on_earth(dataset.crs, [x, x + APART, x], [y, y, y + APART])
-    lengths = np.hypot((east - east[0]) * np.cos(north[0]), north - north[0])[1:] * EARTH / APART
+    lengths = np.hypot((east - east[0]) * math.cos(north[0]), north - north[0])[1:] * EARTH / APART
     code = dataset.crs.to_epsg()
     if (np.abs(lengths - 1) <= STRETCH).all() and code != WEB_MERCATOR:
         return

@@ -12,6 +12,7 @@ import shapely
 from msgspec import Meta
 from shapely import Polygon
 
+from cocap_opt.arithmetic import angles_of
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import People, Window
@@ -380,7 +381,7 @@ class DronesTable(Table):
             near = far <= self.near
             free, ways = free[near], ways[near]
         order = rng.permutation(len(free))
-        yaws = np.arctan2(ways[order, 1], ways[order, 0]).tolist()
+        yaws = angles_of(ways[order, 1], ways[order, 0]).tolist()
         cells = free[order].tolist()
         return [
             State(x, y, 0, _heading(yaw, self.motion))

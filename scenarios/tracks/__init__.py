@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import angles_of
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
 from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
@@ -232,7 +233,7 @@ class Track(NamedTuple):
             return np.zeros(len(points))
         last = np.searchsorted(moving, np.arange(len(points)), side="right") - 1
         dx, dy = motion[moving[np.maximum(last, 0)]].T
-        yaw = np.arctan2(dy, dx)
+        yaw = angles_of(dy, dx)
         return np.where(yaw <= -math.pi, math.pi, yaw)
 
     def spans(self) -> list[tuple[float, float]]:
