@@ -537,31 +537,28 @@ class Cut:
     def _highest(self, sizes: dict[int, int]) -> int:
         """Returns the most that a root exceeds the phi, rounded up: it does so at breakpoints.
 
-        Drones are placed one by one. A root gains the less, the more is seen: what one more can
-        gain here bounds what any later one can gain.
+        Drones are placed one by one. A way to place some ends if another shows as many pixels for
+        no more. A root gains the less, the more is seen: a way ends, too, if what each later drone
+        would gain now does not bring it above the best.
         """
-        choices = [(up(r * r), down(v), k) for k, c in self.curves.items() for r, v in c[1:]]
-        best, left, looked_at = 0, dict(sizes), 0
-
-        def place(first: int, pixels: int, paid: int) -> None:
-            nonlocal best, looked_at
-            looked_at += 1
+        curves = [(k, [(up(r * r), down(v)) for r, v in c[1:]]) for k, c in self.curves.items()]
+        drones = [points for k, points in curves for _ in range(sizes[k])]
+        best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each way
+        for number, points in enumerate(drones, 1):
+            ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
+            looked_at += len(ways)
             require(looked_at <= MOST_CORNERS, "cut: it takes too long to find its constant")
-            here = root_up(pixels) - paid
-            best = max(best, here)
-            gains = {
-                n: root_up(pixels + p) - paid - v - here + 2
-                for n, (p, v, k) in enumerate(choices[first:], first)
-                if left[k]
-            }
-            others = (sum(left.values()) - 1) * max(gains.values(), default=0)
-            for n, gain in gains.items():
-                if here + gain + others > best:
-                    left[choices[n][2]] -= 1
-                    place(n, pixels + choices[n][0], paid + choices[n][1])
-                    left[choices[n][2]] += 1
-
-        place(0, 0, 0)
+            lowest, kept, later = math.inf, [], drones[number:]
+            for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
+                if paid < lowest:
+                    kept.append((pixels, paid))
+                    lowest, best = paid, max(best, root_up(pixels) - paid)
+            ways = []
+            for pixels, paid in kept:
+                here = root_up(pixels)
+                gains = [max(root_up(pixels + p) - here - v + 2 for p, v in ps) for ps in later]
+                if here - paid + sum(gain for gain in gains if gain > 0) > best:
+                    ways.append((pixels, paid))
         return best
 
     def phi(self, number: int, low: int) -> int:

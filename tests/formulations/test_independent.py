@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import itertools
 import json
 import re
 import subprocess
@@ -244,6 +245,40 @@ def test_what_is_unknown_in_a_plan_is_refused(folder: Path) -> None:
         assert answered(text, file | change, folder)[0] == 1
     file["plan"]["paths"][0][0][0] = True
     assert answered(text, file, folder) == (1, "refused: must be a whole number, not True")
+
+
+@st.composite
+def drawn_curves(draw: st.DrawFn) -> dict[int, list[tuple[int, int]]]:
+    """Roots and values of some classes, with values that fit the roots more or less."""
+    curves = {}
+    for number in range(draw(st.integers(1, 3))):
+        roots = sorted(draw(st.sets(st.integers(1, 30), min_size=1, max_size=3)))
+        curves[number] = [(root, draw(st.integers(0, root))) for root in roots]
+    return curves
+
+
+@examples(200)
+@given(drawn_curves(), st.lists(st.integers(0, 3), min_size=3, max_size=3))
+def test_the_constant_of_a_cut_is_that_of_its_highest_corner(
+    curves: dict[int, list[tuple[int, int]]], sizes: list[int]
+) -> None:
+    """Corners that are passed over hide none that is higher."""
+    assume(max(sizes[k] for k in curves))
+    known = instance(load_scene("tiny-approach", 0))
+    drawn = [
+        {"robot_class": k, "roots": [r for r, _ in curve], "values": [v for _, v in curve]}
+        for k, curve in curves.items()
+    ]
+    members = [[*range(size)] for size in sizes]
+    spec = {"t": 0, "face": 0, "share": 1.0, "curves": drawn}
+    cut = cocap_check.Cut(known, spec, members)
+    drones = [[(0, 0), *curve] for k, curve in curves.items() for _ in range(sizes[k])]
+    highest = max(
+        cocap_check.root_up(sum(r * r for r, _ in corner) << cocap_check.BITS)
+        - (sum(v for _, v in corner) << cocap_check.BITS)
+        for corner in itertools.product(*drones)
+    )
+    assert cut.constant == highest
 
 
 def test_a_cut_that_takes_too_long_is_refused() -> None:
