@@ -1529,10 +1529,12 @@ def cell_of(cell: Any) -> Ints:
     return tuple(cell) if len(cell) == 3 else (*cell, 0)
 
 
-def bound_of_file(instance: Instance, file: Spec) -> tuple[int | None, bool]:
+def bound_of_file(
+    instance: Instance, file: Spec, branches: int | None = None
+) -> tuple[int | None, bool]:
     """Returns the bound of a certificate or a proof, rounded up, and if a search is left out.
 
-    The bound is None where there is no plan.
+    The bound is None where there is no plan. Searches have so many branches at most.
     """
     only(file, FIELDS)
     require(file.get("classes", "alike") in ("alike", "single"), "classes: must be alike or single")
@@ -1543,7 +1545,7 @@ def bound_of_file(instance: Instance, file: Spec) -> tuple[int | None, bool]:
         numbers = file["certificate"]
         if numbers.get("type") == "staged":
             try:
-                return Staged(bound, numbers, MOST_BRANCHES).value, False
+                return Staged(bound, numbers, branches or MOST_BRANCHES).value, False
             except TooLong:
                 return bound.of(numbers["multipliers"]), True
         return bound.of(numbers), False
@@ -1597,14 +1599,14 @@ def kind_of(instance: Instance, document: Any) -> str:
     return kind
 
 
-def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
+def answer(instance: Instance, document: Spec, branches: int | None = None) -> tuple[str, bool]:
     """Returns the statement that a file proves, and if a part of its claim is not checked."""
     if kind_of(instance, document) == "cocap-opt plan":
         value = value_of_plan(instance, document)
         reward = number_of(document["reward"], "reward: ")
         require(value >= down(reward * ROUNDED), "reward: claims more than the plan has")
         return f"J of this plan is at least {told(value, -1)}", False
-    bound, is_part = bound_of_file(instance, document)
+    bound, is_part = bound_of_file(instance, document, branches)
     says = what_holds(bound)
     if is_part:
         return (
@@ -1639,7 +1641,7 @@ class WrongCall(Exception):  # noqa: N818
 
 
 HELP = """\
-usage: {name} INSTANCE [FILE]...
+usage: {name} [--branches N] INSTANCE [FILE]...
 
 Checks what plans, certificates and proofs claim of J, by whole numbers alone.
 
@@ -1647,6 +1649,9 @@ Checks what plans, certificates and proofs claim of J, by whole numbers alone.
             cocap-opt export SCENE -o scene.instance
   FILE      a plan, a certificate or a proof of that scene (JSON), as many as
             you like
+
+  --branches N  give up the searches of a file after N branches (default:
+                {branches:,}, which takes minutes); more take longer
 
 Prints a line for each FILE:
 
@@ -1662,10 +1667,17 @@ Exit codes:
      unknown content
   2  a wrong call, such as a missing file; nothing is checked
   3  a claim rests on a search that takes too long here: only its multipliers
-     are checked
+     are checked; --branches allows a longer one
 
 Example: {name} bottleneck.instance plan.json proof.json
 """
+
+
+def number_of_branches(word: str = "") -> int:
+    """Returns the number behind --branches."""
+    if not (word.isdecimal() and word.isascii() and len(word) < 19 and int(word)):
+        raise WrongCall(f"--branches: must be a whole number > 0, not {word or 'nothing'}")
+    return int(word)
 
 
 def content_of(name: str) -> bytes:
@@ -1732,9 +1744,14 @@ def main(arguments: list[str]) -> int:
     say = functools.partial(print, flush=True)
     command = "python cocap_check.py" if sys.argv[0].endswith(".py") else "cocap-check"
     if {"-h", "--help"} & {*arguments}:
-        say(HELP.format(name=command), end="")
+        say(HELP.format(name=command, branches=MOST_BRANCHES), end="")
         return 0
+    branches = None
     try:
+        if "--branches" in arguments:
+            at = arguments.index("--branches")
+            branches = number_of_branches(*arguments[at + 1 : at + 2])
+            arguments = arguments[:at] + arguments[at + 2 :]
         options = [name for name in arguments if name.startswith("-")]
         if options:
             words = f"no such option; a file of that name is ./{options[0]}"
@@ -1755,7 +1772,7 @@ def main(arguments: list[str]) -> int:
     say(f"instance of sha256 {instance.sha256}")
     for name, content in zip(arguments[1:], contents[1:], strict=True):
         try:
-            words, is_part = answer(instance, read_json(content))
+            words, is_part = answer(instance, read_json(content), branches)
             say(f"{name}: {words}")
             worst = worst or 3 * is_part
         except (Refused, *DAMAGED) as error:

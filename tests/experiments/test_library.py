@@ -203,7 +203,7 @@ def test_a_claim_that_rests_on_a_search_is_refused(
     """The checker's exit code 3 is no acceptance."""
     checker = tmp_path / "checker.py"
     says = "no plan has more than 1.000000, by its multipliers; .."
-    checker.write_text(f"import sys; print('instance'); print(f'{{sys.argv[2]}}: {says}'); exit(3)")
+    checker.write_text(f"import sys; print('instance'); print(f'{{sys.argv[4]}}: {says}'); exit(3)")
     monkeypatch.setattr("cocap_opt.experiments.library.judge._CHECKER", checker)
     with pytest.raises(FileError, match="rests on a search"):
         empty.submit(empty.folder / GOOD[1])

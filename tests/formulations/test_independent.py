@@ -200,8 +200,10 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cocap_check, "MOST_BRANCHES", 100)
         code, told = answered(text, file, folder)
-    assert code == 3
-    assert told.endswith("by its multipliers; its claim rests on a search that is too long here")
+        assert code == 3
+        assert told.endswith("multipliers; its claim rests on a search that is too long here")
+        paths = [str(folder / name) for name in ("a.instance", "a.json")]
+        assert cocap_check.main(["--branches", "100000", *paths]) == 0
 
 
 @pytest.mark.parametrize(
@@ -362,6 +364,9 @@ def test_lines_that_do_not_fit_are_named() -> None:
     [
         ([], "INSTANCE: name a file; "),
         (["--best"], "--best: no such option"),
+        (["--branches"], "--branches: must be a whole number > 0, not nothing"),
+        (["x.instance", "--branches", "-5"], "--branches: must be a whole number > 0, not -5"),
+        (["--branches", "9" * 5000, "x.instance"], "--branches: must be a whole number > 0, not"),
         (["x.instance", "none.json"], "none.json: no such file"),
         (["proof.json", "x.instance"], "proof.json: is a proof; name the .instance first"),
         (["text.sol", "proof.json"], "text.sol: is no instance; write one with cocap-opt export"),
@@ -409,7 +414,7 @@ def test_help_says_what_exit_codes_mean(capsys: pytest.CaptureFixture[str]) -> N
     """It names the command as it was called, and each code."""
     assert cocap_check.main(["x.instance", "--help"]) == 0
     text = capsys.readouterr().out
-    assert text.startswith("usage: cocap-check INSTANCE [FILE]...")
+    assert text.startswith("usage: cocap-check [--branches N] INSTANCE [FILE]...")
     assert all(f"\n  {code}  " in text for code in range(4))
 
 
