@@ -415,7 +415,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective = { pixels = true }"),
          "objective.pixels: must be a number, not true"),
         (("steps = 4", "steps = 4\nobjective.views = 2"),
-         "objective.views: must be .first. or an object with fields, cameras, weight, at_least, s"),
+         "objective.views: must be .first. or an object with fields .cameras, weight, at_least, s"),
         (("steps = 4", "steps = 4\nobjective.views = { camera = 2 }"),
          "objective.views: .* `camera`; did you mean cameras.; known are cameras, w"),
         (("steps = 4", "steps = 4\nobjective.views = { cameras = 0 }"),
