@@ -514,6 +514,36 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
 # -- certificates ---------------------------------------------------------------------------------
 
 
+def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], int]) -> int:
+    """Returns the most that a root, rounded up, exceeds what is paid: it does so at breakpoints.
+
+    Drones are placed one by one. A way to place some ends if another shows as many pixels for no
+    more. A root gains the less, the more is seen: a way ends, too, if what each later drone would
+    gain now does not bring it above the best.
+
+    Parameters
+    ----------
+    drones : of each its breakpoints, pixels and payment; there is one of (0, 0), too
+    """
+    best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each way
+    for number, points in enumerate(drones, 1):
+        ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
+        looked_at += len(ways)
+        require(looked_at <= MOST_CORNERS, "it takes too long to find its constant")
+        lowest, kept, later = math.inf, [], drones[number:]
+        for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
+            if paid < lowest:
+                kept.append((pixels, paid))
+                lowest, best = paid, max(best, root(pixels) - paid)
+        ways = []
+        for pixels, paid in kept:
+            here = root(pixels)
+            gains = [max(root(pixels + p) - here - v + 2 for p, v in points) for points in later]
+            if here - paid + sum(gain for gain in gains if gain > 0) > best:
+                ways.append((pixels, paid))
+    return best
+
+
 class Cut:
     """Functions phi of the root that a drone has of a group: root of all <= constant + sum phi."""
 
@@ -536,7 +566,11 @@ class Cut:
             slopes = [abs((b[1] - a[1]) / (b[0] - a[0])) for a, b in itertools.pairwise(points)]
             scaled = [(int(r * unit) << BITS, int(v * unit) << BITS) for r, v in points]
             self.lines[k] = math.ceil(max([Fraction(1), *slopes])), unit, scaled
-        self.constant = self._highest({k: len(members[k]) for k in self.curves})
+        self.constant = highest_corner([
+            [(up(r * r), down(v)) for r, v in curve[1:]]
+            for k, curve in self.curves.items()
+            for _ in members[k]
+        ], root_up)  # fmt: skip
 
     def _take_curve(self, curve: Spec, classes: int) -> None:
         """Takes the breakpoints of a class."""
@@ -552,33 +586,6 @@ class Cut:
         require(len(roots) == len(values), f"values: must be {len(roots)}, as many as roots")
         require(min(values) >= 0, "values: must be >= 0")
         self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
-
-    def _highest(self, sizes: dict[int, int]) -> int:
-        """Returns the most that a root exceeds the phi, rounded up: it does so at breakpoints.
-
-        Drones are placed one by one. A way to place some ends if another shows as many pixels for
-        no more. A root gains the less, the more is seen: a way ends, too, if what each later drone
-        would gain now does not bring it above the best.
-        """
-        curves = [(k, [(up(r * r), down(v)) for r, v in c[1:]]) for k, c in self.curves.items()]
-        drones = [points for k, points in curves for _ in range(sizes[k])]
-        best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each way
-        for number, points in enumerate(drones, 1):
-            ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
-            looked_at += len(ways)
-            require(looked_at <= MOST_CORNERS, "it takes too long to find its constant")
-            lowest, kept, later = math.inf, [], drones[number:]
-            for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
-                if paid < lowest:
-                    kept.append((pixels, paid))
-                    lowest, best = paid, max(best, root_up(pixels) - paid)
-            ways = []
-            for pixels, paid in kept:
-                here = root_up(pixels)
-                gains = [max(root_up(pixels + p) - here - v + 2 for p, v in ps) for ps in later]
-                if here - paid + sum(gain for gain in gains if gain > 0) > best:
-                    ways.append((pixels, paid))
-        return best
 
     def phi(self, number: int, low: int) -> int:
         """Returns phi of class `number` at a root between low and low + 1 (2^-64), rounded up."""
