@@ -18,7 +18,7 @@ _MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
 
 Start = Annotated[
     str | None,
-    Parameter(help="time of step 0, such as 2026-05-01T10:00:00Z; for formats with dates"),
+    Parameter(help="time of step 0, e.g. 2026-05-01T10:00:00Z; for formats with dates"),
 ]
 Every = Annotated[
     float | None,
@@ -34,8 +34,8 @@ StepSeconds = Annotated[
 Margin = Annotated[
     float | None,
     Parameter(
-        help="metres by which drones may come nearer to people than the scene's `people` and "
-        "`over_people`"
+        help="metres by which drones may come closer to people than the scene's `people` and "
+        "`over_people` allow"
     ),
 ]
 

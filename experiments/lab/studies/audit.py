@@ -66,10 +66,10 @@ def audit(
     *,
     scene: Scenes = None,
     views: Annotated[
-        int, Parameter(help="number of states with most pixels, and of random ones, to enclose")
+        int, Parameter(help="number of states with most pixels, and of random ones, to check")
     ] = 20_000,
     whole: Annotated[
-        int, Parameter(help="largest number of reachable states that are all enclosed")
+        int, Parameter(help="check all states of scenes with up to this many reachable states")
     ] = 400_000,
     out: Out = None,
 ) -> None:

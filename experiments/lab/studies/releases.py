@@ -114,7 +114,7 @@ class Release(NamedTuple):
 
 
 def releases(
-    version: Annotated[str, Parameter(help=f"such as 0.3.0, or {DEVELOPMENT}")],
+    version: Annotated[str, Parameter(help=f"version, e.g. 0.3.0, or {DEVELOPMENT}")],
     date: Annotated[str, Parameter(help="date of the tag or the results, e.g. 2026-11-26")],
     /,
     *,

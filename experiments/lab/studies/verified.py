@@ -75,7 +75,11 @@ def verified(
     program: Annotated[Path, Parameter(help="program cocap-check-verified, built by build.sh")],
     scene: Annotated[
         list[str] | None,
-        Parameter(negative="", consume_multiple=True, help=f"of {', '.join(_CLAIMS)}"),
+        Parameter(
+            negative="",
+            consume_multiple=True,
+            help=f"scenes, of {', '.join(_CLAIMS)} (default: all)",
+        ),
     ] = None,
     out: Out = None,
 ) -> None:

@@ -32,7 +32,7 @@ def flight(
     step: Annotated[
         float | None,
         positive_seconds(
-            help="seconds of a step, if the scene defines none; otherwise from PX4's limits"
+            help="seconds of a step, if the scene defines none (default: from PX4's limits)"
         ),
     ] = None,
     out: Out = None,

@@ -42,7 +42,7 @@ def quality(
     *,
     scene: Scenes = None,
     seeds: Seeds = "0-2",
-    draws: Annotated[int, Parameter(help="number of draws of noise for each joint")] = 20,
+    draws: Annotated[int, Parameter(help="number of noise samples for each joint")] = 20,
     limit: Seconds = 10.0,
     out: Out = None,
     stored: Annotated[

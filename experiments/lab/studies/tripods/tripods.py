@@ -115,13 +115,13 @@ class TripodRow(NamedTuple):
 def tripods(
     *,
     theirs: Annotated[
-        Path, Parameter(help="Python in which lab-camera-optimizer 1.2.1 is installed")
+        Path, Parameter(help="Python interpreter with lab-camera-optimizer 1.2.1 installed")
     ],
     room: Annotated[
         list[str] | None, Parameter(negative="", consume_multiple=True, help="rooms")
     ] = None,
     cameras: Annotated[str, Parameter(help="numbers of cameras")] = "2-8",
-    seen_by: Annotated[int, Parameter(help="number of cameras to see each point")] = 2,
+    seen_by: Annotated[int, Parameter(help="number of cameras that must see each point")] = 2,
     limit: Seconds = 20.0,
     out: Out = None,
 ) -> None:
