@@ -273,9 +273,9 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
     foreign = None if found else kind_of(path)
     if foreign is not None and foreign not in (JSON, WKT):  # of which the name says more
-        raise FileError(f"{path}: is no scene, but {foreign.name}; {foreign.way_out}")
+        raise FileError(f"{path}: is not a scene, but {foreign.name}; {foreign.way_out}")
     if found is None and (way := _WAYS_OUT.get(path.suffix.lower())):
-        raise FileError(f"{path}: is no scene; {way}")
+        raise FileError(f"{path}: is not a scene; {way}")
     if found is None:
         known = "; ".join(kind.description for kind in FORMATS.values())
         raise FileError(f"{path}: unknown kind of file, must be one of: {known}")

@@ -66,7 +66,7 @@ def gap(
     Raises
     ------
     TypeError
-        If the time limit is no number.
+        If the time limit is not a number.
     ValueError
         If
 
@@ -166,7 +166,7 @@ def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
 
 
 def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
-    """Returns seeds as plain numbers; refuses anything that is no seed."""
+    """Returns seeds as plain numbers; refuses anything that is not a seed."""
     from cocap_opt.run.options import Option
 
     if isinstance(seeds, str):

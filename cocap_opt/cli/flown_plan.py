@@ -142,6 +142,6 @@ def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> N
 
 
 def _require_spacing(every: float | None) -> None:
-    """Refuses rows that are no seconds apart."""
+    """Refuses rows that are not seconds apart."""
     if every is not None:
         Option("--every").require_duration(every)

@@ -100,7 +100,7 @@ def _show(
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if film.given and not is_film:
         raise UsageError(
-            f"{', '.join(film.given)}: must be left out for {suffix}, which is no film, as .webm is"
+            f"{', '.join(film.given)}: must be left out for {suffix}, not a film such as .webm"
         )
     if suffix != ".html" and not is_film and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
@@ -155,7 +155,7 @@ def _loaded(scene: str, seed: int, site: Site | None) -> Problem:
 def _show_site(
     scene: str, seed: int, site: Site, output: Path, heights: Sequence[float], json: bool
 ) -> int:
-    """Draws where the drones of a recipe may start, and says why it is no scene yet."""
+    """Draws where the drones of a recipe may start, and says why it is not a scene yet."""
     from cocap_opt.pictures.start_map import start_picture
 
     say_doubts(scene, seed, site.problem or site.scene)

@@ -115,7 +115,7 @@ class Changes(NamedTuple):
             yield f"any drone {lag:g} s late", robustness.with_laggard(lag)
 
     def _require(self, seconds: float) -> None:
-        """Refuses what is no change, or no small one."""
+        """Refuses values that are not changes, or too large."""
         for name, most, unit in (
             ("late", seconds, "s, as long as the flight"), ("aside", MOST_ASIDE, "m"),
             ("lag", seconds, "s, as long as the flight"),

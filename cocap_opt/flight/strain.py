@@ -53,7 +53,7 @@ class _Strain(NamedTuple):
 
     @property
     def step(self) -> float:
-        """Seconds of a step from which on the limit is kept."""
+        """Shortest step (s) that keeps the limit."""
         if self.kind == "acceleration":
             return math.sqrt(ACCELERATION * self.reach / self.limit)
         return RATE * self.reach / self.limit

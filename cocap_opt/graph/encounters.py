@@ -91,7 +91,7 @@ class Encounters:
         new = np.zeros(0, dtype=np.int64)
         for t in range(self._horizon, -1, -1):
             before = good.copy()
-            # There is a way back along every move; -1 is no place.
+            # There is a way back along every move; -1 is not a place.
             good[self.graph.neighbours(new)] = True
             good[near.get(t, new[:0])] = True
             new = np.flatnonzero(good[:-1] & ~before[:-1])

@@ -45,7 +45,7 @@ class RobotClass:
     def start_sets(self) -> list[tuple[IntArray, list[int]]]:
         """The different sets of starts, and the robots that have each.
 
-        Robots that start somewhere else are no multiples of each other, though they are of one
+        Robots that start somewhere else are not multiples of each other, though they are of one
         class: as if they might exchange their starts, a bound would be too high.
         """
         found: dict[bytes, tuple[IntArray, list[int]]] = {}

@@ -31,7 +31,7 @@ from cocap_opt.stop import Stop, never
 from cocap_opt.timing import timed
 
 # For each robot. Measured on passage, bottleneck, the tight scenes and merge, seeds 0 to 9: they
-# take 12 to 19 times the processor time of sequential planning.
+# take 12 to 19 times the CPU time of sequential planning.
 RESPONSES = 45
 
 

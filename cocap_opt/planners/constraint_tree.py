@@ -169,7 +169,7 @@ class ConstraintTree:
         }
 
 
-# Nodes generated from which on a spare plan costs little: it takes a path of each robot, and each
+# Generated nodes after which a spare plan costs little: it takes a path of each robot, and each
 # node has taken one, so that for 6 robots it is a tenth of the work before it.
 SPARE_FROM = 64
 FELL_BACK = "stopped: this is the plan of sequential planning"

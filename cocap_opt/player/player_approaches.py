@@ -92,7 +92,7 @@ class Approaches:
         """Returns when which two drones are nearest to each other; None if there are no two.
 
         `apart` is how far (m) in the flight that is shown, `straight` in straight lines from step
-        to step. `kept` is the distance (m) from which on nobody need worry, or `above` in
+        to step. `kept` is the distance (m) that needs no warning, or `above` in
         height: those of the scene's rules, or where these let bodies touch what scenes keep
         that are to be flown. `isKept` is true if they keep it, as plans without conflicts keep
         rules. `body` is how wide (m) drones are.

@@ -84,7 +84,7 @@ def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) 
         raise UsageError(f"{option.name}: {words}")
     value = several[0].value.partition("[")[0].strip()
     if not value.partition(":")[2]:
-        words = f"{_package(several[0])} offers {value!r}, which is no module:function"
+        words = f"{_package(several[0])} offers {value!r}, which is not a module:function"
         raise UsageError(f"{option.name}: {name}: {words}")
     return value
 

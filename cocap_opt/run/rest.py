@@ -82,7 +82,7 @@ class Rest(NamedTuple):
 
     @property
     def step(self) -> int:
-        """The step from which on it is the rest, k."""
+        """The step at which the rest begins, k."""
         return self.mission.horizon - self.scene.horizon
 
     def of_plan(self, plan: Plan) -> Plan:

@@ -50,7 +50,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     proves_itself: bool = False
 
     def __post_init__(self) -> None:
-        """Makes plain numbers of NumPy's, and raises UsageError for what is no limit."""
+        """Makes plain numbers of NumPy's, and raises UsageError for what is not a limit."""
         for name in ("time_limit", "bound_time_limit"):
             seconds = Option(name).require_seconds(getattr(self, name))
             msgspec.structs.force_setattr(self, name, seconds)

@@ -96,7 +96,7 @@ class TeamRow:
 
     @property
     def failed(self) -> bool:
-        """A computation has ended by an error, which is no result."""
+        """A computation has ended by an error, which is not a result."""
         return ERROR in (self.reason, self.reason_seen)
 
     @property

@@ -184,7 +184,7 @@ class Prism(NamedTuple):
         corners = mesh["vertices"]
         used = {int(k) for triangle in mesh["triangles"] for k in triangle}
         levels = sorted({corners[k][2] for k in used})
-        refusal = UnknownError(f"{noun} that are no upright prisms")
+        refusal = UnknownError(f"{noun} that are not upright prisms")
         if len(levels) != 2:
             raise refusal
         tops, bottoms = list[_Triangle](), list[_Triangle]()

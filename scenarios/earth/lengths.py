@@ -74,7 +74,7 @@ def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> fl
     """Returns the metres in one unit of heights: as the file states, or else the recipe, or 1.
 
     Feet of the recipe are US survey feet where the file says so. Where the file alone says that
-    heights are no metres, a message says so.
+    heights are not metres, a message says so.
 
     Raises
     ------

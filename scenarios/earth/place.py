@@ -183,7 +183,7 @@ def _require_system(earth: Earth, corner: Place) -> None:
 def require_likely(earth: Earth, height_map: HeightMap) -> None:
     """Refuses a place where a map can hardly be, and warns of one where it seldom is.
 
-    Maps whose x and y are no coordinates of the system come to lie at its origin.
+    Maps whose x and y are not coordinates of the system come to lie at its origin.
 
     Raises
     ------

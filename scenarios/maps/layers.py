@@ -40,7 +40,7 @@ class LayerTable(Table):
     heights: Literal["above-ground", "absolute"] = "above-ground"
     band: int | None = None
     nodata: float | None = None
-    lowest: Size = 0.0  # m above the ground; what is lower is no obstacle
+    lowest: Size = 0.0  # m above the ground; what is lower is not an obstacle
     trunks: Length | None = None  # m above the ground, up to which crowns leave room; None: none
 
     def onto(self, terrain: Terrain, folder: Path) -> Layered:

@@ -70,7 +70,7 @@ class Layout(NamedTuple):
         Raises
         ------
         ProblemError
-            If the axes are out of range, the window is no rectangle or misses the raster, or the
+            If the axes are out of range, the window is not a rectangle or misses the raster, or the
             cells are more than can be read.
         """
         self._require_room()

@@ -30,7 +30,7 @@ def read_stl(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If it is cut off, or is no STL.
+        If it is cut off, or is not STL.
     """
     content = path.read_bytes()
     declared = int.from_bytes(content[_HEAD - 4 : _HEAD], "little")

@@ -93,7 +93,7 @@ class _AreaTable(Table):
         Raises
         ------
         ProblemError
-            If it is no polygon, no cell's middle lies in it, or drones have no such layer or
+            If it is not a polygon, no cell's middle lies in it, or drones have no such layer or
             heading.
         """
         cells = None

@@ -36,7 +36,7 @@ IMPOSSIBLE = 100.0  # m/s; above it a unit, a frame rate or a step is wrong
 Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
 
 _REACH = 100.0  # m off the map; nobody farther away is filmed from above it
-_MOSTLY = 0.5  # of all ways between rows, from which on rows are too far apart for anything
+_MOSTLY = 0.5  # of all ways between rows; if more are long, rows are too far apart for anything
 _LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
 _LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
 

@@ -40,7 +40,7 @@ class AirspaceTable(Table):
 
     ceiling: Coordinate | None = None  # m, as layers are; None: there is none
     people: Size = 0.0  # m, seen from above
-    over_people: Size | None = None  # m above heads from which on they may; None: they may not
+    over_people: Size | None = None  # m above heads at which they may; None: they may not
 
     def airspace(self, zones: tuple[NoFlyTable, ...]) -> Airspace:
         """Returns the limits of where drones may fly."""

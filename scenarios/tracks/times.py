@@ -154,9 +154,9 @@ def likely_unit(apart: float) -> str | None:
 
 
 def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> str:
-    """Says which unit times may have that are no seconds."""
+    """Says which unit times may have that are not seconds."""
     value = float(values[np.argmax(np.abs(values))])
-    words = f"time: {value:.16g} {unit or 's'} is no time of a clock"
+    words = f"time: {value:.16g} {unit or 's'} is not a time of a clock"
     likely = [
         other
         for other, per_second in PER_SECOND.items()

@@ -115,7 +115,7 @@ def test_lines_and_points_are_left_out_and_said(
 ) -> None:
     """They are no surfaces; a file of nothing else is refused."""
     shape(saved(tmp_path, "a.obj", OBJ + "p 1 2\nl 1 2\nl 3 4\n"))
-    assert "1 points, 2 lines are no surfaces and are left out" in caplog.text
+    assert "1 points, 2 lines are not surfaces and are left out" in caplog.text
     with pytest.raises(ProblemError, match="must hold at least one triangle"):
         shape(saved(tmp_path, "b.obj", rows(BOX, "v ") + "l 1 2 3\n"))
 

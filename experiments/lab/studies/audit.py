@@ -34,7 +34,7 @@ class AuditedScene(NamedTuple):
     different: int  # facts and numbers that are not the scene's
     wide_share: float  # of the widest enclosure of the others, as a share
     wide_pixels: float  # px/m2
-    seconds: float  # of processor time, for the audit alone
+    seconds: float  # of CPU time, for the audit alone
 
     @classmethod
     def of(cls, name: str, views: int, whole: int) -> "AuditedScene":

@@ -23,7 +23,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
 
 INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral
-_LEAST_SEEN = 1e-7  # of a robot, from which on a column counts in what a mixture sees
+_LEAST_SEEN = 1e-7  # of a robot; smaller amounts of a column see nothing
 
 
 def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:

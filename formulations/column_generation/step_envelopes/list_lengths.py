@@ -20,7 +20,7 @@ class ListLengths:
     steps : number of steps that have a list
     parameters : how long lists are
     widening : times as much slack as the first lists': that of the present ones
-    long_search : number of nodes from which on a search is long
+    long_search : number of nodes above which a search is long
     """
 
     steps: int
