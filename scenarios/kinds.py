@@ -42,8 +42,8 @@ class Kind(NamedTuple):
 
 
 GPX = Kind("GPX", "it is for people, under [[tracks]] of a recipe")
-SQLITE = Kind("an SQLite database", "one from JuPedSim is for people, under [[tracks]] of a recipe; "
-              "export others as tables")  # fmt: skip
+SQLITE = Kind("an SQLite database", "one from JuPedSim is for people, under [[tracks]] of a "
+              "recipe; export others as tables")  # fmt: skip
 JSON = Kind("JSON", "walls in JSON or GeoJSON are for [[walls]] of a recipe; people are a table "
             "with the columns id, time, x and y")  # fmt: skip
 WKT = Kind("WKT", f"name it under [[walls]] {_IN_A_RECIPE}")
@@ -203,7 +203,7 @@ _ROOTS = {  # of XML, by their names without a prefix, in small letters
     "featurecollection": Kind("GML", _WALLS),
     "svg": Kind("an SVG image", _PICTURE),
     "html": Kind("HTML, a web page instead of the file", "download the file again"),
-    "fcd-export": Kind("SUMO XML", "convert it to a table with SUMO's xml2csv.py; name its columns"),
+    "fcd-export": Kind("SUMO XML", "convert it to a table with xml2csv.py, and name its columns"),
     "geometry": Kind("a ground plan in XML", "write it as JSON or WKT, for [[walls]]"),
 }  # fmt: skip
 _XML = Kind("XML", f"write a ground plan as JSON or WKT, for [[walls]]; {_PEOPLE}, for [[tracks]]")

@@ -144,7 +144,7 @@ def drawn_takes(
         more = f" and {len(stuck) - 1} more" if len(stuck) > 1 else ""
         log.warning(
             "takes: %s%s walk as given: %d draws led into an obstacle, off the map, into "
-            "somebody or too near to a drone's start; a smaller spread has room",
+            "somebody or too close to a drone's start; use a smaller spread",
             stuck[0], more, _TRIES,
         )  # fmt: skip
     numbers, drawn = zip(*fixed, *people, strict=True)

@@ -164,8 +164,8 @@ def takes(
 
     In the first take people walk as given. In each of the others every person is late or early,
     walks to one side, and is slower or faster, by amounts drawn from normal distributions. A draw
-    that leads into an obstacle, off the map, into another person of the same take, or too near to a
-    drone's fixed start is repeated; a person for whom 50 draws fail walks as given, and a warning
+    that leads into an obstacle, off the map, into another person of the same take, or too close to
+    a drone's fixed start is repeated; a person for whom 50 draws fail walks as given, and a warning
     says so. People hide only people of the same take. J becomes the mean over the takes, and plans
     keep away from the people of all of them.
 

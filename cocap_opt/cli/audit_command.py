@@ -86,7 +86,7 @@ def _audit(
         try:
             audit = audited(problem, text, paths, views, draw, watch.counter("state enclosed"))
         except UnknownError as error:
-            raise UsageError(f"SCENE: the audit does not know {error}") from error
+            raise UsageError(f"SCENE: the audit does not support {error}") from error
         except FormatError as error:
             raise FileError(f"{instance}: {error}") from error
         except ImportError as error:
@@ -173,7 +173,7 @@ def _told(audit: Audit) -> Record:
     found["agrees"] = not audit.differences and not (coverage and coverage.differences)
     words = ["coverage was left out"] if coverage is None else []
     if _is_open(audit):
-        words.append("of what is undecided nothing is said")
+        words.append("undecided numbers may be right or wrong")
     if words:
         found["message"] = "; ".join(words)
     return found

@@ -235,7 +235,7 @@ def _told(program: "ModelFile") -> Record:
     words = [program.told_tangents] if program.has_tangents else []
     views = program.problem.objective.views
     if views is not None and views.share is not None:
-        words.append("that plans are to keep a share of all views is not in the file")
+        words.append("the file does not contain the share of views that plans must keep")
     return {
         "variables": len(program.variables),
         "integers": program.program.n_integral,

@@ -59,7 +59,7 @@ class FlightOptions:
         Raises
         ------
         ProblemError
-            If it breaks a rule or cannot be flown; one line, with what would do.
+            If it breaks a rule or cannot be flown; one line, with a remedy.
         """
         flown_in = self._scene(problem)
         try:
@@ -68,7 +68,7 @@ class FlightOptions:
             ways = [
                 f"set {_longer(problem, error.any_plan)} in the scene's recipe and plan again"
                 if self.step is None
-                else f"--step {error.step:g} would do"
+                else f"use --step {error.step:g}"
             ]
             if self.smooth and self.margin is None:
                 ways += _margins_that_do(flown_in.problem, plan)

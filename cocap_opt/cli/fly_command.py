@@ -139,12 +139,12 @@ def _fly(
 
 
 def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[Note]:
-    """Yields what ways from and to home are, and that missions do not hold them."""
+    """Yields what flights from and to home are, and that missions do not contain them."""
     if parts:
         yield Note(NOTE)
         if FORMATS[suffix].takes_off:
             yield Note(
-                f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
+                f"{suffix} contains no flights from and to home: see the sheet (.pdf) or --json; "
                 "missions take off and land straight below their first and last places"
             )
 
@@ -180,7 +180,8 @@ def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[Note
     names = (path.name for path in output.parent.iterdir() if path not in files)
     if strays := sorted(name for name in names if pattern.fullmatch(name)):
         yield Note(
-            f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
+            f"files of another flight, not written now: {', '.join(strays)}; do not fly them "
+            "together"
         )
 
 

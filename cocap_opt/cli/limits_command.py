@@ -80,13 +80,13 @@ def _limits(
             gap = told_gap(lost / bound if bound else 0.0)
             this = f"is below the best by {gap}"
             if is_attained(bound, reward):
-                this = "is a best one"
+                this = "is optimal"
             notes.append(
-                f"certified: with all moves of the recipe {most}; this one, with J {reward:,.2f}, "
-                f"{this}"
+                f"certified: with all moves of the recipe {most}; this plan, with J "
+                f"{reward:,.2f}, {this}"
             )
         else:
-            notes.append("no bound was found in time; a longer --time-limit may give one")
+            notes.append("no bound was found in time; try a longer --time-limit")
     if json:
         print_result({**answer, "drones": rows, "notes": notes}, json)
     else:

@@ -99,7 +99,7 @@ class RestOptions:
             raise UsageError("--certificate: must be left out where --bound-limit is 0")
         if self.without and output is not None:
             raise UsageError(
-                "-o: must be left out with --without, for a whole plan has all drones; "
+                "-o: must be left out with --without, as a whole plan has all drones; "
                 "--rest-scene and --rest-plan write the rest of the others"
             )
         written = {

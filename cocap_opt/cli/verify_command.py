@@ -227,8 +227,8 @@ def _weight(value: object) -> str:
     weights = value.weights(1)
     least, most = f"{min(weights, default=0.0):g}", f"{max(weights, default=0.0):g}"
     return (
-        f"of weight {least if least == most else f'{least} to {most}'}, up to {value.cameras} of a "
-        f"person, from {100 * value.at_least:g} % of them on"
+        f"of weight {least if least == most else f'{least} to {most}'}, up to {value.cameras} per "
+        f"person, each of at least {100 * value.at_least:g} % of them"
     )
 
 

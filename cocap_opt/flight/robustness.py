@@ -36,7 +36,7 @@ class Outcome(NamedTuple):
     reward : part of J that views make
     apart : m, least distance between two drones; inf for one drone
     aside : m, least distance between a drone and the middle of a person, seen from above
-    missing : m, by which drones come nearer than the rules allow, to "drones" and to "people";
+    missing : m, by which drones come closer than the rules allow, to "drones" and to "people";
         without those to whom they come no nearer
     """
 
@@ -47,7 +47,7 @@ class Outcome(NamedTuple):
 
     @property
     def too_near(self) -> frozenset[str]:
-        """To whom drones come nearer than the rules allow: to "drones", to "people"."""
+        """To whom drones come closer than the rules allow: to "drones", to "people"."""
         return frozenset(self.missing)
 
 

@@ -141,7 +141,7 @@ class TimeGraph:
         return places, np.where(is_hidden, places, heads), is_hidden
 
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
-        """Returns charges that close all places and moves that are too near to somebody."""
+        """Returns charges that close all places and moves that are too close to somebody."""
         places, moves = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3), np.int64)]
         airspace, resolution = people.airspace, height_map.resolution
         for actor, t in product(people.actors, range(people.horizon + 1)):

@@ -200,7 +200,7 @@ _PLANNED = Note(
 def _lens(number: int, camera: object) -> Camera:
     """Returns a drone's camera, if it makes pictures."""
     if not isinstance(camera, Camera):
-        words = "must be a pinhole camera, for a cone has no intrinsics that could be written"
+        words = "must be a pinhole camera, as a cone has no intrinsics"
         raise FieldError(f"robots[{number}].camera", words)
     return camera
 

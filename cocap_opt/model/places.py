@@ -134,7 +134,7 @@ class Places:
     def moves_through(
         self, robot_class: RobotClass, meeting: Meeting, move: tuple[Cell, Cell]
     ) -> tuple[IntArray, FloatArray]:
-        """Returns the moves of a class that pass nearer to a point than half the separation.
+        """Returns the moves of a class that pass closer to a point than half the separation.
 
         Parameters
         ----------

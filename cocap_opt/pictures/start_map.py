@@ -37,7 +37,7 @@ REFUSED = "#b00020"
 _WORDS = {
     FREE: "free",
     ABOVE: "free, above something",
-    PEOPLE: "too near to people at step 0",
+    PEOPLE: "too close to people at step 0",
     CLOSED: "no-fly zone or ceiling",
     BLOCKED: "blocked",
 }

@@ -42,7 +42,7 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
     Parameters
     ----------
     responses : number of paths per robot that the search computes before it ends; more take longer
-        and come nearer to the optimum
+        and come closer to the optimum
 
     Returns
     -------

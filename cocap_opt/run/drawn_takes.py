@@ -60,7 +60,7 @@ def _with_chances(
 
 
 def _at_a_start(problem: Problem, actor: Actor) -> bool:
-    """Returns True if a person is too near at step 0 to a drone that can start nowhere else."""
+    """Returns True if a person is too close at step 0 to a drone that can start nowhere else."""
     return any(
         bool(problem.airspace.near_person(actor, 0, problem.where(robot, [robot.start])).any())
         for robot in problem.robots

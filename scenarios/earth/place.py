@@ -90,7 +90,7 @@ def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:
     south, west = (math.floor(1e4 * float(values.min())) / 1e4 for values in (latitude, longitude))
     west = (west + 180) % 360 - 180
     return (
-        f"latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: crs "
+        "latitude, longitude: need [earth] in the recipe to be converted to metres: crs "
         f'= "{utm(west, south)}", latitude = {south:.4f} and longitude = {west:.4f} there say '
         "where x = 0, y = 0 is; or write metres of a projection"
     )

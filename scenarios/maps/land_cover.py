@@ -86,7 +86,7 @@ class LandCoverTable(Table):
             more = ", .." if len(others) > _MOST_TOLD else ""
             log.warning(
                 "%s: areas whose property %s is none of %s are drawn as other: %s%s; "
-                "kinds = { WORD = \"green\" } in [[land_cover]] says what they are",
+                "translate them with kinds = { WORD = \"green\" } in [[land_cover]]",
                 self.file, self.property, ", ".join(LANDS), told, more,
             )  # fmt: skip
 

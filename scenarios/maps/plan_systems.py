@@ -23,7 +23,7 @@ from cocap_opt.text import pair
 
 DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
 MERCATOR = ("3857", "900913")
-SAYS_LENGTHS = 'unit = "m" in [[walls]] says that they are metres'
+SAYS_LENGTHS = 'unit = "m" in [[walls]] means that they are metres'
 _DIGITS = 9  # of a code, more than any has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
@@ -90,7 +90,7 @@ def in_metres(
     """
     if stated.is_one_of(DEGREES):
         if unit is not None:
-            raise ProblemError("unit: must be left out, for the coordinates are degrees")
+            raise ProblemError("unit: must be left out, as the coordinates are degrees")
         return _of_degrees(polygons, projection, "")
     if not stated.is_silent:
         _require_system(stated, polygons, unit, projection)
@@ -248,8 +248,8 @@ def _way_out(polygons: Sequence[Polygon], scene: str | None) -> str:
     system = scene
     if system is None and x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:
         system = utm((x0 + x1) / 2, (y0 + y1) / 2)
-    zone = "" if system else ", ZZ the zone of UTM, in the south EPSG:327ZZ"
+    zone = "" if system else ", ZZ being the UTM zone (EPSG:327ZZ in the south)"
     return (
-        f"`ogr2ogr -t_srs {short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson` writes "
-        f"the file OLD.geojson in metres{zone}"
+        "convert it to metres with `ogr2ogr -t_srs "
+        f"{short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson`{zone}"
     )

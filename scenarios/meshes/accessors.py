@@ -228,7 +228,7 @@ class Accessors:
         if uri is None:
             if index != 0 or self._rest is None:
                 raise ProblemError(
-                    f"buffers[{index}]: must have a uri, for no bytes follow the JSON"
+                    f"buffers[{index}]: must have a uri, as no bytes follow the JSON"
                 )
             return self._rest
         if uri.startswith("data:"):

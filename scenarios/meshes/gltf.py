@@ -264,7 +264,7 @@ class _Reader:
             )
         if node.extensions.get(_HIDDEN) == {"visible": False}:
             _log.warning(
-                "%s: nodes[%d] is hidden by %s, and stands in the scene all the same",
+                "%s: nodes[%d] is hidden by %s, but is part of the scene all the same",
                 self._path, index, _HIDDEN,
             )  # fmt: skip
         mesh = item(self._model.meshes, node.mesh, "meshes")

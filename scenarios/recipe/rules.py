@@ -59,7 +59,7 @@ class AirspaceTable(Table):
 
 
 class RulesTable(Table):
-    """The collision rules of a scene that is to be flown: drones are never nearer than that."""
+    """The collision rules of a scene that is to be flown: drones are never closer than that."""
 
     vertex: bool = True
     swap: bool = True

@@ -1580,7 +1580,7 @@ def test_python_runs_the_module_as_the_command() -> None:
         (("bound", "corridor", "--method", "alon"), "--method: must be one of alone, .*; did you"),
         (("figure", "gap"), "COMMAND: must be one of gaps, .*, not 'gap'; did you mean gaps"),
         (("slve",), "COMMAND: must be one of scenes, .*, not 'slve'; did you mean solve"),
-        (("compile", "more"), "more: must be left out, for the command does not take it"),
+        (("compile", "more"), "more: must be left out, as the command does not take it"),
         (("plan", "corridor", "--seed", "-1"), "--seed: .* from 0 to 9,000,000,000,000,000, not"),
     ],
 )

@@ -234,7 +234,7 @@ def _apart(
 def test_the_crew_is_warned_of_drones_that_meet_as_they_land(
     ends: tuple[tuple[int, int], ...], told: str, on_card: str
 ) -> None:
-    """Above each other, or nearer than the separation below their last places, and who they are."""
+    """Above each other, or closer than the separation below their last places, and who they are."""
     flight = _apart(co.CollisionRules(separation=3.0), *ends)
     assert framed(flight) == ([f"ATTENTION: {told}."] if told else [])
     assert not any("ATTENTION" in what for what in order_of(flight))

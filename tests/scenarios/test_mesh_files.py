@@ -543,7 +543,7 @@ def test_an_stl_is_the_same_box_however_it_is_written(tmp_path: Path, content: b
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (stl(CORNERS)[:-50], r"must have 684 bytes, for it declares 12 triangles, but has 634"),
+        (stl(CORNERS)[:-50], r"must have 684 bytes, as it declares 12 triangles, but has 634"),
         (stl(CORNERS) + b"x", r"must have 684 bytes"),
         (stl_text(CORNERS)[:-17].encode(), r"ends before its `endsolid`"),
         (stl_text(CORNERS).replace("vertex", "point", 1).encode(), r"line 4: must be a statement"),

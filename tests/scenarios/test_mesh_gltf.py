@@ -382,7 +382,7 @@ def test_buffers_are_regular_files_beside_the_mesh(tmp_path: Path) -> None:
     os.mkfifo(inner / "pipe.bin")
     (tmp_path / "out.bin").write_bytes(made.bytes)
     for uri in ("pipe.bin", "../out.bin", (tmp_path / "out.bin").as_uri(), "%2E%2E/out.bin"):
-        with pytest.raises(ProblemError, match="no file .* beside it"):
+        with pytest.raises(ProblemError, match=r"no file .* beside it"):
             shape(inner, made.gltf(uri), "a.gltf")
 
 

@@ -499,8 +499,8 @@ def test_what_cannot_be_loaded_is_said_in_one_line(
         ("plan.wkt", "POLYGON ((0 0, 1 0, 1 1, 0 0))", "is not a scene; it may be walls"),
         ("city.json", '{"type": "CityJSON", "version": "2.0"}', "is CityJSON, .* to .obj"),
         ("geometry.json", '{"a": {"walkable": []}}', "is a ground plan in JSON, .* [[walls]]"),
-        ("empty.json", " \n", "is empty, and so no scene"),
-        ("empty.toml", "", "is empty, and so no scene"),
+        ("empty.json", " \n", "is empty"),
+        ("empty.toml", "", "is empty"),
         ("other.json", "[1]", "is JSON, but no scene: .* `cocap-opt export`"),
         ("other.json", '{"x": 1}', "is JSON, but no scene"),
         (

@@ -47,7 +47,7 @@ def flight(
     numbers = Option("--seeds").numbers(seeds)
     if stored and scenes:
         raise UsageError(
-            "--stored: must be given without scenes, for it takes those that are stored"
+            "--stored: must be given without scenes, as it prints those that are stored"
         )
     chosen = scenes or _SCENES
     tell(stored_flights() if stored else _simulated(chosen, numbers, winds, step, out), out)
