@@ -112,7 +112,7 @@ def drawn_takes(
     step : s of a step; None if unknown
     spread : standard deviations
     count : number of takes, the first included
-    varied : numbers of the people who may walk otherwise; None: all. The others are in all takes
+    varied : numbers of the people who may walk differently; None: all. The others are in all takes
     barred : tells that a person must not walk so
 
     Raises

@@ -89,7 +89,7 @@ def _fly(
     A smooth flight that comes too close to people is rejected; the message tells you how much extra
     distance to plan with and which --margin to fly with.
 
-    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
+    Waypoint missions, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
     --autopilot) and .waypoints (for ArduPilot). The file name includes the autopilot, the only one
     that the file is for.
     Synchronised flights: .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).

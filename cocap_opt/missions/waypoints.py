@@ -1,4 +1,4 @@
-"""Missions of waypoints: what an autopilot of MAVLink flies alone, item by item.
+"""Waypoint missions: what an autopilot of MAVLink flies alone, item by item.
 
 A drone takes off, goes to its start, waits there (MAV_CMD_NAV_DELAY), and then flies each leg of
 its plan in the time that the plan has for it, by the rules of its autopilot (`autopilots`). Nothing

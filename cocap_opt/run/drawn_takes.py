@@ -1,4 +1,4 @@
-"""A problem whose people walk otherwise in takes that are drawn."""
+"""A problem whose people walk differently in takes that are drawn."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ def with_drawn_takes(
     spread : standard deviations of delays, shifts and speeds
     seed : of the draws
     probabilities : of the takes; None: all equal
-    people : numbers of those who may walk otherwise; None: all
+    people : numbers of those who may walk differently; None: all
 
     Raises
     ------

@@ -54,7 +54,7 @@ class Rest(NamedTuple):
 
         Parameters
         ----------
-        mission : the whole scene; its people may walk otherwise than those that the plan is for
+        mission : the whole scene; its people may walk differently than those that the plan is for
         plan : of which the first steps are flown; what comes after them is not looked at
         step : k, from 1 to T - 1
         lost : numbers of the drones that are lost at step k

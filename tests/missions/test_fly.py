@@ -124,7 +124,7 @@ def test_lines_between_rows_are_told(
     assert far == [[], [pytest.approx(off, rel=0.1)]]
     assert off > 0.01
     told = " ".join(Run(capsys, "fly", "--help").out.split())
-    assert "Wind, deviations from the planned flight, and" in told
+    assert "Wind, deviations from the planned flight, take-off" in told
 
 
 def beside_somebody() -> tuple[co.Problem, co.Plan]:
@@ -342,7 +342,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     assert run.code == 0 and note in run.json["notes"]
     for wrong in (-0.1, 2.99, 2.99 - 1e-9, "nan"):
         run = Run(capsys, "fly", scene, file, "-o", out, "--margin", wrong)
-        assert run.code == 2 and "--margin: must be from 0 m to less than" in run.err
+        assert run.code == 2 and "--margin: must be at least 0 m and less than" in run.err
         assert "people_aside" not in run.err
     over = problem.replace(airspace=co.Airspace(people_aside=2.99, people_above=3.0))
     co.save(scene, over)
@@ -373,7 +373,7 @@ def test_a_margin_of_the_face_is_that_of_the_command(
     assert changed.rules[0] == "kept"
     for function in (co.trajectory, co.robustness):
         for wrong in (-0.1, 2.99, float("nan")):
-            with pytest.raises(ValueError, match="margin: must be from 0 m to less than"):
+            with pytest.raises(ValueError, match="margin: must be at least 0 m and less than"):
                 function(problem, plan, margin=wrong)
         with pytest.raises(TypeError, match="margin: must be a number of metres"):
             function(problem, plan, margin="wide")

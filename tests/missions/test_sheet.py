@@ -323,7 +323,7 @@ def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     printed = " ".join(" ".join(texts).split())
     assert not any(words in printed for words in (*remedies, "eight datum unknown"))
     assert "which is z = 0 of the map." in printed
-    assert "how near a late drone comes to them was not checked." in printed
+    assert "how close a late drone comes to them was not checked." in printed
 
 
 def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:

@@ -1,4 +1,4 @@
-"""Recipes whose people may walk otherwise: takes that are said, and takes that are drawn."""
+"""Recipes whose people may walk differently: takes that are said, and takes that are drawn."""
 
 from pathlib import Path
 
