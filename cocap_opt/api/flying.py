@@ -41,7 +41,7 @@ def trajectory(
     step : seconds per step, if the problem does not define it
     margin : m by which drones may be closer to people than the problem says, sideways and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
-    every : seconds between rows; if not given, one row per step, or ten for smooth flights
+    every : seconds between rows (default: one row per step, or ten for smooth flights)
     hovering : also accept a plan in which no drone moves, which is otherwise refused
 
     Returns

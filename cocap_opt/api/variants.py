@@ -175,8 +175,8 @@ def takes(
     count : number of takes, the first included, 2 to 100
     delay, aside, speed : standard deviations: in s, in m, and as a share of the speed
     seed : of the draws
-    probabilities : of the takes, which sum to 1; all equal if not given
-    people : numbers of the people who may walk differently; all if not given. The others walk as
+    probabilities : of the takes, which sum to 1 (default: all equal)
+    people : numbers of the people who may walk differently (default: all). The others walk as
         given in all takes
 
     Returns

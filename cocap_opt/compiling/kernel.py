@@ -67,7 +67,7 @@ class Kernel:
         Parameters
         ----------
         work : s that it would take by NumPy's way
-        stop : stopping criterion, which ends compiling; if not given, nothing is compiled
+        stop : stopping criterion, which ends compiling; if None, nothing is compiled
 
         Raises
         ------

@@ -220,7 +220,7 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
 
 
 def other_coverage(version: int | None) -> str:
-    """Says that a file was made with another version of coverage; nothing if nobody knows it."""
+    """Says that a file was made with another version of coverage; empty if unknown."""
     if version in (None, COVERAGE_VERSION):
         return ""
     return (

@@ -1,4 +1,4 @@
-"""The scene that a plan is flown in: how long a step lasts, how near to people drones may be."""
+"""The scene that a plan is flown in: how long a step lasts, how close to people drones may come."""
 
 from typing import NamedTuple, Self
 
@@ -44,7 +44,7 @@ class FlightScene(NamedTuple):
 
     @property
     def without_earth(self) -> Self:
-        """The same scene, of which nobody knows where it is on the Earth."""
+        """The same scene, without its position on the Earth."""
         return self._replace(problem=self.problem.replace(earth=None))
 
     def flight(self, plan: Plan, smooth: bool) -> Flight:

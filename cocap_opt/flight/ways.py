@@ -70,7 +70,7 @@ class AirTime(NamedTuple):
 
     @property
     def lasts(self) -> bool:
-        """True if the battery lasts, or nobody knows how long it does."""
+        """True if the battery lasts, or its endurance is unknown."""
         return self.endurance is None or self.seconds <= self.endurance
 
 

@@ -65,7 +65,7 @@ def draw_strip(
 
     Parameters
     ----------
-    ax : matplotlib axes; if not given, those of a new figure
+    ax : matplotlib axes (default: those of a new figure)
     people : [A] names
     views : [T+1, A] number of drones that see each person
     counts : [T+1, A] true for the person-steps that count; others are pale

@@ -29,7 +29,7 @@ class Encounters:
     ----------
     actors, horizon : the people, and the last step that counts
     near : m
-    window : the part of the map that is looked at; all if not given
+    window : the part of the map that is looked at (default: all)
 
     Attributes
     ----------

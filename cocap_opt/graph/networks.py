@@ -31,7 +31,7 @@ def place_graph(workspace: Workspace, motion: Motion, window: Window | None = No
 
     Parameters
     ----------
-    window : the part of the map that robots do not leave; all if not given
+    window : the part of the map that robots do not leave (default: all)
     """
     import networkx as nx  # a fifth of a second, which few commands need
 

@@ -104,7 +104,7 @@ class TimeGraph:
 
         Parameters
         ----------
-        window : the part of the map that robots do not leave; all if not given
+        window : the part of the map that robots do not leave (default: all)
         people : to whom robots keep a distance
         """
         key = workspace, motion, pitches, window or Window.all_of(workspace), people

@@ -88,7 +88,7 @@ class World(NamedTuple):
     Attributes
     ----------
     origin : [3] m, in coordinates of the map
-    crs : name of the reference system, None where nobody knows where the scene is
+    crs : name of the reference system, None if the scene's position on the Earth is unknown
     place : latitude and longitude of the origin (degrees, WGS 84), and the direction of its x
         (degrees clockwise from true north)
     base : the name of what heights are above, and that of z = 0 (m); None if unspecified
@@ -158,8 +158,8 @@ class PlannedCameras(NamedTuple):
     ----------
     times : [n] s since step 0, the moments at which the poses of all cameras hold
     cameras : of all drones, in their order
-    world : that they are in
-    notes : sentences on all that
+    world : the coordinate system of their poses
+    notes : sentences for the user
     """
 
     times: FloatArray

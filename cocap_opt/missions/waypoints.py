@@ -69,7 +69,7 @@ def waypoint_mission(
     Raises
     ------
     ProblemError
-        If nobody knows where on the Earth the scene is, the flight is smooth, an autopilot does
+        If the scene's position on the Earth is unknown, the flight is smooth, an autopilot does
         not hold so many items, or a battery does not last from the take-off to the last step.
     """
     if flight.geodesy is None:

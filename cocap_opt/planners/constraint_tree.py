@@ -98,7 +98,7 @@ class ConstraintTree:
     Parameters
     ----------
     nobody : team in which no robot is planned yet, or only the first ones are
-    plan_root : plans the team of the root, ignoring conflicts; once, as published, if not given
+    plan_root : plans the team of the root, ignoring conflicts (default: once, as published)
     before_child : called before each child is made
 
     Attributes

@@ -193,8 +193,8 @@ def warn_of_checking(
 ) -> None:
     """Warns, before it begins, of a limit in which bounds will hardly be checked.
 
-    Coverage is computed afresh, and each leaf of a proof takes a search of every class. How long
-    certificates in stages take beyond that nobody knows.
+    Coverage is computed afresh, and each leaf of a proof takes a search of every class. The further
+    time of staged certificates is unknown.
 
     Parameters
     ----------

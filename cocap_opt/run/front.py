@@ -350,7 +350,7 @@ class Front:
 
         Parameters
         ----------
-        ax : matplotlib axes; if not given, those of a new figure
+        ax : matplotlib axes (default: those of a new figure)
         """
         from cocap_opt.run.front_figure import draw  # matplotlib
 

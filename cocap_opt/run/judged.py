@@ -145,7 +145,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         missed = "" if missed in result.message else missed  # where it is told already
         found = [words for words in (result.message, self.blind(problem), missed) if words]
         if self.reason is not result.reason and not found and math.isfinite(result.bound):
-            found.append("what is open is within the accuracy of the computation")
+            found.append("the remaining gap is within the accuracy of the computation")
         return found
 
     def blind(self, problem: Problem) -> str:

@@ -1,4 +1,4 @@
-"""Planners of others by name: `module:function`, or a name that an installed package offers.
+"""Third-party planners by name: `module:function`, or a name that an installed package offers.
 
 A package offers planners in its entry points of the group `cocap_opt.planners`. None of them is
 imported before somebody names it, so one that is broken harms nobody else.
@@ -41,7 +41,7 @@ def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
 
 
 def planner_named(option: Option, name: str) -> Method[Result]:
-    """Returns the record of a planner, of ours or of others.
+    """Returns the record of a built-in or third-party planner.
 
     Raises
     ------

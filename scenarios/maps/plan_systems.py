@@ -39,7 +39,7 @@ class StatedSystem(NamedTuple):
     field: str
     name: str = ""  # as GeoJSON has it
     code: int | None = None  # of EPSG
-    is_null: bool = False  # GeoJSON 2008 says so that nobody knows it
+    is_null: bool = False  # the system is unknown, as GeoJSON 2008 has it
 
     @classmethod
     def by_srid(cls, text: str) -> tuple["StatedSystem", str]:
@@ -232,7 +232,7 @@ def _require_system(
 
 
 def _units_of_code(field: str, code: int, unit: str | None) -> Units | None:
-    """Returns the units of a system; None if nobody knows them and the recipe says a unit."""
+    """Returns the units of a system; None if they are unknown and the recipe states a unit."""
     text = f"EPSG:{code}"
     try:
         return units_of(wkt_of_code(code) or text)

@@ -54,7 +54,7 @@ class ListLengths:
 
         Parameters
         ----------
-        open_ : what is open of the bound, in units of J
+        open_ : the remaining gap of the bound, in units of J
         count : returns the number of states up to a slack, at all steps
         """
         per_step = self.parameters.slack * open_ / self.steps
