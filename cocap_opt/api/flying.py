@@ -99,7 +99,7 @@ def robustness(
 ) -> "pd.DataFrame":
     """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
-    Nobody reacts: all other drones fly as planned. Distances and rules are evaluated at every
+    The drones do not react: all others fly as planned. Distances and rules are evaluated at every
     moment, on the flights' polynomials; J is computed between the steps, too. A drone that is lost
     at a step leaves the scene: from then on it contributes nothing and is near nobody.
 

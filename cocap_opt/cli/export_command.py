@@ -1,4 +1,4 @@
-"""The command that writes scenes: as files of ours, for other solvers, and as tables."""
+"""The command that writes scenes: as our own files, for other solvers, and as tables."""
 
 import hashlib
 from collections.abc import Callable

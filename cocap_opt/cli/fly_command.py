@@ -1,4 +1,4 @@
-"""The command `fly`, which writes the flight of a plan in the formats of others."""
+"""The command `fly`, which writes the flight of a plan in the formats of other programs."""
 
 import logging
 import re

@@ -1,6 +1,6 @@
 """Flights that are not as planned: people are late, early or aside, a drone lags or is lost.
 
-Nobody reacts: drones fly as planned, and hover before and after. One that is lost at a step has
+Drones do not react: they fly as planned, and hover before and after. One that is lost at a step has
 left the scene from there on; what becomes of it is not looked at. Least distances, and whether
 rules are kept, are computed on the polynomials at every moment, not sampled: two pieces of flights
 of which one is late are cut where either of them ends. J is looked at at some moments of each step.

@@ -3,7 +3,7 @@
 Axes of a camera are those of OpenCV: x to the right of the image, y down, z forward. A point X of
 the world is at R X + t there, and at K (R X + t) in the image, up to scale. The world is the map's
 x, y and z (m, z up), of which x and y begin at the map's corner: of coordinates of a reference
-system, millions of metres, solvers of others would lose millimetres.
+system, millions of metres, other programs would lose millimetres.
 
 A lens has no distortion, and its image is level: gimbals have no roll.
 """

@@ -141,7 +141,7 @@ class ConstraintTree:
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
         """The node in which a robot of the conflict gives way; None if it then has no path.
 
-        Only that robot is planned again.
+        Only that robot is replanned.
         """
         self._before_child(self)
         self._stop.begin_work()

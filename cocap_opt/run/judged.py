@@ -90,7 +90,7 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @classmethod
     def of_plan(cls, problem: Problem, given: Plan | PlanFile) -> "Judged[Result]":
-        """Returns a plan of others, judged, with what its file says of its search."""
+        """Returns a plan from a file, judged, with what the file says of its search."""
         if isinstance(given, Plan):
             verdict = check(problem, given)
             return Judged(Result(given, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)

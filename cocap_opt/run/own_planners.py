@@ -37,7 +37,7 @@ _put: list[str] = []  # the folders that it was imported from, put first on the 
 
 @dataclass(frozen=True)
 class OwnPlanner:
-    """A planner that is none of ours, wherever it runs.
+    """A third-party planner, wherever it runs.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The people of a recipe, tracked by others or walking along given legs."""
+"""The people of a recipe, from recorded tracks or walking along given legs."""
 
 import logging
 import math

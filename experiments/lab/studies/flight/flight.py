@@ -1,4 +1,4 @@
-"""Plans flown in a simulator by others, and what is left of distances and of J."""
+"""Plans flown in a third-party simulator, and what is left of distances and of J."""
 
 from collections.abc import Sequence
 from functools import partial
