@@ -134,7 +134,7 @@ def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
         enough += [wind] if fits else []
         yield (
             f"In {_air(wind)} the largest error of smooth flights is {most:.2f} m. If two drones "
-            f"err by this much towards each other, {_left(left)} of {SEPARATION:g} m is left, "
+            f"err by this much towards each other, {_left(left)} of the {SEPARATION:g} m is left, "
             f"which is {'enough' if fits else 'too little'} for vehicles {width:g} m wide; "
             f"{_up(width + 2 * most):g} m would {'suffice' if fits else 'be needed'}. "
             f"The smallest distance in a team fell by at most {max([*lost, 0.0]):.2f} m."
