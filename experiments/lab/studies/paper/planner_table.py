@@ -126,7 +126,8 @@ def numbers_in_markdown() -> str:
         f"- Plans of the recommended planner are **{fmean(gaps[RECOMMENDED]):.3f} % below the "
         f"bound** on average, {max(gaps[RECOMMENDED]):.2f} % at worst; CoCap's are "
         f"{fmean(gaps['cocap']):.2f} % below.\n"
-        f"- Half of its searches take less than **{median(GapRow.values(best, 'seconds')):.1f} s**."
+        "- Half of the recommended planner's searches take less than "
+        f"**{median(GapRow.values(best, 'seconds')):.1f} s**."
     )
 
 
