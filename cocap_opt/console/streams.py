@@ -18,7 +18,7 @@ def discard(stream: TextIO) -> None:
 def one_line(message: str) -> str:
     """Returns a message on one line.
 
-    Some of it may come from files: what is no text, or would steer a terminal, is escaped.
+    Some of it may come from files: what is not text, or would steer a terminal, is escaped.
     """
     return printable(" ".join(message.split()))
 

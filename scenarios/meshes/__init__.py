@@ -105,13 +105,13 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
     welded = faces.welded()
     triangles = welded.triangles()
     if not len(triangles):
-        raise ProblemError("must hold at least one triangle that is no line or point")
+        raise ProblemError("must hold at least one triangle that is not a line or point")
     used, corners = np.unique(triangles, return_inverse=True)
     return welded.vertices[used], corners.reshape(-1, 3)
 
 
 def _require_sound(faces: MeshFaces) -> None:
-    """Raises a ProblemError if corners are no numbers of vertices, or vertices no places."""
+    """Raises a ProblemError if corners are not numbers of vertices, or vertices are not places."""
     last = len(faces.vertices) - 1
     wrong = (faces.corners < 0) | (faces.corners > last)
     if wrong.any():

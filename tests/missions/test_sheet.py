@@ -234,7 +234,7 @@ def _apart(
 def test_the_crew_is_warned_of_drones_that_meet_as_they_land(
     ends: tuple[tuple[int, int], ...], told: str, on_card: str
 ) -> None:
-    """Above each other, or nearer than the separation below their last places, and who they are."""
+    """Above each other, or closer than the separation below their last places, and who they are."""
     flight = _apart(co.CollisionRules(separation=3.0), *ends)
     assert framed(flight) == ([f"ATTENTION: {told}."] if told else [])
     assert not any("ATTENTION" in what for what in order_of(flight))
@@ -323,7 +323,7 @@ def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     printed = " ".join(" ".join(texts).split())
     assert not any(words in printed for words in (*remedies, "eight datum unknown"))
     assert "which is z = 0 of the map." in printed
-    assert "how near a late drone comes to them was not checked." in printed
+    assert "how close a late drone comes to them was not checked." in printed
 
 
 def test_the_crew_is_told_who_is_filmed_badly_and_by_whom() -> None:
