@@ -119,7 +119,7 @@ def _about_cameras(problem: SceneData) -> Iterator[str]:
     for k, robot in enumerate(problem.robots):
         if max(robot.camera.tilts) < 0 and robot.camera.tilts not in seen:
             yield (
-                f"drones[{k}] look up at all their tilts, for these are degrees below the horizon: "
+                f"drones[{k}] look up at all their tilts, as these are degrees below the horizon: "
                 "should they be above 0?"
             )
         most = math.degrees(max(abs(tilt) for tilt in robot.camera.tilts))

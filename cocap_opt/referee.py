@@ -335,7 +335,7 @@ class _Referee:
         return ""
 
     def _near_people(self, robot: Robot, path: tuple[State, ...]) -> Iterator[str]:
-        """Says where a robot comes too near to somebody."""
+        """Says where a robot comes too close to somebody."""
         airspace, height_map = self.problem.airspace, self.problem.height_map
         if not airspace.people_aside:
             return
@@ -350,7 +350,7 @@ class _Referee:
                 elif t + 1 < len(ways) and _pass_too_near(
                     way, ways[t + 1], self._with_stray(rules, at[t], at[t + 1])
                 ):
-                    yield f"step {t} to {t + 1} passes too near to {self.problem.person(j)}"
+                    yield f"step {t} to {t + 1} passes too close to {self.problem.person(j)}"
 
     def _with_stray(self, rules: CollisionRules, a: _Position, b: _Position) -> CollisionRules:
         """Returns the rules beside a person for a move (m) that may stray from its even pace."""

@@ -132,7 +132,7 @@ class Result:
 
         Parameters
         ----------
-        ax : matplotlib axes; if not given, those of a new figure
+        ax : matplotlib axes (default: those of a new figure)
 
         Raises
         ------

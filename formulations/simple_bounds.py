@@ -51,8 +51,8 @@ __all__ = ["alone", "early_bound", "online"]
 
 METHOD = "step-multipliers"
 _ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
-_MANY = 10_000_000  # states at steps from which on only one bound is computed
-_TOO_MANY = 30_000_000  # from which on none is: value iteration would take seconds for each
+_MANY = 10_000_000  # states at steps above which only one bound is computed
+_TOO_MANY = 30_000_000  # above which none is: value iteration would take seconds for each
 _AT_ONCE = 100_000  # states whose ceilings are computed together
 _STEP_DOWN = 0.4  # from one share of what could be seen to the next
 

@@ -135,10 +135,10 @@ FORMATS = MappingProxyType(
 
 
 _SMALL = 1000  # bytes
-_IN_A_RECIPE = "name it in a recipe, of which `cocap-opt recipe` prints an example"
+_IN_A_RECIPE = "name it in a recipe; `cocap-opt recipe` prints an example"
 _WAYS_OUT = {  # what to do with a part of a scene that is named as one
     **dict.fromkeys((".tif", ".tiff", ".asc"), f"it is a map, for [map]: {_IN_A_RECIPE}"),
-    ".map": "name a .scen of the MovingAI benchmark that belongs to the map",
+    ".map": "pass a .scen file of the MovingAI benchmark that belongs to the map",
     **dict.fromkeys((".txt", ".csv", ".sqlite", ".sqlite3", ".db"),
                     f"it may be people, for [[tracks]]: {_IN_A_RECIPE}"),
     **dict.fromkeys((".h5", ".hdf5"), "write its trajectories as text, and name that in a recipe"),
@@ -288,13 +288,13 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
             f"{name_or_path}: no such scene or file; there are {', '.join(SCENES)}{question}"
         )
     if os.path.isfile(path) and _is_blank(path):
-        raise FileError(f"{path}: is empty, and so no scene")
+        raise FileError(f"{path}: is empty")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
     foreign = None if found else kind_of(path)
     if foreign is not None and foreign not in (JSON, WKT):  # of which the name says more
-        raise FileError(f"{path}: is no scene, but {foreign.name}; {foreign.way_out}")
+        raise FileError(f"{path}: is not a scene, but {foreign.name}; {foreign.way_out}")
     if found is None and (way := _WAYS_OUT.get(path.suffix.lower())):
-        raise FileError(f"{path}: is no scene; {way}")
+        raise FileError(f"{path}: is not a scene; {way}")
     if found is None:
         known = "; ".join(kind.description for kind in FORMATS.values())
         raise FileError(f"{path}: unknown kind of file, must be one of: {known}")

@@ -21,18 +21,18 @@ from cocap_opt.data import ProblemError
 BEGIN = 4096  # bytes that are looked at
 
 _PEOPLE = "write its people as a table with the columns id, time, x and y"
-_GPSBABEL = "gpsbabel writes it as .gpx, which [[tracks]] reads"
+_GPSBABEL = "convert it with gpsbabel to .gpx, for [[tracks]]"
 _MESH = "for [[mesh]] of a recipe, if it is .obj, .glb, .gltf, .stl, .ply or .off"
-_TO_MESH = "Blender writes it as .glb, for [[mesh]] of a recipe"
+_TO_MESH = "convert it with Blender to .glb, for [[mesh]] of a recipe"
 _MAP = "a map, for [map] of a recipe"
-_TO_MAP = "gdal_translate writes heights as .tif, for [map] of a recipe"
-_WALLS = "ogr2ogr -f GeoJSON writes its polygons for [[walls]] of a recipe"
-_UNPACK = "unpack it, and name the file that is in it"
-_PICTURE = "a picture has no heights or positions that could be read"
-_TO_CSV = "(..).to_csv(.., index=False) writes it as CSV"
-_RASTERISES = "CloudCompare rasterises it to a .tif, for [map] of a recipe"
-_IN_A_RECIPE = "of a recipe, of which `cocap-opt recipe` prints an example"
-_FILM = "a film has no positions: track its people, and write a table with id, time, x and y"
+_TO_MAP = "convert its heights with gdal_translate to .tif, for [map] of a recipe"
+_WALLS = "convert its polygons with ogr2ogr -f GeoJSON, for [[walls]] of a recipe"
+_UNPACK = "unpack it, and pass the file inside"
+_PICTURE = "an image contains no heights or positions"
+_TO_CSV = "(..).to_csv(.., index=False)"
+_RASTERISE = "CloudCompare to a .tif, for [map] of a recipe"
+_IN_A_RECIPE = "of a recipe; `cocap-opt recipe` prints an example"
+_FILM = "a video contains no positions: track its people, and write a table with id, time, x and y"
 
 
 class Kind(NamedTuple):
@@ -42,44 +42,44 @@ class Kind(NamedTuple):
     way_out: str  # where it belongs, or how to convert it
 
 
-GPX = Kind("GPX", "the ways of people, for [[tracks]] of a recipe")
-SQLITE = Kind("an SQLite database", "as JuPedSim writes them, they are people, for [[tracks]] of a "
-              "recipe; write those of others as tables")  # fmt: skip
+GPX = Kind("GPX", "it is for people, under [[tracks]] of a recipe")
+SQLITE = Kind("an SQLite database", "one from JuPedSim is for people, under [[tracks]] of a "
+              "recipe; export others as tables")  # fmt: skip
 JSON = Kind("JSON", "walls in JSON or GeoJSON are for [[walls]] of a recipe; people are a table "
             "with the columns id, time, x and y")  # fmt: skip
 WKT = Kind("WKT", f"name it under [[walls]] {_IN_A_RECIPE}")
 GEOJSON = Kind("GeoJSON", f"name it under [[walls]] {_IN_A_RECIPE}")
 GROUND_PLAN = Kind("a ground plan in JSON", f"name it under [[walls]] {_IN_A_RECIPE}")
-CITYJSON = Kind("CityJSON", "write its buildings as .obj, as cjio does, and name that under "
-                f"[[mesh]] {_IN_A_RECIPE}")  # fmt: skip
+CITYJSON = Kind("CityJSON", "convert its buildings to .obj, e.g. with cjio, and name that file "
+                f"under [[mesh]] {_IN_A_RECIPE}")  # fmt: skip
 TIFF = Kind("a TIFF", _MAP)
 ESRI_ASCII = Kind("an ESRI ASCII grid", _MAP)
-NUMPY = Kind("a NumPy array", f"numpy.savetxt writes text: {_PEOPLE}")
+NUMPY = Kind("a NumPy array", f"{_PEOPLE}, e.g. with numpy.savetxt")
 GLB = Kind("a binary glTF", f"a mesh, {_MESH}")
 PLY = Kind("a PLY", f"a mesh, {_MESH}")
 OFF = Kind("an OFF", f"a mesh, {_MESH}")
 STL = Kind("an STL", f"a mesh, {_MESH}")
 
-_JSON_LINES = Kind("JSON lines (as of TrajNet++)", f"read each line as JSON, and {_PEOPLE}; in "
+_JSON_LINES = Kind("JSON lines (e.g. of TrajNet++)", f"read each line as JSON, and {_PEOPLE}; in "
                    "TrajNet++ p is an id, and f a frame")  # fmt: skip
 _ZIP = Kind("a ZIP archive", _UNPACK)
-_KMZ = Kind("a KMZ", f"unzip it; it holds KML: {_GPSBABEL}")
+_KMZ = Kind("a KMZ", f"unzip it to KML; {_GPSBABEL}")
 _MESH_ARCHIVE = Kind("a 3MF or USDZ", _TO_MESH)
 _EXCEL = Kind("an Excel or other Office file", "save its table as CSV in UTF-8")
 _OPEN_DOCUMENT = Kind("an OpenDocument file", "save its table as CSV in UTF-8")
-_NPZ = Kind("an archive of NumPy arrays", f"numpy.savetxt writes one as text: {_PEOPLE}")
+_NPZ = Kind("an archive of NumPy arrays", f"{_PEOPLE}, e.g. with numpy.savetxt")
 _GEOPACKAGE = Kind("a GeoPackage", _WALLS)
-_ROS_2 = Kind("a bag of ROS 2", f"ros2 bag and rosbags read it: {_PEOPLE}")
+_ROS_2 = Kind("a ROS 2 bag", f"read it with ros2 bag or rosbags, and {_PEOPLE}")
 
-_POSTGRES = Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}")
+_POSTGRES = Kind("a PostgreSQL dump", f"restore it, and {_PEOPLE}")
 _ACCESS = Kind("an Access database", f"save its table as CSV: {_PEOPLE}")
 _NETCDF = Kind("NetCDF", _TO_MAP)
-_SURFER = Kind("a grid of Surfer", _TO_MAP)
-_PICKLE = Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}")
-_PCAP = Kind("a capture of a network (PCAP)", _PEOPLE)
+_SURFER = Kind("a Surfer grid", _TO_MAP)
+_PICKLE = Kind("a Python pickle", f"it is never opened, as it may run code: {_PEOPLE}")
+_PCAP = Kind("a network capture (PCAP)", _PEOPLE)
 _FBX = Kind("an FBX", _TO_MESH)
 _USD = Kind("USD", _TO_MESH)
-_VTK = Kind("a VTK file", "meshio or ParaView writes it as .ply, for [[mesh]]")
+_VTK = Kind("a VTK file", "convert it with meshio or ParaView to .ply, for [[mesh]]")
 
 Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or at a place
 
@@ -87,17 +87,18 @@ Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or
 _BINARY: Marks = {
     # databases and tables
     b"SQLite format 3\0": SQLITE,
-    b"\x89HDF\r\n\x1a\n": Kind("HDF5", "write its dataset of trajectories as text, with the "
-                               "columns id frame x y; if it is NetCDF, gdal_translate writes its "
-                               "heights as .tif"),
-    (8, b"DUCK"): Kind("a DuckDB database", f"its COPY writes CSV: {_PEOPLE}"),
+    b"\x89HDF\r\n\x1a\n": Kind("HDF5", "export its trajectories as text, with the columns id "
+                               "frame x y; if it is NetCDF, convert its heights with "
+                               "gdal_translate to .tif"),
+    (8, b"DUCK"): Kind("a DuckDB database", f"{_PEOPLE}, e.g. with COPY to CSV"),
     (4, b"Standard Jet DB"): _ACCESS,
     (4, b"Standard ACE DB"): _ACCESS,
     b"PGDMP": _POSTGRES,
-    b"PAR1": Kind("Parquet", f"pandas.read_parquet{_TO_CSV}"),
-    b"ARROW1": Kind("an Arrow or Feather file", f"pandas.read_feather{_TO_CSV}"),
-    b"FEA1": Kind("a Feather file", f"pandas.read_feather{_TO_CSV}"),
-    b"ORC": Kind("ORC", f"pandas.read_orc{_TO_CSV}"),
+    b"PAR1": Kind("Parquet", f"convert it to CSV with pandas.read_parquet{_TO_CSV}"),
+    b"ARROW1": Kind("an Arrow or Feather file",
+                    f"convert it to CSV with pandas.read_feather{_TO_CSV}"),
+    b"FEA1": Kind("a Feather file", f"convert it to CSV with pandas.read_feather{_TO_CSV}"),
+    b"ORC": Kind("ORC", f"convert it to CSV with pandas.read_orc{_TO_CSV}"),
     b"Obj\x01": Kind("Avro", _PEOPLE),
     b"\x93NUMPY": NUMPY,
     b"\x80\x02": _PICKLE,
@@ -108,12 +109,12 @@ _BINARY: Marks = {
                                               "save its table as CSV in UTF-8"),
     # archives
     b"PK\x03\x04": _ZIP,
-    b"PK\x05\x06": Kind("an empty ZIP archive", "nothing is in it"),
-    b"\x1f\x8b": Kind("packed with gzip", "gunzip unpacks it"),
-    b"BZh": Kind("packed with bzip2", "bunzip2 unpacks it"),
-    b"\xfd7zXZ\0": Kind("packed with xz", "unxz unpacks it"),
-    b"\x28\xb5\x2f\xfd": Kind("packed with Zstandard", "unzstd unpacks it"),
-    b"\x04\x22\x4d\x18": Kind("packed with LZ4", "unlz4 unpacks it"),
+    b"PK\x05\x06": Kind("an empty ZIP archive", "it contains no file"),
+    b"\x1f\x8b": Kind("compressed with gzip", "unpack it with gunzip"),
+    b"BZh": Kind("compressed with bzip2", "unpack it with bunzip2"),
+    b"\xfd7zXZ\0": Kind("compressed with xz", "unpack it with unxz"),
+    b"\x28\xb5\x2f\xfd": Kind("compressed with Zstandard", "unpack it with unzstd"),
+    b"\x04\x22\x4d\x18": Kind("compressed with LZ4", "unpack it with unlz4"),
     b"7z\xbc\xaf\x27\x1c": Kind("a 7z archive", _UNPACK),
     b"Rar!\x1a\x07": Kind("a RAR archive", _UNPACK),
     (257, b"ustar"): Kind("a tar archive", _UNPACK),
@@ -123,8 +124,8 @@ _BINARY: Marks = {
     b"GIF8": Kind("a GIF", _PICTURE),
     (8, b"WEBP"): Kind("a WebP", _PICTURE),
     (8, b"AVI "): Kind("an AVI", _FILM),
-    (4, b"ftyp"): Kind("a film or a picture of a phone (MP4, MOV or HEIC)", _FILM),
-    b"\x1a\x45\xdf\xa3": Kind("a film (Matroska or WebM)", _FILM),
+    (4, b"ftyp"): Kind("a video or a phone's photo (MP4, MOV or HEIC)", _FILM),
+    b"\x1a\x45\xdf\xa3": Kind("a video (Matroska or WebM)", _FILM),
     # maps
     b"II*\0": TIFF,
     b"MM\0*": TIFF,
@@ -138,8 +139,8 @@ _BINARY: Marks = {
     b"EHFA_HEADER_TAG": Kind("an ERDAS Imagine raster", _TO_MAP),
     b"DSBB": _SURFER,
     b"DSRB": _SURFER,
-    b"LASF": Kind("a point cloud (LAS or LAZ)", f"PDAL or {_RASTERISES}"),
-    b"ASTM-E57": Kind("a point cloud (E57)", _RASTERISES),
+    b"LASF": Kind("a point cloud (LAS or LAZ)", f"rasterise it with PDAL or {_RASTERISE}"),
+    b"ASTM-E57": Kind("a point cloud (E57)", f"rasterise it with {_RASTERISE}"),
     b"AC10": Kind("a DWG drawing", "save it as DXF; " + _WALLS),
     b"\x00\x00\x27\x0a": Kind("a shapefile", _WALLS),
     b"fgb\x03": Kind("FlatGeobuf", _WALLS),
@@ -148,61 +149,62 @@ _BINARY: Marks = {
     b"Kaydara FBX Binary": _FBX,
     b"BLENDER": Kind("a Blender file", _TO_MESH),
     b"PXR-USDC": _USD,
-    b"DRACO": Kind("a Draco mesh", "draco_decoder writes it as .obj or .ply, for [[mesh]]"),
+    b"DRACO": Kind("a Draco mesh", "convert it with draco_decoder to .obj or .ply, for [[mesh]]"),
     # recordings
-    b"\x89MCAP0\r\n": Kind("an MCAP bag", f"the mcap library reads it: {_PEOPLE}"),
+    b"\x89MCAP0\r\n": Kind("an MCAP bag", f"read it with the mcap library, and {_PEOPLE}"),
     b"\xd4\xc3\xb2\xa1": _PCAP,
     b"\xa1\xb2\xc3\xd4": _PCAP,
     b"\x4d\x3c\xb2\xa1": _PCAP,
     b"\x0a\x0d\x0d\x0a": _PCAP,
-    b"ULog\x01\x12\x35": Kind("a log of PX4", f"ulog2csv writes its topics as CSV: {_PEOPLE}"),
-    b"\xa3\x95\x80": Kind("a log of ArduPilot", f"mavlogdump.py writes it as CSV: {_PEOPLE}"),
-    b"\xb5\x62": Kind("a log of a u-blox receiver", "RTKLIB or " + _GPSBABEL),
-    (8, b".FIT"): Kind("FIT, of a sports watch", _GPSBABEL),
+    b"ULog\x01\x12\x35": Kind("a PX4 log", f"convert its topics with ulog2csv, and {_PEOPLE}"),
+    b"\xa3\x95\x80": Kind("an ArduPilot log", f"convert it with mavlogdump.py, and {_PEOPLE}"),
+    b"\xb5\x62": Kind("a u-blox log", "convert it with RTKLIB or gpsbabel to .gpx, for [[tracks]]"),
+    (8, b".FIT"): Kind("FIT, from a sports watch", _GPSBABEL),
 }  # fmt: skip
 
 _TEXTS: Marks = {  # or what begins with as many letters as no other text does
     b"-- PostgreSQL database dump": _POSTGRES,
     b"--\n-- PostgreSQL database dump": _POSTGRES,
-    b"-- MySQL dump": Kind("a dump of MySQL", f"restore it, and {_PEOPLE}"),
-    b"MATLAB 5.0 MAT-file": Kind("a MATLAB file", "writematrix in MATLAB, or scipy.io.loadmat: "
-                                 f"{_PEOPLE}"),
+    b"-- MySQL dump": Kind("a MySQL dump", f"restore it, and {_PEOPLE}"),
+    b"MATLAB 5.0 MAT-file": Kind("a MATLAB file", f"{_PEOPLE}, with writematrix in MATLAB or with "
+                                 "scipy.io.loadmat"),
     b"{\\rtf": Kind("rich text", "save it as plain text in UTF-8"),
-    b"%PDF": Kind("a PDF", "it has pages, no heights or positions: ask for the data behind it"),
+    b"%PDF": Kind("a PDF", "it contains no heights or positions: ask for the underlying data"),
     b"DSAA\n": _SURFER,
     b"DSAA\r": _SURFER,
-    b"# .PCD": Kind("a point cloud (PCD)", _RASTERISES),
+    b"# .PCD": Kind("a point cloud (PCD)", f"rasterise it with {_RASTERISE}"),
     b"ply\n": PLY,
     b"ply\r": PLY,
     b"; FBX": _FBX,
     b"#usda": _USD,
     b"# vtk DataFile": _VTK,
-    b"ISO-10303-21": Kind("STEP or IFC", "IfcConvert or FreeCAD writes it as .glb or .obj, for "
-                          "[[mesh]] of a recipe"),
-    b"#ROSBAG V": Kind("a bag of ROS", f"rostopic echo -p or rosbags reads it: {_PEOPLE}"),
-    b"HIERARCHY": Kind("BVH", f"motion capture of a skeleton: {_PEOPLE}, of its root"),
-    b"PathFileType": Kind("TRC, of motion capture",
-                          f"{_PEOPLE}, of one marker a person; the axis upwards is left out"),
-    b"Format Version,": Kind("a CSV of OptiTrack Motive",
-                             f"{_PEOPLE}, of one body or marker a person"),
-    b"NO_OF_FRAMES": Kind("a table of Qualisys", f"{_PEOPLE}, of one marker a person"),
-    b"version https://git-lfs": Kind("a pointer of Git LFS, not the file", "git lfs pull gets it"),
+    b"ISO-10303-21": Kind("STEP or IFC", "convert it with IfcConvert or FreeCAD to .glb or .obj, "
+                          "for [[mesh]] of a recipe"),
+    b"#ROSBAG V": Kind("a ROS bag", f"read it with rostopic echo -p or rosbags, and {_PEOPLE}"),
+    b"HIERARCHY": Kind("BVH", f"it is motion capture of a skeleton: {_PEOPLE}, from its root"),
+    b"PathFileType": Kind("TRC, motion capture",
+                          f"{_PEOPLE}, from one marker per person, without the vertical axis"),
+    b"Format Version,": Kind("a CSV file of OptiTrack Motive",
+                             f"{_PEOPLE}, from one body or marker per person"),
+    b"NO_OF_FRAMES": Kind("a Qualisys table", f"{_PEOPLE}, from one marker per person"),
+    b"version https://git-lfs": Kind("a Git LFS pointer, not the file itself",
+                                     "download the file with `git lfs pull`"),
 }  # fmt: skip
 
 _ROOTS = {  # of XML, by their names without a prefix, in small letters
     "gpx": GPX,
     "kml": Kind("KML", _GPSBABEL + "; " + _WALLS),
-    "trainingcenterdatabase": Kind("TCX, of a sports watch", _GPSBABEL),
+    "trainingcenterdatabase": Kind("TCX, from a sports watch", _GPSBABEL),
     "collada": Kind("COLLADA", _TO_MESH),
     "x3d": Kind("X3D", _TO_MESH),
     "vtkfile": _VTK,
-    "osm": Kind("OpenStreetMap's XML", "osmtogeojson writes its polygons for [[walls]]"),
-    "citymodel": Kind("CityGML", "citygml-tools to-cityjson and cjio write it as .obj, for "
+    "osm": Kind("OpenStreetMap XML", "convert its polygons with osmtogeojson, for [[walls]]"),
+    "citymodel": Kind("CityGML", "convert it with citygml-tools to-cityjson and cjio to .obj, for "
                       "[[mesh]]"),
     "featurecollection": Kind("GML", _WALLS),
-    "svg": Kind("an SVG picture", _PICTURE),
-    "html": Kind("HTML, a web page in place of the file", "load the file again"),
-    "fcd-export": Kind("XML of SUMO", "its xml2csv.py writes a table; name its columns"),
+    "svg": Kind("an SVG image", _PICTURE),
+    "html": Kind("HTML, a web page instead of the file", "download the file again"),
+    "fcd-export": Kind("SUMO XML", "convert it to a table with xml2csv.py, and name its columns"),
     "geometry": Kind("a ground plan in XML", "write it as JSON or WKT, for [[walls]]"),
 }  # fmt: skip
 _XML = Kind("XML", f"write a ground plan as JSON or WKT, for [[walls]]; {_PEOPLE}, for [[tracks]]")
@@ -284,7 +286,7 @@ def _by_bytes(begin: bytes) -> Kind | None:
         if begin[at : at + len(magic)] == magic:
             return _closer(kind, begin)
     if begin[:1] < b"\t" and begin[1:2] == b"P":  # its parameters' block, and 80
-        return Kind("C3D, of motion capture", f"{_PEOPLE}, of one marker a person, as ezc3d does")
+        return Kind("C3D, motion capture", f"{_PEOPLE}, from one marker per person, as by ezc3d")
     if begin[:2] == b"BM" and begin[14:18] in (b"\x28\0\0\0", b"\x7c\0\0\0", b"\x6c\0\0\0"):
         return Kind("a BMP", _PICTURE)
     return None
@@ -334,15 +336,15 @@ def _by_words(begin: bytes) -> Kind | None:
     if _WKT.match(text.decode("utf-8", "replace")):
         return WKT
     if _NMEA.match(text):
-        return Kind("NMEA, the log of a GPS receiver", _GPSBABEL)
+        return Kind("NMEA, a GPS receiver's log", _GPSBABEL)
     if _DXF.match(text):
         return Kind("a DXF drawing", _WALLS)
     if _GRID.match(text):
         return ESRI_ASCII
     if re.search(rb"^HFDTE", text, re.MULTILINE):
-        return Kind("IGC, the log of a glider", _GPSBABEL)
+        return Kind("IGC, a glider's log", _GPSBABEL)
     if re.search(rb"^endheader\s*$", text, re.MULTILINE | re.IGNORECASE):
-        return Kind("a table of OpenSim (MOT or STO)", f"{_PEOPLE}, without its header")
+        return Kind("an OpenSim table (MOT or STO)", f"{_PEOPLE}, without its header")
     if mesh := _MESH_WORDS.match(text):
         return OFF if mesh["off"] else STL
     return None

@@ -112,7 +112,7 @@ def drawn_takes(
     step : s of a step; None if unknown
     spread : standard deviations
     count : number of takes, the first included
-    varied : numbers of the people who may walk otherwise; None: all. The others are in all takes
+    varied : numbers of the people who may walk differently; None: all. The others are in all takes
     barred : tells that a person must not walk so
 
     Raises
@@ -144,7 +144,7 @@ def drawn_takes(
         more = f" and {len(stuck) - 1} more" if len(stuck) > 1 else ""
         log.warning(
             "takes: %s%s walk as given: %d draws led into an obstacle, off the map, into "
-            "somebody or too near to a drone's start; a smaller spread has room",
+            "somebody or too close to a drone's start; use a smaller spread",
             stuck[0], more, _TRIES,
         )  # fmt: skip
     numbers, drawn = zip(*fixed, *people, strict=True)

@@ -47,7 +47,7 @@ def naming(place: Path | str) -> Iterator[None]:
 
 
 def _require_regular(path: Path) -> None:
-    """Raises ProblemError if a path is no name, or a pipe or a device."""
+    """Raises ProblemError if a path is not a name, or a pipe or a device."""
     if words := unreadable(path):
         raise ProblemError(words)
 
@@ -66,7 +66,7 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     Raises
     ------
     ProblemError
-        If the file cannot be opened, is a pipe or a device, is no text, or of a kind that the
+        If the file cannot be opened, is a pipe or a device, is not text, or of a kind that the
         caller does not read; of known kinds the message names the way out.
     """
     _require_regular(path)

@@ -12,14 +12,16 @@ SAYS_NOTHING = ("own", "one", "some")
 RIDDLE = re.compile(r"(Returns? (what|whether|how)|What|Whether|How|Where|Those)\b")
 SUSPECT = re.compile(rf'"""{RIDDLE.pattern}')
 # Of the style page's list in CONTRIBUTING.md, what no plain sentence of ours needs: prices that
-# pay, things that stand somewhere, tell or want, and people who are but a pronoun.
+# pay, things that stand somewhere, tell or want, and people who are but a pronoun; and words with a
+# usual one in their place: at least, default, excluding, CPU time, too close.
 THINGS = (
     "numbers? words? names? tables? files? lines? comments? pages? folders? columns? pictures? "
     "keys? lists? seconds dicts? modules? marks? texts? which that"
 ).replace(" ", "|")
 PLACES = "in(?! the way)|beside|above|below|behind|under|before|first"
 BLACK = re.compile(
-    rf"\b(paid|pays?|(?:is|are|was|were|be) told|nobody says|whoever|wants? `"
+    rf"\b(paid|pays?|(?:is|are|was|were|be) told|nobody (?:says|knows)|whoever|wants? `"
+    r"|from which on|if not given|comes? on top|processor time|too near(?!ly)|come nearer"
     rf"|(?:{THINGS}) (?:tells?|wants?|stands? (?:{PLACES}))"
     r"|(?:on|in|beside|above|below|behind) (?:it|them|(?:the|a|each) \w+) stands?)\b",
     re.IGNORECASE,
@@ -66,7 +68,7 @@ def test_docstrings_are_sentences() -> None:
 
 
 def test_variables_are_named_after_the_thing() -> None:
-    """No variable is called `own`, `one` or `some`, of which nobody knows what it holds."""
+    """No variable is called `own`, `one` or `some`, which say nothing about what it holds."""
     found = {
         f"{path.relative_to(ROOT)}: {name}"
         for path, tree in suspects(NAMED)

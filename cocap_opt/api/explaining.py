@@ -31,7 +31,7 @@ def explain(
     ----------
     problem : the problem that the plan is for
     plan : a plan that can be flown, or a result that has one
-    certificate : the certificate or proof of the bound, or a result that has one; if not given,
+    certificate : the certificate or proof of the bound, or a result that has one; if None,
         that of `plan`
 
     Returns

@@ -47,7 +47,7 @@ def quality(
     pixel_error : px, standard deviation of a point's position in an image, along each axis
     position_error : m, standard deviation of a drone's position along each axis
     attitude_error : rad, standard deviation of a camera's attitude about each axis
-    exposure : s, time for which the shutter is open
+    exposure : s, exposure time of an image
     drone_size : m, width of a drone
     drone_pixels : px, least width in another drone's image at which a drone counts as being in it
 
@@ -106,7 +106,7 @@ def quality_bound(
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to
         count as seeing the person. None: that of the objective, or 0.3
     seconds : for each number of drones, coverage not included
-    time_limit : seconds for everything, coverage included
+    time_limit : seconds for everything, including coverage
     stop : a further stopping criterion
     start : a plan to begin with; it is ignored if it breaks a rule
 

@@ -46,9 +46,9 @@ def trajectory(
     plan : a plan that obeys the scene's rules, or a result that has one
     smooth : fly with continuous speed and acceleration
     step : seconds per step, if the problem does not define it
-    margin : m by which drones may be nearer to people than the problem says, sideways and over
+    margin : m by which drones may be closer to people than the problem says, sideways and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
-    every : seconds between rows; if not given, one row per step, or ten for smooth flights
+    every : seconds between rows (default: one row per step, or ten for smooth flights)
     hovering : also accept a plan in which no drone moves, which is otherwise refused
 
     Returns
@@ -110,7 +110,7 @@ def robustness(
 ) -> "pd.DataFrame":
     """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
-    Nobody reacts: all other drones fly as planned. Distances and rules are evaluated at every
+    The drones do not react: all others fly as planned. Distances and rules are evaluated at every
     moment, on the flights' polynomials; J is computed between the steps, too. A drone that is lost
     at a step leaves the scene: from then on it contributes nothing and is near nobody.
 
@@ -120,7 +120,7 @@ def robustness(
     plan : a plan that obeys the scene's rules, or a result that has one
     smooth : fly with continuous speed and acceleration
     step : seconds per step, if the problem does not define it
-    margin : m by which drones may be nearer to people than the problem says, sideways and over
+    margin : m by which drones may be closer to people than the problem says, sideways and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
     late : s by which all people are late, and, in a second change, early
     aside : m by which all people walk to the left of their path, and, in a second change, to the
@@ -135,7 +135,7 @@ def robustness(
         A row per change, preceded by one for the plan: `change` (in words), `reward` (J), `share`
         (of the J of the flight as planned), `least_distance` (m, between two drones),
         `people_distance` (m, seen from above, where the scene requires one), `rules` (kept, or whom
-        drones come too near to; none if no rule holds between the steps), `ask_drones` and
+        drones come too close to; none if no rule holds between the steps), `ask_drones` and
         `ask_people` (m, the distance that the scene should require: its own plus the shortfall).
         Rows of lost drones have `lost_drone` and `lost_step`; these and the plan's also have
         `by_two` and `by_none` (shares of person-steps seen by two drones or more, and by none) and

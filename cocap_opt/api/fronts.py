@@ -38,7 +38,7 @@ def front(
         share of `so_far`, else that of the objective, if it has one
     directions : largest number of weightings of J and views to try until the trade-off is settled
     seconds : for each weighting, coverage not included; doubled whenever a weighting is tried again
-    time_limit : seconds for all of them, coverage included
+    time_limit : seconds for all of them, including coverage
     stop : a further stopping criterion
     so_far : a trade-off of the same problem, which is continued
 

@@ -18,7 +18,7 @@ def compare_takes(problem: Problem, *, seconds: float = 10.0, stop: Stop = never
     Parameters
     ----------
     problem : a problem with takes
-    seconds : for each plan, coverage included
+    seconds : for each plan, including coverage
     stop : a further stopping criterion
 
     Returns

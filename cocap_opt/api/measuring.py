@@ -43,9 +43,9 @@ def gap(
     ----------
     scenes : names, files, problems, or functions that make the problem of a seed; one, or several
     planners : names in `PLANNERS` or `EXACT`, "module:function", names that installed packages
-        offer, or callables that take a problem and a stop and return a `Result`, as for `plan`; if
-        not given: greedy, sequential, cocap, cocap-vs, cocap-prices, and joint for one or two
-        drones
+        offer, or callables that take a problem and a stop and return a `Result`, as for `plan`
+        (default: greedy, sequential, cocap, cocap-vs, cocap-prices, and joint for one or two
+        drones)
     seeds : of the scenes, as numbers or as text such as "0-3"; a scene that is the same for several
         seeds is used once, and so is a problem, whose seed is 0
     time_limit : seconds for each plan, and for each of the two bounds of a scene and seed, counted
@@ -55,7 +55,7 @@ def gap(
         limit
     out : folder for plans, certificates and results; those that it already has are not computed
         again
-    workers : processes, each on a core of its own; this process if not given
+    workers : processes, each on a core of its own (default: this process)
 
     Returns
     -------
@@ -66,7 +66,7 @@ def gap(
     Raises
     ------
     TypeError
-        If the time limit is no number.
+        If the time limit is not a number.
     ValueError
         If
 
@@ -168,7 +168,7 @@ def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
 
 
 def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
-    """Returns seeds as plain numbers; refuses anything that is no seed."""
+    """Returns seeds as plain numbers; refuses anything that is not a seed."""
     from cocap_opt.run.options import Option
 
     if isinstance(seeds, str):

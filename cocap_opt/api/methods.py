@@ -85,15 +85,16 @@ def plan(
     more weight until a plan has that share or the time is up.
 
     With `follow` and `from_step`, the drones have flown a plan up to a step, and its rest is
-    planned again: with drones lost, or with people who walk differently from those that the plan
-    was made for. The new rest is no worse than the old one, if that still keeps the rules.
+    replanned: with drones lost, or with people who walk differently from those that the plan
+    was made for. The new rest is at least as good as the old one, unless that now breaks
+    a rule.
 
     Parameters
     ----------
     problem : the scene, with its drones and people
     planner : a name in `PLANNERS` or `EXACT`, "module:function", a name that an installed package
         offers, or any callable that takes a problem and a stop
-    time_limit : seconds, coverage included
+    time_limit : seconds, including coverage
     stop : a further stopping criterion, such as ``co.WorkLimit(100)``
     follow : a plan of the whole mission, whose first steps have been flown
     from_step : the step at which the rest begins, from 1 to T - 1
@@ -156,7 +157,7 @@ def bound(
     ----------
     problem : the scene, with its drones and people
     method : a name in `BOUNDS`, or any callable with the same arguments as those
-    time_limit : seconds, coverage included
+    time_limit : seconds, including coverage
     stop : a further stopping criterion
     start : a plan that the method may start from
     report : called with a `Snapshot` of value and bound from time to time
@@ -204,7 +205,7 @@ def solve(
     ----------
     problem : the scene, with its drones and people
     method : a name in `EXACT`, or any callable with the same arguments as those
-    time_limit : seconds, coverage included; when they are over, the best plan and bound so far are
+    time_limit : seconds, including coverage; at the limit, the best plan and bound so far are
         returned
     stop : a further stopping criterion
     gap : (bound - J) / bound at which to stop; 0 means 1e-6, which counts as optimal

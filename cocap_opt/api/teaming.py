@@ -57,7 +57,7 @@ def team(
     work_limit : pricing rounds for each of them
     out : folder for scenes, plans, certificates and teams.csv; those that it already has are not
         computed again
-    workers : processes, each on a core of its own; this process if not given
+    workers : processes, each on a core of its own (default: this process)
 
     Returns
     -------

@@ -173,8 +173,8 @@ def takes(
 
     In the first take people walk as given. In each of the others every person is late or early,
     walks to one side, and is slower or faster, by amounts drawn from normal distributions. A draw
-    that leads into an obstacle, off the map, into another person of the same take, or too near to a
-    drone's fixed start is repeated; a person for whom 50 draws fail walks as given, and a warning
+    that leads into an obstacle, off the map, into another person of the same take, or too close to
+    a drone's fixed start is repeated; a person for whom 50 draws fail walks as given, and a warning
     says so. People hide only people of the same take. J becomes the mean over the takes, and plans
     keep away from the people of all of them.
 
@@ -184,8 +184,8 @@ def takes(
     count : number of takes, the first included, 2 to 100
     delay, aside, speed : standard deviations: in s, in m, and as a share of the speed
     seed : of the draws
-    probabilities : of the takes, which sum to 1; all equal if not given
-    people : numbers of the people who may walk differently; all if not given. The others walk as
+    probabilities : of the takes, which sum to 1 (default: all equal)
+    people : numbers of the people who may walk differently (default: all). The others walk as
         given in all takes
 
     Returns

@@ -40,23 +40,23 @@ _NO_FLINT = (
 def _audit(
     scene: Scene,
     /,
-    *plan: Annotated[Path, Parameter(help="a plan for it; coverage of its states is checked, too")],
+    *plan: Annotated[Path, Parameter(help="plan whose states' coverage is checked, too")],
     seed: Seed = 0,
     instance: Annotated[
         Path | None,
-        Parameter(help="the instance, from `export`; if not given, what `export` would write"),
+        Parameter(help="instance from `export` (default: the one that `export` would write)"),
     ] = None,
     views: Annotated[
         float | None,
         Parameter(
-            help="number of states with most pixels, and of states drawn from all, whose coverage "
-            "is checked; inf: all states; 0: none, not even a plan's; if not given, all of up to "
-            f"{WHOLE:,} states, and {SOME:,} of more"
+            help="N: check the coverage of the N states with most pixels, and of N random ones; "
+            "inf: all states; 0: none, not even a plan's (default: all of up to "
+            f"{WHOLE:,} states, else {SOME:,})"
         ),
     ] = None,
     draw: Annotated[
         int | None,
-        Parameter(help="seed of the draw; if not given, one that nobody knows beforehand"),
+        Parameter(help="seed of the random states (default: a new one in each run)"),
     ] = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -64,12 +64,12 @@ def _audit(
     """Check an exported instance against its scene: exit 0 only if they agree.
 
     Places, moves, turns, closed places, starts, goals, rewards, rules, weights
-    and reachable states are found again from the scene's JSON, by networkx and
-    code that shares nothing with `export`. Numbers of pixels must be inside
-    enclosures from interval arithmetic (python-flint), and so must a plan's J.
-    Each difference is a line with both values. Exit 1: there is a difference.
-    3: there is none, but some numbers are too near to a limit to decide.
-    Unsupported scenes, such as those with meshes of any shape, are refused.
+    and reachable states are recomputed from the scene's JSON, by networkx and
+    code that shares nothing with `export`. Pixels and a plan's J must lie in
+    intervals computed by interval arithmetic (python-flint). Each difference
+    is a line with both values. Exit code 1: there is a difference; 3: there is
+    none, but some numbers are too close to a limit to decide. Scenes that are
+    not supported, such as those with general meshes, are rejected.
 
     Example: cocap-opt audit bottleneck plan.json --views 2000
     """
@@ -86,7 +86,7 @@ def _audit(
         try:
             audit = audited(problem, text, paths, views, draw, watch.counter("state enclosed"))
         except UnknownError as error:
-            raise UsageError(f"SCENE: the audit does not know {error}") from error
+            raise UsageError(f"SCENE: the audit does not support {error}") from error
         except FormatError as error:
             raise FileError(f"{instance}: {error}") from error
         except ImportError as error:
@@ -173,7 +173,7 @@ def _told(audit: Audit) -> Record:
     found["agrees"] = not audit.differences and not (coverage and coverage.differences)
     words = ["coverage was left out"] if coverage is None else []
     if _is_open(audit):
-        words.append("of what is undecided nothing is said")
+        words.append("undecided numbers may be right or wrong")
     if words:
         found["message"] = "; ".join(words)
     return found

@@ -1,4 +1,4 @@
-"""The command that writes scenes: as files of ours, for other solvers, and as tables."""
+"""The command that writes scenes: as our own files, for other solvers, and as tables."""
 
 import hashlib
 from collections.abc import Callable
@@ -46,68 +46,69 @@ def _export(
     ] = False,
     views: Annotated[
         Whole | None,
-        Parameter(help="number of drones, such as 2, to see each person; adds to J"),
+        Parameter(help="number of drones that should see each person, e.g. 2; adds to J"),
     ] = None,
     views_weight: Annotated[
         float | Literal["first"] | None,
         Parameter(
-            help="worth of a drone that sees a person at a step, px^0.5/m: a number, or `first`, "
-            "more than all pixels; if not given, half of J of a view in which the person fills a "
-            "third of the image's height"
+            help="reward in J for each drone that sees a person at a step, px^0.5/m: a number, or "
+            "`first` to put views before all pixels (default: half the J of a view in which the "
+            "person fills a third of the image height)"
         ),
     ] = None,
     views_share: Annotated[
         float | None,
-        Parameter(help="share of all possible views, such as 0.95, that plans must keep"),
+        Parameter(help="smallest share of all possible views that a plan may have, e.g. 0.95"),
     ] = None,
     camera: Annotated[
-        str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
+        str | None, Parameter(help="camera for all drones; `cocap-opt scenes` lists them")
     ] = None,
     tilts: Annotated[
         str | None,
-        Parameter(help="degrees below the horizon, such as 10 or, for a gimbal, 10,30,60"),
+        Parameter(help="degrees below the horizon, e.g. 10 or, for a gimbal, 10,30,60"),
     ] = None,
     option: Annotated[
         list[str] | None,
         Parameter(
             negative="",
-            help="NAME=VALUE, how a file is read; may be repeated; `cocap-opt scenes` lists them",
+            help="NAME=VALUE, an option of the file format; may be repeated; `cocap-opt scenes` "
+            "lists them",
         ),
     ] = None,
     steps: Annotated[
-        Whole | None, Parameter(help="end the scene after so many moves, such as 4")
+        Whole | None, Parameter(help="end the scene after this many moves, e.g. 4")
     ] = None,
     drone: Annotated[
-        Whole | None, Parameter(help="drone whose graph is written as GraphML; 0 if not given")
+        Whole | None, Parameter(help="drone whose graph is written as GraphML (default: 0)")
     ] = None,
     root_error: Annotated[
         float | None,
         Parameter(
-            help="largest share by which a root may be too high in MPS and LP, "
-            f"{ROOT_ERROR:g} if not given; 0: exact for all that drones can see"
+            help="largest relative error of the tangents to roots in MPS and LP; 0: exact at all "
+            f"pixel sums that drones can have (default: {ROOT_ERROR:g})"
         ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Write a scene as a file for this program, other solvers or other programs.
 
-    The ending of the file's name says what is written. .json: the scene; .mps, .lp, .cbf, .nl: a
-    program for other solvers; .csv: a long table; .graphml: a drone's graph; .instance: what a
-    bound needs.
+    The file extension selects the format. .json: the scene; .mps, .lp, .cbf, .nl: a mathematical
+    program for other solvers; .csv: a long table; .graphml: a drone's graph; .instance: the data
+    of a bound.
 
     .mps, .lp: a mixed-integer linear program, with tangents in place of roots. .cbf: the same with
     roots as cones, in the Conic Benchmark Format. .nl: with roots as quadratic rows, for AMPL's
-    solvers; .col and .row beside it have the names. A solver's solution, FILE.sol, can be passed
-    wherever a plan can.
+    solvers; the names are written to .col and .row. Anywhere a plan is accepted, you can pass a
+    solver's solution, FILE.sol.
 
-    coverage.csv, views.csv, moves.csv, turns.csv, drones.csv and goals.csv, or names that
-    end so, are long tables: who sees whom from where, and who can move how.
+    coverage.csv, views.csv, moves.csv, turns.csv, drones.csv and goals.csv, or file names with
+    these endings, are long tables of the views and the moves of each drone.
 
     .graphml: the graph of a drone: one node for each state at each step that a path of the drone
     can pass, with step, x, y, z (m), heading, tilt (rad) and reward.
 
-    .instance: all that a bound needs and no geometry, in exact numbers: `cocap-check` checks plans,
-    certificates and proofs with it.
+    .instance: all data of a bound in exact numbers, without geometry, with which `cocap-check`
+    checks plans, certificates and proofs.
 
     Example: cocap-opt export corridor --steps 4 -o corridor-4.mps
     """
@@ -234,7 +235,7 @@ def _told(program: "ModelFile") -> Record:
     words = [program.told_tangents] if program.has_tangents else []
     views = program.problem.objective.views
     if views is not None and views.share is not None:
-        words.append("that plans are to keep a share of all views is not in the file")
+        words.append("the file does not contain the share of views that plans must keep")
     return {
         "variables": len(program.variables),
         "integers": program.program.n_integral,

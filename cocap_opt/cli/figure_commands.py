@@ -37,9 +37,7 @@ from cocap_opt.run.options import Option, UsageError
 app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
 
 
-_Trace = Annotated[
-    Path, Parameter(help="file that `solve --trace` has written, or folder of a sweep")
-]
+_Trace = Annotated[Path, Parameter(help="file written by `solve --trace`, or folder of a sweep")]
 
 
 @app.command(name="gaps")
@@ -91,16 +89,16 @@ def _profiles(
 
 @app.command(name="teams")
 def _teams(
-    folder: Annotated[Path, Parameter(help="folder that `team --out` has filled")],
+    folder: Annotated[Path, Parameter(help="results folder, written by `team --out`")],
     /,
     *,
     output: Output,
     share: Annotated[
-        float | None, Parameter(help="share of person-steps to reach, drawn as a level")
+        float | None, Parameter(help="share of person-steps to reach, drawn as a line")
     ] = None,
     json: Json = False,
 ) -> int:
-    """Draw J, and the share of person-steps that are seen, by the number of drones.
+    """Draw J and the share of person-steps seen, by the number of drones.
 
     Example: cocap-opt figure teams teams -o teams.pdf
     """
@@ -112,15 +110,15 @@ def _teams(
 
 @app.command(name="progress")
 def _progress(*trace: _Trace, output: Output, json: Json = False) -> int:
-    """Draw the gap of solver runs over time, from files that --trace has written, or a sweep.
+    """Draw the gap of solver runs over time, from files written by --trace, or from a sweep.
 
-    A folder stands for the traces of the sweep in it.
+    If you pass the folder of a sweep, all its traces are drawn.
 
     Example: cocap-opt figure progress trace.csv -o progress.pdf
     """
     _check(output)
     if not trace:
-        raise UsageError("TRACE: name a file that `solve --trace` has written")
+        raise UsageError("TRACE: name a file written by `solve --trace`")
     paths = [path for given in trace for path in _traces(given)]
     traces = [Trace.load(path) for path in paths]
     return _save(

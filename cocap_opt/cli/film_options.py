@@ -35,15 +35,13 @@ class FilmOptions:
     ] = None
     speed: Annotated[
         float | None,
-        Parameter(
-            help="speed of a film, steps a second (default: 2; 4 if it has more than 24 steps)"
-        ),
+        Parameter(help="speed of a film, steps per second (default: 2; 4 for more than 24 steps)"),
     ] = None
     time_limit: Annotated[
         float | None,
         Parameter(
-            help="seconds that making a film may take; if it takes longer none is written; inf: no "
-            "limit (default: 600)"
+            help="seconds in which the film must be finished, or none is written; inf: no limit "
+            "(default: 600)"
         ),
     ] = None
 

@@ -18,7 +18,7 @@ _MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
 
 Start = Annotated[
     str | None,
-    Parameter(help="time of step 0, such as 2026-05-01T10:00:00Z; for formats with dates"),
+    Parameter(help="time of step 0, e.g. 2026-05-01T10:00:00Z; for formats with dates"),
 ]
 Every = Annotated[
     float | None,
@@ -34,8 +34,8 @@ StepSeconds = Annotated[
 Margin = Annotated[
     float | None,
     Parameter(
-        help="metres by which drones may come nearer to people than the scene's `people` and "
-        "`over_people`"
+        help="metres by which drones may come closer to people than the scene's `people` and "
+        "`over_people` allow"
     ),
 ]
 
@@ -59,7 +59,7 @@ class FlightOptions:
         Raises
         ------
         ProblemError
-            If it breaks a rule or cannot be flown; one line, with what would do.
+            If it breaks a rule or cannot be flown; one line, with a remedy.
         """
         flown_in = self._scene(problem)
         try:
@@ -68,7 +68,7 @@ class FlightOptions:
             ways = [
                 f"set {_longer(problem, error.any_plan)} in the scene's recipe and plan again"
                 if self.step is None
-                else f"--step {error.step:g} would do"
+                else f"use --step {error.step:g}"
             ]
             if self.smooth and self.margin is None:
                 ways += _margins_that_do(flown_in.problem, plan)

@@ -62,7 +62,7 @@ class Order(NamedTuple):
         UsageError
             If an option does not fit the format; one line.
         FileError
-            If the plan cannot be read or flown; one line, with what would do.
+            If the plan cannot be read or flown; one line, with a remedy.
         """
         form, begins = FORMATS[self.suffix], None
         if self.start is not None:
@@ -78,7 +78,7 @@ class Order(NamedTuple):
         )
         if form.takes_off and given.problem.begins_in_the_air:
             raise UsageError(
-                f"-o: must not end with {self.suffix}, for these missions take off, and the scene "
+                f"-o: must not end with {self.suffix}, as these missions take off, and the scene "
                 "is the rest of a mission whose drones are in the air; .csv has their places"
             )
         with self.in_words():
@@ -133,15 +133,15 @@ def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> N
     if plan.stays and not hovering:
         why, longer = cut_short or "all drones stay at their starts", ""
         if cut_short:
-            longer = "a longer --time-limit of `plan` may give one that moves, "
+            longer = "`plan` with a longer --time-limit may find a plan that moves, "
         raise FileError(f"{path}: no drone moves ({why}); {longer}--hovering flies it as it is")
     if cut_short:
         _log.warning(
-            "%s: %s; a longer --time-limit of `plan` may give a better one", path, cut_short
+            "%s: %s; `plan` with a longer --time-limit may find a better one", path, cut_short
         )
 
 
 def _require_spacing(every: float | None) -> None:
-    """Refuses rows that are no seconds apart."""
+    """Refuses rows that are not seconds apart."""
     if every is not None:
         Option("--every").require_duration(every)

@@ -1,4 +1,4 @@
-"""The command `fly`, which writes the flight of a plan in the formats of others."""
+"""The command `fly`, which writes the flight of a plan in the formats of other programs."""
 
 import logging
 import re
@@ -53,7 +53,7 @@ def _fly(
     ] = None,
     items: Annotated[
         Whole | None,
-        Parameter(help="mission items that the board can store (default: that of usual boards)"),
+        Parameter(help="mission items that the board can store (default: that of common boards)"),
     ] = None,
     local: Local = False,
     hovering: Hovering = False,
@@ -68,9 +68,9 @@ def _fly(
 ) -> int:
     """Export a plan as a flight, checked against rules, obstacles and limits.
 
-    The ending of the file's name says what is written: a table, tracks, missions, a show, a film's
-    cameras, an animated scene, or a sheet for the crew. Wind, deviations from the planned flight,
-    and the ways up and down are not checked.
+    The file extension selects the format: a table, tracks, missions, a drone show, the cameras of
+    a film, an animated scene, or a sheet for the crew. Wind, deviations from the planned flight,
+    take-off and landing are not checked.
 
     A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
@@ -79,24 +79,24 @@ def _fly(
     longitude; a .glb file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf
     file is a sheet for the crew.
 
-    The answer begins with warnings: of drones that come too near to each other or to people where
-    no rule forbids it, of drones that take off from or land on roofs, obstacles or water, or too
-    near to each other, of people who walk through obstacles, off the map or in the air, and of
-    timing that is too tight to see on a clock. It ends with what the crew must do, and what was not
-    checked.
+    The answer begins with warnings: drones that come close to each other or to people where no rule
+    forbids it; take-offs and landings on roofs, obstacles or water, or close to each other; people
+    who walk through obstacles, off the map or in the air; and timing that is too tight to follow on
+    a clock. It ends with instructions for the crew and a list of what was not checked.
 
     A plan in which no drone moves is rejected unless you pass --hovering.
 
-    A smooth flight that comes too near to people is rejected; the message tells you how much extra
+    A smooth flight that comes too close to people is rejected; the message tells you how much extra
     distance to plan with and which --margin to fly with.
 
-    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
-    --autopilot) and .waypoints (for ArduPilot). Each is for the autopilot in its name only.
+    Waypoint missions, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
+    --autopilot) and .waypoints (for ArduPilot). The file name includes the autopilot, the only one
+    that the file is for.
     Synchronised flights: .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
 
-    Cameras, to triangulate what was filmed: .opencv.json, .colmap.zip and .pose2sim.toml have the
-    intrinsics of each drone's camera, and its pose at each row's moment; --every 0.04 gives those
-    of a video of 25 frames a second. Cones, which have no image, are rejected.
+    Cameras, to triangulate points in the footage: .opencv.json, .colmap.zip and .pose2sim.toml
+    contain the intrinsics of each drone's camera, and its pose every --every seconds, e.g. 0.04 for
+    a video of 25 frames per second. Cones have no image, so scenes with cone cameras are rejected.
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
@@ -139,12 +139,12 @@ def _fly(
 
 
 def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[Note]:
-    """Yields what ways from and to home are, and that missions do not hold them."""
+    """Yields what flights from and to home are, and that missions do not contain them."""
     if parts:
         yield Note(NOTE)
         if FORMATS[suffix].takes_off:
             yield Note(
-                f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
+                f"{suffix} contains no flights from and to home: see the sheet (.pdf) or --json; "
                 "missions take off and land straight below their first and last places"
             )
 
@@ -180,7 +180,8 @@ def _strays(output: Path, suffix: str, files: Collection[Path]) -> Iterator[Note
     names = (path.name for path in output.parent.iterdir() if path not in files)
     if strays := sorted(name for name in names if pattern.fullmatch(name)):
         yield Note(
-            f"of another flight, and not written now: {', '.join(strays)}; do not fly them along"
+            f"files of another flight, not written now: {', '.join(strays)}; do not fly them "
+            "together"
         )
 
 

@@ -31,46 +31,46 @@ def _front(
     seed: Seed = 0,
     cameras: Annotated[
         Whole | None,
-        Parameter(help="most drones per person that count; if not given, the scene's, or 2"),
+        Parameter(help="drones to count per person at most (default: the scene's number, or 2)"),
     ] = None,
     at_least: Annotated[
         float | None,
         Parameter(
-            help="share of a person that must be visible in a drone's image; if not given, the "
-            "scene's, or 0.3"
+            help="share of a person that must be visible in a drone's image (default: the scene's "
+            "share, or 0.3)"
         ),
     ] = None,
     directions: Annotated[
-        Whole, Parameter(help="largest number of weights to try in this call")
+        Whole, Parameter(help="number of weights of views in J to try in this call, at most")
     ] = 6,
     seconds: Annotated[
         float,
         Parameter(
             name="--seconds",
-            help="seconds for each weight, excluding coverage; doubled each time that a weight is "
-            "tried again",
+            help="seconds for each weight, excluding coverage; twice as long each time a weight is "
+            "retried",
         ),
     ] = 10.0,
     share: Annotated[
         float | None,
         Parameter(
-            help="find the best plan with at least this share of all possible views; if not given, "
-            "the scene's, if it has one"
+            help="find the best plan with at least this share of all possible views (default: the "
+            "scene's share, if it has one)"
         ),
     ] = None,
     output: Annotated[
         Path | None,
         Parameter(
-            name=["-o", "--output"], help="folder for plans and proofs, which later calls continue"
+            name=["-o", "--output"], help="folder for plans and proofs; later calls continue there"
         ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Show the trade-off between J and how many drones see each person, with bounds.
 
-    Views are counted step by step and person by person, each up to --cameras. Plans show what is
-    possible, certificates what is not. Each call with the same folder gets a little further, until
-    plans and certificates meet.
+    Views are counted at each step, up to --cameras for each person. Plans show what is possible,
+    certificates what is not. Each further call with the same folder narrows the gap between plans
+    and certificates.
 
     Example: cocap-opt front bottleneck -o front
     """

@@ -165,10 +165,10 @@ def _gap(
             help=f"one of {', '.join(SOLVERS)}; {FORMS}; may be repeated",
         ),
     ] = None,
-    seeds: Annotated[str, Parameter(help="seeds, such as 0-9 or 0,3,7")] = "0",
+    seeds: Annotated[str, Parameter(help="seeds, e.g. 0-9 or 0,3,7")] = "0",
     budget: _CellBudget = _USUAL,
     bound_limit: Annotated[
-        float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
+        float | None, Parameter(help="seconds for each bound (default: those of --time-limit)")
     ] = None,
     out: Annotated[
         Path | None,
@@ -189,7 +189,7 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help="a plan file that gets a row of its own, at its scene and seed; may be repeated",
+            help="plan file to compare, in a row with its scene and seed; may be repeated",
         ),
     ] = None,
     starts: Annotated[
@@ -197,26 +197,26 @@ def _gap(
         Parameter(
             negative="",
             show_default=False,
-            help=f"where drones start: {', '.join(CHOICES)}; each choice is a scene of its own, "
-            "and a last table compares them; may be repeated",
+            help=f"where drones start: {', '.join(CHOICES)}; each choice is a separate scene, and "
+            "the last table compares them; may be repeated",
         ),
     ] = None,
     workforce: Workforce = HERE,
     retry: Annotated[
         bool,
-        FLAG(help="try again what has failed in the --out folder"),
+        FLAG(help="retry failed runs in the --out folder"),
     ] = False,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
     """Print the gap table: every planner's J against the best certified bound.
 
-    The gap is to the bound under the scene's rules, the gap without rules (gap_free in JSON and
-    results.csv) to the bound of drones that may collide.
-    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and
-    with one or two drones joint.
+    The gap is measured to the bound under the scene's rules, the gap without rules (gap_free in
+    JSON and results.csv) to the bound for drones that may collide.
+    The default planners are greedy, sequential, cocap, cocap-vs and cocap-prices, and joint for one
+    or two drones.
     Results already in the --out folder are not recomputed; for each scene, seed and
-    planner its table has the newest row, with the lowest bound that was proved.
+    planner the table has the newest row, with the lowest proved bound.
     The exit code is 1 if a planner or a bound ended with an error.
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR

@@ -33,27 +33,31 @@ app = App(
 )
 
 _Name = Annotated[str, Parameter(help="instance; `cocap-opt library status --all` lists them")]
-_Folder = Annotated[Path | None, Parameter(name="--library", help="folder of another library")]
+_Folder = Annotated[
+    Path | None,
+    Parameter(name="--library", help="folder of a library (default: the one that is installed)"),
+]
 _From = Annotated[
     Path | None,
     Parameter(
         name="--from",
-        help="folder with the files of an instance that others publish; `status NAME` says where",
+        help="folder with files from another project, for instances that need them; `library "
+        "status NAME` prints where to get them",
     ),
 ]
 
 
 @app.command(name="status")
 def _status(
-    name: Annotated[str, Parameter(help="instance; all if not given")] = "",
+    name: Annotated[str, Parameter(help="instance (default: all)", show_default=False)] = "",
     /,
     *,
-    every: Annotated[bool, FLAG(name="--all", help="also list what is solved")] = False,
+    every: Annotated[bool, FLAG(name="--all", help="also list solved instances")] = False,
     as_csv: Annotated[bool, FLAG(name="--csv", help="print everything as CSV")] = False,
     library: _Folder = None,
     json: Json = False,
 ) -> int:
-    """Print how many instances are solved, and the gaps of all others; or the records of one.
+    """Print the number of solved instances and the gaps of the others, or the records of one.
 
     Example: cocap-opt library status bottleneck-0
     """
@@ -107,13 +111,13 @@ def _get(
     *,
     output: Annotated[
         Path | None,
-        Parameter(name=["-o", "--output"], help="folder to write to; if not given, NAME"),
+        Parameter(name=["-o", "--output"], help="folder to write to (default: NAME)"),
     ] = None,
     sources: _From = None,
     library: _Folder = None,
     json: Json = False,
 ) -> int:
-    """Write scene, instance, best plan and best certificate of an instance, all checked again.
+    """Recheck the best plan and certificate of an instance, and write them with its other files.
 
     Example: cocap-opt library get bottleneck-0 -o bottleneck-0
     """
@@ -140,15 +144,18 @@ def _submit(
     file: Annotated[Path, Parameter(help="plan, certificate or proof of an instance")],
     /,
     *,
-    who: Annotated[str, Parameter(help="your name, which the record keeps; required")] = "",
+    who: Annotated[
+        str, Parameter(help="your name, for the record; required", show_default=False)
+    ] = "",
     program: Annotated[
         str,
         Parameter(
-            help="program that found it, with its version; by default the method in the file"
+            help="program that found it, with its version (default: the method in the file)",
+            show_default=False,
         ),
     ] = "",
     seconds: Annotated[
-        float | None, Parameter(help="seconds that it took; by default those in a plan's file")
+        float | None, Parameter(help="seconds that it took (default: those in the plan file)")
     ] = None,
     time_limit: Annotated[
         float, Parameter(help="seconds for the checker; inf: no limit")
@@ -159,7 +166,7 @@ def _submit(
 ) -> int:
     """Submit a plan or a certificate: accepted if `cocap-check` accepts it and it is better.
 
-    The record has the number that the checker proves, whatever the file claims.
+    The record keeps the number that the checker proves, not the one that the file claims.
 
     Example: cocap-opt library submit plan.json --who Ada
     """

@@ -34,7 +34,7 @@ _HEADS = {
 def _limits(
     scene: Scene,
     plan: Annotated[
-        Path | None, Parameter(help="file of a plan for it, whose J is compared")
+        Path | None, Parameter(help="plan for the scene, whose J is compared with the bound")
     ] = None,
     /,
     *,
@@ -44,9 +44,9 @@ def _limits(
 ) -> int:
     """Show which moves the limits of a recipe's drones allow, and the most J they can cost.
 
-    A recipe with limits plans only moves that drones can fly smoothly in any order. With a plan it
-    also computes a certified bound on J with all moves of the recipe, however fast, from starts in
-    the same cells: the limits cost no more J than this bound is above the plan's J.
+    In a recipe with limits, plans consist of moves that drones can fly smoothly in any order. If
+    you pass a plan, the command also computes a certified bound on J without the limits, from
+    starts in the same cells: the difference to the plan's J is the most that the limits can cost.
 
     Example: cocap-opt limits scene.toml plan.json
     """
@@ -80,13 +80,13 @@ def _limits(
             gap = told_gap(lost / bound if bound else 0.0)
             this = f"is below the best by {gap}"
             if is_attained(bound, reward):
-                this = "is a best one"
+                this = "is optimal"
             notes.append(
-                f"certified: with all moves of the recipe {most}; this one, with J {reward:,.2f}, "
-                f"{this}"
+                f"certified: with all moves of the recipe {most}; this plan, with J "
+                f"{reward:,.2f}, {this}"
             )
         else:
-            notes.append("no bound was found in time; a longer --time-limit may give one")
+            notes.append("no bound was found in time; try a longer --time-limit")
     if json:
         print_result({**answer, "drones": rows, "notes": notes}, json)
     else:

@@ -33,8 +33,8 @@ Scene = Annotated[
 PlanPath = Annotated[
     Path,
     Parameter(
-        help="plan file for the scene: from `plan`, from the project whose scene format it is, or "
-        "a solver's solution (.sol) of a program from `export`"
+        help="plan for the scene: a file from `plan`, a plan of the project that the scene comes "
+        "from, or a solver's solution (.sol) of a program from `export`"
     ),
 ]
 Results = Annotated[Path, Parameter(help="results folder, written by `gap --out`")]
@@ -44,8 +44,8 @@ Seconds = Annotated[
     float,
     Parameter(
         name="--time-limit",
-        help="seconds for coverage and search; reading, estimating, compiling and checking come on "
-        "top; inf: no limit",
+        help="seconds for coverage and search, excluding reading, estimating, compiling and "
+        "checking; inf: no limit",
     ),
 ]
 Work = Annotated[
@@ -53,8 +53,8 @@ Work = Annotated[
     Parameter(
         name="--work-limit",
         converter=_whole,
-        help="units of work for each computation: pricing rounds, or nodes of CoCap's tree; "
-        "deterministic across machines unless --time-limit is hit first",
+        help="limit in units of work, e.g. pricing rounds or nodes of CoCap's tree; results are "
+        "the same on every machine unless --time-limit is hit first",
     ),
 ]
 Workers = Annotated[
@@ -66,9 +66,9 @@ Workers = Annotated[
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
 Verbose = Annotated[
-    bool, FLAG(name="--verbose", help="also print how it was computed: counts, seconds of parts")
+    bool, FLAG(name="--verbose", help="also print counts and times of the computation")
 ]
-Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
+Free = Annotated[bool, FLAG(help="ignore collisions between drones")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 PlanOutput = Annotated[
     Path | None, Parameter(name=["-o", "--output"], help="file to write the plan to")

@@ -75,8 +75,8 @@ def _show(
     heights: Annotated[
         str | None,
         Parameter(
-            help="flight heights in m, e.g. 4,6; without a plan: draw where drones of a recipe may "
-            "start at these heights"
+            help="flight heights in m, e.g. 4,6, at which to draw where a recipe's drones may "
+            "start; only without a plan"
         ),
     ] = None,
     json: Json = False,
@@ -84,11 +84,11 @@ def _show(
     """Play plans side by side in an HTML file, film them, or draw one from above.
 
     The HTML file needs no network and no other file. A film (WebM, MP4, WebP; GIF with --view)
-    shows what the HTML file plays, and needs Chromium. PNG, PDF and SVG show one step, or several
-    side by side, a GIF one after the other. Without a plan they show the map, the people and the
-    drones at their starts. If drones choose their starts, or a recipe has no drones or invalid
-    starts, they show where drones may start. Without -o the file is show.html. A solution of
-    Hughes et al. names its scene, so you need not pass one.
+    shows what the HTML file plays, and needs Chromium. PNG, PDF and SVG files show one step, or
+    several side by side; a GIF file shows them one after the other. Without a plan you see the map,
+    the people and the drones at their starts; if starts are to be chosen, or a recipe has no drones
+    or invalid starts, you see where drones may start. Without -o the file is show.html. A solution
+    of Hughes et al. names its scene, so you need not pass one.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
@@ -100,7 +100,7 @@ def _show(
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if film.given and not is_film:
         raise UsageError(
-            f"{', '.join(film.given)}: must be left out for {suffix}, which is no film, as .webm is"
+            f"{', '.join(film.given)}: must be left out for {suffix}, not a film such as .webm"
         )
     if suffix != ".html" and not is_film and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
@@ -155,7 +155,7 @@ def _loaded(scene: str, seed: int, site: Site | None) -> Problem:
 def _show_site(
     scene: str, seed: int, site: Site, output: Path, heights: Sequence[float], json: bool
 ) -> int:
-    """Draws where the drones of a recipe may start, and says why it is no scene yet."""
+    """Draws where the drones of a recipe may start, and says why it is not a scene yet."""
     from cocap_opt.pictures.start_map import start_picture
 
     say_doubts(scene, seed, site.problem or site.scene)
@@ -192,16 +192,16 @@ def _render(
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
     seed: Seed = 0,
-    width: Annotated[Whole, Parameter(help="width of the pictures, px")] = 800,
+    width: Annotated[Whole, Parameter(help="width of the images, px")] = 800,
     pixel_step: Annotated[
-        Whole, Parameter(help="N: count one pixel of each block of N x N; 1 is exact")
+        Whole, Parameter(help="N: count one pixel per block of N x N pixels; 1 is exact")
     ] = 1,
     json: Json = False,
 ) -> int:
-    """Render what each drone sees, and compare planned coverage with what is in the pictures.
+    """Render the view of each drone, and compare planned coverage with the rendered pixels.
 
-    The folder gets a PNG for each drone and step (and take, if the scene has takes), and
-    coverage.csv with a row for each face in a picture.
+    The command writes a PNG image for each drone and step (and take, if the scene has takes), and
+    coverage.csv with a row for each face in an image.
 
     Example: cocap-opt render corridor plan.json -o views
     """

@@ -49,12 +49,12 @@ def _quality(
     at_least: Annotated[
         float | None,
         Parameter(
-            help="share of a person that a drone must see, of their unhidden solid angle; if not "
-            "given, the scene's, or 0.3"
+            help="share of a person, by unhidden solid angle, that a drone must see (default: the "
+            "scene's share, or 0.3)"
         ),
     ] = None,
     pixel_error: Annotated[
-        float, Parameter(help="error of a found point in pixels, along each axis")
+        float, Parameter(help="error of a detected point in pixels, along each image axis")
     ] = _USUAL.pixel_error,
     position_error: Annotated[
         float, Parameter(help="error of a drone's position in metres, along each axis")
@@ -63,28 +63,29 @@ def _quality(
         float, Parameter(help="error of a camera's direction in degrees, about each axis")
     ] = math.degrees(_USUAL.attitude_error),
     exposure: Annotated[
-        float, Parameter(help="seconds for which the shutter is open")
+        float, Parameter(help="exposure time of an image in seconds")
     ] = _USUAL.exposure,
     drone_size: Annotated[float, Parameter(help="width of a drone in metres")] = _USUAL.drone_size,
     drone_pixels: Annotated[
-        float, Parameter(help="pixels from which on a drone counts as seen in another's picture")
+        float,
+        Parameter(help="least width in px at which a drone is visible in another's image"),
     ] = _USUAL.drone_pixels,
     csv: Annotated[
         Path | None, Parameter(help="file to write, with a row per person and step")
     ] = None,
     bound: Annotated[
-        bool, FLAG(help="also prove shares of person-steps that no plan exceeds")
+        bool, FLAG(help="also prove upper bounds on these shares for all plans")
     ] = False,
     cameras: Annotated[
         Whole | None,
-        Parameter(help="with --bound: largest number of drones to see a person; 2 if not given"),
+        Parameter(help="with --bound: prove shares for up to this many drones (default: 2)"),
     ] = None,
     seconds: Annotated[
         float | None,
         Parameter(
             name="--seconds",
-            help="with --bound: seconds for each number of drones, coverage excluded; 10 if not "
-            "given",
+            help="with --bound: seconds for each number of drones, excluding coverage (default: "
+            "10)",
         ),
     ] = None,
     output: Annotated[
@@ -98,10 +99,10 @@ def _quality(
 ) -> int:
     """Show how well a plan films people: by how many drones, how accurately, how sharply.
 
-    Of all person-steps that count, it prints the shares that two drones see, and three, and two at
-    least 30 degrees apart; the error of a point that is triangulated from them; blur, if the scene
-    says how long a step lasts; the worst moments by name; and a line per person. Errors are
-    standard deviations. With --bound it also proves what no plan of these drones can exceed.
+    It prints the shares of person-steps seen by two drones, by three, and by two at least 30
+    degrees apart; the error of a point triangulated from these views; motion blur, if the scene
+    defines a step length; the worst moments; and a line per person. Errors are standard deviations.
+    With --bound it also proves how large the shares can be in any plan of these drones.
 
     Example: cocap-opt quality corridor plan.json --bound --cameras 2 -o certificates
     """

@@ -47,26 +47,24 @@ class RestOptions:
 
     from_step: Annotated[
         Whole | None,
-        Parameter(help="step up to which --plan is flown, 1 to T - 1; the rest is planned again"),
+        Parameter(help="step up to which --plan has been flown, 1 to T - 1; replans the rest"),
     ] = None
     plan: Annotated[Path | None, Parameter(help="plan being flown, to replan from --from-step")] = (
         None
     )
     without: Annotated[
         list[Whole] | None,
-        Parameter(
-            negative="", consume_multiple=True, help="numbers of drones that are lost at that step"
-        ),
+        Parameter(negative="", consume_multiple=True, help="drones lost at that step, e.g. 0 2"),
     ] = None
     bound_limit: Annotated[
         float,
         Parameter(
-            help=f"seconds for the bound of the rest, which ends at a gap of {100 * NEAR:g} %; 0: "
-            "no bound"
+            help=f"seconds for a bound on the rest, stopped earlier at a gap of {100 * NEAR:g} %; "
+            "0: no bound"
         ),
     ] = BOUND_SECONDS
     rest_scene: Annotated[
-        Path | None, Parameter(help="file to write the scene of the rest to, from that step on")
+        Path | None, Parameter(help="file to write the scene from that step on to")
     ] = None
     rest_plan: Annotated[Path | None, Parameter(help="file to write the plan of the rest to")] = (
         None
@@ -101,7 +99,7 @@ class RestOptions:
             raise UsageError("--certificate: must be left out where --bound-limit is 0")
         if self.without and output is not None:
             raise UsageError(
-                "-o: must be left out with --without, for a whole plan has all drones; "
+                "-o: must be left out with --without, as a whole plan has all drones; "
                 "--rest-scene and --rest-plan write the rest of the others"
             )
         written = {

@@ -35,7 +35,7 @@ from cocap_opt.run.options import Option, UsageError
 _log = logging.getLogger(__name__)
 
 Against = Annotated[
-    str | None, Parameter(help=f"planner to compare the others with; {AGAINST} if not given")
+    str | None, Parameter(help=f"planner to compare the others with (default: {AGAINST})")
 ]
 
 _PIPED = "markdown"  # the format of tables in a pipe, if none is named
@@ -51,8 +51,8 @@ def _table(
         Parameter(
             name="--format",
             choices=tuple(DOCUMENTS),
-            help="if not given, as the file's ending says, markdown in a pipe, plain text on a "
-            "terminal",
+            help="format of the tables (default: by the file extension; without a file, plain "
+            "text on a terminal, else markdown)",
         ),
     ] = None,
     scene: OfScenes = None,
@@ -61,8 +61,8 @@ def _table(
     compare: Annotated[
         bool,
         FLAG(
-            help="paired tests over scenes and performance profiles instead: all pairs of "
-            "planners, or with --against all with one; -o FILE.csv writes the tests as numbers"
+            help="print paired tests over scenes and performance profiles instead: for all pairs "
+            "of planners, or for those with --against; -o FILE.csv writes the tests as numbers"
         ),
     ] = False,
     output: Output = None,
@@ -70,9 +70,9 @@ def _table(
 ) -> int:
     """Make tables of the results in a folder: planners, differences, prices, times.
 
-    Means of five seeds or more come with 95 % bootstrap intervals, times are
-    shifted geometric means. --compare tests by Wilcoxon's signed-rank test,
-    whose p is corrected for the number of tests by Holm's method.
+    Means over five seeds or more have 95 % bootstrap intervals; times are
+    shifted geometric means. --compare uses Wilcoxon's signed-rank test, with
+    p values corrected for multiple tests by Holm's method.
 
     Example: cocap-opt table results -o tables.tex
     """
@@ -132,7 +132,7 @@ def _report(
     scene: OfScenes = None,
     planner: OfPlanners = None,
     against: Against = None,
-    players: Annotated[Whole, Parameter(help="largest number of scenes whose plans are shown")] = 4,
+    players: Annotated[Whole, Parameter(help="number of scenes with a player, at most")] = 4,
     json: Json = False,
 ) -> int:
     """Make one HTML page of a sweep: tables, figures, players, settings and limitations.

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -32,6 +32,11 @@ _MANY = 12  # drones whose losses are listed
 _USUAL = Changes()
 
 
+def _listed(numbers: Sequence[float]) -> str:
+    """Returns numbers as an option takes them."""
+    return " ".join(f"{number:g}" for number in numbers)
+
+
 def _robustness(
     scene: Scene,
     plan: PlanPath,
@@ -42,17 +47,26 @@ def _robustness(
     late: Annotated[
         list[float] | None,
         Parameter(
-            negative="", consume_multiple=True, help="seconds by which people are late, and early"
+            negative="",
+            consume_multiple=True,
+            help=f"seconds by which people are late or early (default: {_listed(_USUAL.late)})",
         ),
     ] = None,
     aside: Annotated[
         list[float] | None,
-        Parameter(negative="", consume_multiple=True, help="metres by which people walk aside"),
+        Parameter(
+            negative="",
+            consume_multiple=True,
+            help="metres by which people walk to the left or right of their walks (default: "
+            f"{_listed(_USUAL.aside)})",
+        ),
     ] = None,
     lag: Annotated[
         list[float] | None,
         Parameter(
-            negative="", consume_multiple=True, help="seconds by which any one drone is late"
+            negative="",
+            consume_multiple=True,
+            help=f"seconds by which one of the drones is late (default: {_listed(_USUAL.lag)})",
         ),
     ] = None,
     lost: Annotated[
@@ -60,16 +74,16 @@ def _robustness(
         Parameter(
             negative="",
             consume_multiple=True,
-            help="steps at which drones are lost, one at a time (default: each at its worst step)",
+            help="steps at which one of the drones is lost (default: each at its worst step)",
         ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
-    Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
-    the least at any moment, and rules are checked at every moment, on the flights' polynomials.
-    If a distance is not kept, the table shows the one to plan with.
+    The drones do not react: all others fly as planned. J includes the time between steps. Distances
+    are the smallest at any moment, and rules are checked at every moment, on the flights'
+    polynomials. If a distance is not kept, the table shows the distance to plan with.
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """

@@ -39,7 +39,7 @@ def _scenes(*, json: Json = False) -> int:
 def _recipe(
     place: Annotated[
         str | None,
-        Parameter(help="a built-in real place, e.g. delft, to copy its recipe and all its files"),
+        Parameter(help="built-in place, e.g. delft, whose recipe and files to copy"),
     ] = None,
     /,
     *,
@@ -50,10 +50,10 @@ def _recipe(
 ) -> int:
     """Print a recipe with every table, or copy the recipe and the maps of a built-in place.
 
-    A recipe is a scene made of maps, meshes, tracks and drones. The printed one explains every key,
-    but names files that are yours to supply, so it cannot be planned as it stands. To begin with a
-    scene that can, copy a place, or write the shortest recipe, which needs no other file:
-    docs/how-to/shortest-recipe.md.
+    A recipe is a scene file in TOML that combines maps, meshes, tracks and drones. The printed
+    recipe explains every key, but names files that you must supply, so you cannot plan it
+    unchanged. For a scene that you can plan at once, copy a place, or write the shortest recipe,
+    which needs no other file: docs/how-to/shortest-recipe.md.
 
     Example: cocap-opt recipe delft -o shoot
     """

@@ -82,11 +82,11 @@ def _plan(
 ) -> int:
     """Plan a scene, check the plan, and with -o write it to a file.
 
-    With --from-step the drones have flown the plan of --plan up to that step, and the rest is
-    replanned: without lost drones, or in a scene whose people walk elsewhere. The new rest is no
-    worse than the old one, provided that the old one still keeps the rules. -o writes the plan of
-    the whole mission as soon as it is found; then a bound on the rest is computed. A lost drone
-    leaves the scene at that step, so there is no whole plan: --rest-plan writes that of the others.
+    --from-step replans the rest of a mission: the drones have flown --plan up to that step, and
+    then drones are lost, or people walk elsewhere in the scene you pass. The new rest is at least
+    as good as the old one, unless that now breaks a rule. -o writes the plan of the whole mission
+    before a bound on the rest is computed. If drones are lost, the plan covers the others only and
+    begins at that step: write it with --rest-plan.
 
     Example: cocap-opt plan corridor --seed 0 -o plan.json
     """
@@ -133,7 +133,7 @@ def _bound(
     /,
     *,
     method: Annotated[
-        str, Parameter(choices=tuple(BOUNDS), help="how the bound is found")
+        str, Parameter(choices=tuple(BOUNDS), help="method that computes the bound")
     ] = "column-generation",
     seed: Seed = 0,
     start: _Start = None,
@@ -173,13 +173,13 @@ def _solve(
         str,
         Parameter(
             choices=_SOLVE_METHODS,
-            help=f"how it is solved; {AT_THE_ROOT}: bound and plan at the root only",
+            help=f"exact method; {AT_THE_ROOT} stops at the root, with a bound and a plan",
         ),
     ] = "branch-and-price",
     seed: Seed = 0,
     gap: Annotated[
         float,
-        Parameter(help=f"(bound - J) / bound to stop at; 0 means {OPTIMALITY:g}, called optimal"),
+        Parameter(help=f"gap, (bound - J) / bound, at which to stop; 0 means {OPTIMALITY:g}"),
     ] = 0.0,
     start: _Start = None,
     free: Free = False,
@@ -192,9 +192,9 @@ def _solve(
 ) -> int:
     """Find the best plan and prove that no other is better by more than --gap.
 
-    At a limit or Ctrl-C it gives the best plan and bound so far.
-    `verify` checks the file of --certificate, which proves the bound;
-    brute-force has none: its bound is what trying all plans proves.
+    At a limit or Ctrl-C it returns the best plan and bound so far. The file of
+    --certificate proves the bound, and `verify` checks it; brute-force tries
+    all plans and writes no certificate.
 
     Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
     """

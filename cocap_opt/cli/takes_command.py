@@ -37,20 +37,18 @@ def _takes(
     seconds: Annotated[
         float, Parameter(name="--seconds", help="seconds for each plan, including coverage")
     ] = 20.0,
-    delay: Annotated[
-        float, Parameter(help="how late or early people are, standard deviation in s")
-    ] = 0.0,
+    delay: Annotated[float, Parameter(help="standard deviation of people's delays, s")] = 0.0,
     aside: Annotated[
-        float, Parameter(help="how far people walk to one side, standard deviation in m")
+        float, Parameter(help="standard deviation of people's sideways offsets, m")
     ] = 0.0,
     speed: Annotated[
-        float, Parameter(help="how much faster or slower people are, standard deviation as a share")
+        float, Parameter(help="standard deviation of people's speeds, relative, e.g. 0.1")
     ] = 0.0,
     count: Annotated[
         Whole | None,
-        Parameter(help=f"number of takes; the first is the scene as it is; {_DRAWN} if not given"),
+        Parameter(help=f"number of takes, the first as in the scene (default: {_DRAWN})"),
     ] = None,
-    draw_seed: Annotated[Whole | None, Parameter(help="seed of the draws; 0 if not given")] = None,
+    draw_seed: Annotated[Whole | None, Parameter(help="seed of random takes (default: 0)")] = None,
     output: Annotated[
         Path | None,
         Parameter(
@@ -62,9 +60,9 @@ def _takes(
 ) -> int:
     """Show what a plan for one take loses in another, and what a plan for all of them costs.
 
-    For each take alone, and for all of them on average, it finds a plan and proves a bound on J.
+    For each take, and for the average over all takes, it finds a plan and proves a bound on J.
     Then it shows J of each plan in each take. All plans keep away from the people of all takes.
-    The takes are the scene's; if it has none, --delay, --aside and --speed draw some.
+    If the scene defines no takes, --delay, --aside and --speed draw them at random.
 
     Example: cocap-opt takes bottleneck --aside 0.5 --count 3 --seconds 10 -o takes
     """
@@ -89,7 +87,7 @@ def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | N
     if problem.takes:
         for option, value in options.items():
             if value is not None:
-                raise UsageError(f"{option}: must be left out, for the scene has takes")
+                raise UsageError(f"{option}: must be left out, as the scene has takes")
         return problem
     if not any(spread):
         raise UsageError("SCENE: has no takes; --delay, --aside or --speed draw some")

@@ -31,13 +31,13 @@ class _RequiredViews:
         float, Parameter(help="share of person-steps to be seen by --cameras drones or more")
     ] = _SHARE
     cameras: Annotated[
-        Whole, Parameter(help="drones to see each person; it takes 2 to locate a point in space")
+        Whole, Parameter(help="drones that must see each person; 2 can locate a point in space")
     ] = 2
     at_least: Annotated[
         float | None,
         Parameter(
-            help="share of a person that a drone must see, of their unhidden solid angle; if not "
-            "given, the scene's, or 0.3"
+            help="share of a person, by unhidden solid angle, that a drone must see (default: the "
+            "scene's share, or 0.3)"
         ),
     ] = None
 
@@ -49,16 +49,16 @@ def _team(
     scene: Scene,
     /,
     *,
-    drones: Annotated[str, Parameter(help="numbers of drones, such as 1-8 or 2,4")] = "1-6",
+    drones: Annotated[str, Parameter(help="numbers of drones, e.g. 1-8 or 2,4")] = "1-6",
     camera: Annotated[
         str | None,
-        Parameter(help=f"names, separated by commas, from {', '.join(CAMERAS)}; the scene's "
-                  "camera if not given"),
+        Parameter(help=f"cameras to compare, separated by commas: {', '.join(CAMERAS)} (default: "
+                  "the scene's camera)"),
     ] = None,
     heights: Annotated[
         str | None,
-        Parameter(help="metres, such as 6,9,12: at each of them a team of its own, which stays "
-                  "there; the scene's heights if not given"),
+        Parameter(help="heights to compare in metres, e.g. 6,9,12; each team stays at one height "
+                  "(default: the scene's heights)"),
     ] = None,
     required: _RequiredViews = _USUAL,
     seed: Seed = 0,
@@ -74,21 +74,21 @@ def _team(
         Path | None,
         Parameter(
             name=["--out", "-o"],
-            help="folder for teams.csv, scenes, plans and certificates; what is there is kept",
+            help="folder for teams.csv, scenes, plans and certificates",
         ),
     ] = None,
     workforce: Workforce = HERE,
     retry: Annotated[
         bool,
-        FLAG(help="try again what has failed in the --out folder"),
+        FLAG(help="retry failed runs in the --out folder"),
     ] = False,
     json: Json = False,
 ) -> int:  # fmt: skip
-    """Compare teams: how many drones, with which camera, at which height, and what no team can do.
+    """Compare teams by number of drones, camera and height, with bounds on what any team can do.
 
-    The drones are copies of the scene's, and start where it is best: in the areas that the scene
-    gives them, or wherever they may be. Each team is planned twice, for J and for the drones that
-    see each person, and bounds are computed for both as far as time allows. Results
+    The drones are copies of the scene's drones, with the best starts: in the areas that the scene
+    defines, or anywhere. Each team is planned twice, for J and for the number of drones that see
+    each person, and bounds are computed for both as far as time allows. Results
     already in the --out folder are not recomputed. The exit code is 1 if a computation ended
     with an error.
 

@@ -57,14 +57,12 @@ _OPTIMISTIC = (
 def _verify(
     scene: Scene,
     /,
-    *file: Annotated[
-        Path, Parameter(help="a plan, and any certificates and proofs of bounds, in any order")
-    ],
+    *file: Annotated[Path, Parameter(help="a plan, certificates and proofs, in any order")],
     seed: Seed = 0,
     free: Free = False,
     explain: Annotated[
         bool,
-        FLAG(name="--explain", help="say in a few sentences what the gap is made of"),
+        FLAG(name="--explain", help="explain in a few sentences where the gap comes from"),
     ] = False,
     all_terms: Annotated[
         bool,
@@ -73,22 +71,22 @@ def _verify(
     second_opinion: Annotated[
         bool,
         FLAG(
-            help="find bounds again by other code, networkx or cocap-check, which takes much "
-            "longer; both must agree"
+            help="also recompute bounds with independent code, networkx or cocap-check, which "
+            "takes much longer; both results must agree"
         ),
     ] = False,
     plain: Annotated[
         bool,
         FLAG(
-            help="use no compiled code (numba); staged certificates take twenty times as long, "
-            "other files take the same time"
+            help="use no compiled code (numba); staged certificates then take twenty times as "
+            "long, other files no longer"
         ),
     ] = False,
     time_limit: Annotated[
         float,
         Parameter(
-            help="seconds for checking bounds, coverage included, second opinions not; inf: no "
-            "limit"
+            help="seconds for checking bounds, including coverage, excluding second opinions; inf: "
+            "no limit"
         ),
     ] = _USUAL_LIMIT,
     json: Json = False,
@@ -96,12 +94,12 @@ def _verify(
 ) -> int:
     """Independently verify plans, certificates and proofs: exit 0 only if all claims hold.
 
-    The plan may also be from the project whose scene format it is, or a solver's
-    solution (.sol) of a program that `export` has written; a solution of
-    Hughes et al. names its scene, so you need not pass one. Of several bounds
-    the lowest is shown and explained. Gaps are to the bound that is proved,
-    even if the file states another. A bound that is not checked within the
-    limit counts as not proved, though it may hold.
+    The plan may also come from the project that the scene comes from, or be a
+    solver's solution (.sol) of a program from `export`; a solution of Hughes
+    et al. names its scene, so you need not pass one. If you pass several bounds,
+    the lowest is shown and explained. Gaps are measured to the proved bound,
+    even if the file claims another one. A bound whose check is stopped by the
+    time limit counts as not proved, though it may hold.
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
@@ -230,8 +228,8 @@ def _weight(value: object) -> str:
     weights = value.weights(1)
     least, most = f"{min(weights, default=0.0):g}", f"{max(weights, default=0.0):g}"
     return (
-        f"of weight {least if least == most else f'{least} to {most}'}, up to {value.cameras} of a "
-        f"person, from {100 * value.at_least:g} % of them on"
+        f"of weight {least if least == most else f'{least} to {most}'}, up to {value.cameras} per "
+        f"person, each of at least {100 * value.at_least:g} % of them"
     )
 
 

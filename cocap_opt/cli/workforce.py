@@ -18,11 +18,13 @@ class Workforce:
 
     workers: Workers = None
     scheduler: Annotated[
-        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
+        str | None, Parameter(help="address of a dask scheduler whose workers to use")
     ] = None
     cell_limit: Annotated[
         float | None,
-        Parameter(help="seconds after which a worker gives up a planner or a bound"),
+        Parameter(
+            help="seconds after which a worker is stopped, with the planner or bound it runs"
+        ),
     ] = None
 
     @property

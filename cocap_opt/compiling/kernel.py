@@ -14,7 +14,7 @@ _log = logging.getLogger(__name__)
 
 ALL_SECONDS = 28.0  # that `cocap-opt compile` takes, the sum over all kernels
 _FIRST = "%s is compiled first, once on this machine: some %.0f s, which no time limit counts"
-_LOADING = 1.0  # s of NumPy's way, from which on loading is worth it
+_LOADING = 1.0  # s of NumPy's way that make loading worth it
 _REPAID = 1.25  # times as long as compiling NumPy's way must take
 _FASTER = 8.0  # times, at least
 _PATIENT = 10.0  # times the seconds of compiling, on a machine that has much else to do
@@ -67,7 +67,7 @@ class Kernel:
         Parameters
         ----------
         work : s that it would take by NumPy's way
-        stop : stopping criterion, which ends compiling; if not given, nothing is compiled
+        stop : stopping criterion, which ends compiling; if None, nothing is compiled
 
         Raises
         ------

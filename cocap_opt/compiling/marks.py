@@ -153,7 +153,7 @@ def _remove_older(path: Path, module: str) -> None:
     now, source = _stamps(module), str(sources_of(module)[0])
     for other in path.parent.glob(f"{module.rpartition('.')[2]}-*.kept"):
         found = _read(other)
-        # What is no mark is one of an earlier format.
+        # What is not a mark is one of an earlier format.
         if found is None or (source in found.sources and found.sources != now):
             with suppress(OSError):
                 other.unlink(missing_ok=True)

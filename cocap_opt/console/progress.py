@@ -19,7 +19,7 @@ from cocap_opt.text import printable
 
 _SECONDS_TO_A_PACE = 1.0  # after which what is left can be told
 _BAR_WIDTH = 40  # characters
-# Where standard error is no terminal: no silence is longer than 5 s, and the first one shorter.
+# Where standard error is not a terminal: no silence is longer than 5 s, and the first one shorter.
 SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
 
 

@@ -20,8 +20,8 @@ def discard(stream: TextIO) -> None:
 def one_line(message: str) -> str:
     """Returns a message on one line.
 
-    Some of it may come from files: what is no text, or would steer a terminal, is escaped, and of
-    words that nobody reads to the end the middle is left out.
+    Some of it may come from files: what is not text, or would steer a terminal, is escaped, and the
+    middle of very long words is left out.
     """
     return printable(" ".join(shortened(word, _LONGEST_WORD) for word in message.split()))
 

@@ -42,7 +42,7 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
 
     Under a separation not both robots may be near the point in the middle between them: the one
     that gives way keeps half the separation from it, at the step or at the moment between two
-    when they are nearest. Any two that do not are too near, so that no plan is lost in both.
+    when they are nearest. Any two that do not are too close, so that no plan is lost in both.
 
     Parameters
     ----------

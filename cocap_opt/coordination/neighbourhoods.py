@@ -97,7 +97,7 @@ def _exchanged(
 
 
 def _crossings(team: PlannedTeam, first: int, second: int) -> IntArray:
-    """Returns the steps from which on two robots can have each other's states."""
+    """Returns the first steps at which two robots can have each other's states."""
     robot_class = team.model.class_of[first]
     if robot_class is not team.model.class_of[second]:
         return np.zeros(0, dtype=np.int64)

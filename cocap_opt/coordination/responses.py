@@ -34,7 +34,7 @@ class Responses:
         self.limit: Limit | None = None
 
     def nobody(self, problem: Problem) -> PlannedTeam:
-        """Returns a team of which nobody is planned, with the coverage that the low level needs.
+        """Returns a team without any planned robot, with the coverage that the low level needs.
 
         If a limit ends coverage early, the robots are planned with what there is
         (`Model.covered_by`).

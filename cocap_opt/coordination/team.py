@@ -49,7 +49,7 @@ class Team(Generic[P]):
 
     @classmethod
     def nobody(cls, model: Model) -> Self:
-        """Returns a team of which nobody is planned."""
+        """Returns a team without any planned robot."""
         return cls(model, (None,) * len(model.problem.robots))
 
     @property

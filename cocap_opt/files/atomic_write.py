@@ -21,8 +21,8 @@ def write_atomically(
 
     A file's content is given, or a function that writes it into the file.
 
-    Each is written to a temporary file beside it, which is then renamed. Ctrl-C before that leaves
-    no file, and later all of them.
+    Each is written to a temporary file beside it, which is then renamed. If Ctrl-C comes
+    before that, no file is written; if it comes later, all are.
 
     Raises
     ------

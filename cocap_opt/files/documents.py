@@ -221,7 +221,7 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
 
 
 def other_coverage(version: int | None) -> str:
-    """Says that a file was made with another version of coverage; nothing if nobody knows it."""
+    """Says that a file was made with another version of coverage; empty if unknown."""
     if version in (None, COVERAGE_VERSION):
         return ""
     return (
@@ -235,7 +235,7 @@ def _default(kind: type[Document], field: str) -> object:
 
 
 def unreadable(path: Path) -> str:
-    """Says that a path is no name, or a pipe or a device, which may not end, if it is so."""
+    """Says that a path is not a name, or a pipe or a device, which may not end, if it is so."""
     if "\0" in str(path):
         return "must be the name of a file, in which no character is NUL"
     # Unlike Path.exists, os.path.exists is false, too, for names that no file can have.

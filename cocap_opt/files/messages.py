@@ -78,7 +78,7 @@ def in_words(error: Exception, content: bytes | str, kind: object, value: object
 
 
 def no_text(error: UnicodeDecodeError) -> str:
-    """Returns where a file is no text."""
+    """Returns where a file is not text."""
     line = error.object[: error.start].count(b"\n") + 1
     return f"must be a text file in UTF-8, but byte {error.start + 1}, in line {line}, is not"
 

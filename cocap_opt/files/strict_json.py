@@ -1,6 +1,6 @@
 """JSON as this project reads it: of a given type, and without a key that an object has twice.
 
-Decoders take the last of such values and say nothing, so that nobody knows which was meant.
+Decoders silently take the last of such values, whichever was meant.
 """
 
 import json

@@ -11,6 +11,6 @@ them all. `flights` puts them together: the `Flight` of a plan, checked for bein
 scene that `flight_scene` makes of a problem; `changes` has a row for each change it meets.
 `ways` leads drones from home to the first places and back, and counts their batteries;
 `touchdowns` warns of roofs, obstacles and water on which they take off or land, and of drones that
-are too near to each other as they do; `urgent` has all warnings that nobody must overlook.
+are too close to each other as they do; `urgent` has all warnings that nobody must overlook.
 `notes` has the kinds of sentences on a flight.
 """

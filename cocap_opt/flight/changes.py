@@ -29,7 +29,7 @@ class ChangeRow(NamedTuple):
     share : of J of the flight as planned; None if that is 0
     least_distance : m, between drones; None for one drone
     people_distance : m, to the middle of anybody, from above; None where the scene asks for none
-    rules : kept, or to whom drones come too near; none where the scene has none between the steps
+    rules : kept, or to whom drones come too close; none where the scene has none between the steps
     ask_drones, ask_people : m, the distance to ask for, that of the scene and what is missing,
         rounded up to centimetres; None where none is missing
     """
@@ -65,7 +65,7 @@ class ChangeRow(NamedTuple):
             share=reward / planned if planned > 0 else None,
             least_distance=_finite(outcome.apart),
             people_distance=_finite(outcome.aside) if asks else None,
-            rules=f"too near: {', '.join(near)}" if near else fine,
+            rules=f"too close: {', '.join(near)}" if near else fine,
             ask_drones=_asked(problem.rules.separation, outcome.missing.get("drones")),
             ask_people=_asked(stated.people_aside, outcome.missing.get("people")),
         )
@@ -115,7 +115,7 @@ class Changes(NamedTuple):
             yield f"any drone {lag:g} s late", robustness.with_laggard(lag)
 
     def _require(self, seconds: float) -> None:
-        """Refuses what is no change, or no small one."""
+        """Refuses values that are not changes, or too large."""
         for name, most, unit in (
             ("late", seconds, "s, as long as the flight"), ("aside", MOST_ASIDE, "m"),
             ("lag", seconds, "s, as long as the flight"),
@@ -172,9 +172,9 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[Note]:
         return
     if delay is None:
         yield Note(
-            "the scene asks for no distance to people, so how near a late drone comes to them was "
+            "the scene requires no distance to people, so how close a late drone comes to them was "
             "not checked",
-            remedy="a recipe asks for a distance with people in [airspace]",
+            remedy="set people under [airspace] of a recipe to require one",
         )
         return
     kept = f"drones keep {problem.airspace.told_people}"
@@ -187,8 +187,8 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[Note]:
         )
     else:
         yield Note(
-            f"delay tolerance to people: {kept} while none is {delay:.2f} s or more ahead of them "
-            "or behind"
+            f"delay tolerance to people: {kept} while no drone is {delay:.2f} s or more ahead of "
+            "them or behind"
         )
 
 

@@ -1,13 +1,13 @@
 """Delays that flights bear: by so much drones, or people, may be late and keep apart.
 
 Nothing keeps drones that fly waypoints to a common clock. This finds the least difference between
-two moments at which one drone at the first and another at the second would be too near, over all
+two moments at which one drone at the first and another at the second would be too close, over all
 pairs of moments: drones that keep below it keep the separation, whether the delay grows, shrinks or
-stays. A drone hovers before its flight and after it, which adds nothing: who comes too near to it
+stays. A drone hovers before its flight and after it, which adds nothing: who comes too close to it
 then is no later than at the flight's first moment, or its last.
 
 Two pieces of flights and a square of their moments are quartered until nothing is left below a
-difference at which two drones are too near indeed. In a square, planes that part the pieces bound
+difference at which two drones are too close indeed. In a square, planes that part the pieces bound
 the difference from below: on each axis across a plane, a piece is no farther from a line through
 its ends than its Bernstein coefficients are. So the answer is never too large.
 """
@@ -35,7 +35,7 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     """Returns the seconds below which two drones keep a separation, however one is late.
 
     It is the largest such number, or too small by up to `FINE`, but for flights that nearly touch;
-    inf where no delay matters, 0 where they are too near without any.
+    inf where no delay matters, 0 where they are too close without any.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _bearable(
 def _least(
     left: FloatArray, right: FloatArray, ahead: int, rules: CollisionRules, most: float, fine: float
 ) -> float:
-    """Returns the least difference (pieces) between moments at which drones may be too near.
+    """Returns the least difference (pieces) between moments at which drones may be too close.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _least(
     fine : pieces, by which the answer may be too small
     """
     apart, width, answer = np.full(len(left), float(ahead)), 1.0, most
-    clash = most + fine  # the least difference at which two are too near, as far as it is known
+    clash = most + fine  # the least difference at which two are too close, as far as it is known
     while len(left):
         least = np.maximum(apart + width * _bound(left, right, rules), 0.0)
         undecided = (least < answer) & (least <= apart + width)
@@ -150,7 +150,7 @@ def _bound_along(
     above = (p - p[:, :1] - faster * shares).max(axis=-1)
     below = (q - q[:, :1] - slower * shares).min(axis=-1)
     faster, slower = faster[:, 0], slower[:, 0]
-    # Too near where q - p < far, thus spare < faster (u - v): u and v are the shares, and
+    # Too close where q - p < far, thus spare < faster (u - v): u and v are the shares, and
     # faster u - slower v is at most faster (u - v) + the larger of faster - slower and 0.
     spare = q[:, 0] + below - p[:, 0] - above - far - np.maximum(faster - slower, 0.0)
     found = np.full(len(p), -1.0)

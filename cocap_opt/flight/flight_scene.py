@@ -1,4 +1,4 @@
-"""The scene that a plan is flown in: how long a step lasts, how near to people drones may be."""
+"""The scene that a plan is flown in: how long a step lasts, how close to people drones may come."""
 
 from typing import NamedTuple, Self
 
@@ -8,12 +8,12 @@ from cocap_opt.problem import Airspace, Plan, Problem
 
 
 class FlightScene(NamedTuple):
-    """A scene whose steps have a duration, and in which drones may be nearer to people.
+    """A scene whose steps have a duration, and in which drones may be closer to people.
 
     Attributes
     ----------
     problem : with the duration of a step, and with the distances to people that flights keep
-    asked : the scene's own airspace, where flights may be nearer to people than it says; else None
+    asked : the scene's own airspace, where flights may be closer to people than it says; else None
     """
 
     problem: Problem
@@ -26,7 +26,7 @@ class FlightScene(NamedTuple):
         Parameters
         ----------
         step : s, how long a step lasts; None: the problem says it
-        margin : m, by which drones may be nearer to people than the problem says, aside
+        margin : m, by which drones may be closer to people than the problem says, aside
             (`people_aside`) and over heads (`people_above`); None: they may not
 
         Raises
@@ -44,7 +44,7 @@ class FlightScene(NamedTuple):
 
     @property
     def without_earth(self) -> Self:
-        """The same scene, of which nobody knows where it is on the Earth."""
+        """The same scene, without its position on the Earth."""
         return self._replace(problem=self.problem.replace(earth=None))
 
     def flight(self, plan: Plan, smooth: bool) -> Flight:
@@ -55,18 +55,18 @@ class FlightScene(NamedTuple):
 def _timed(problem: Problem, step: float | None) -> Problem:
     """Returns the problem with the duration of a step, which comes once."""
     if problem.step is None and step is None:
-        words = f"must be given, for {problem.name} does not say how many seconds a step lasts"
+        words = f"must be given, as {problem.name} defines no step length"
         raise FieldError("step", words)
     if problem.step is not None and step is not None:
-        words = f"must be left out, for {problem.name} defines it: {problem.step:g} s"
+        words = f"must be left out, as {problem.name} defines it: {problem.step:g} s"
         raise FieldError("step", words)
     return problem if step is None else problem.replace(step=step)
 
 
 def _nearer(airspace: Airspace, margin: float) -> Airspace:
-    """Returns the airspace in which drones may be nearer to people by a margin (m)."""
+    """Returns the airspace in which drones may be closer to people by a margin (m)."""
     if not airspace.people_aside:
-        raise FieldError("margin", "the scene asks for no distance to people; leave it out")
+        raise FieldError("margin", "the scene requires no distance to people; leave it out")
     aside, over = airspace.people_aside - margin, airspace.people_above
     try:
         if margin >= 0 and aside > 0:
@@ -76,6 +76,6 @@ def _nearer(airspace: Airspace, margin: float) -> Airspace:
         pass
     raise FieldError(
         "margin",
-        "must be from 0 m to less than what the scene's drones keep from people, "
+        "must be at least 0 m and less than the scene's distance to people, "
         f"{airspace.people_aside:g} m",
     ) from None

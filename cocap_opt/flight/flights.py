@@ -22,7 +22,7 @@ from cocap_opt.referee import Verdict, check
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
 _TOUCH = 1e-6  # m, less is rounding
-_EVEN = ", even where it changes its speed as shortly as it can; "
+_EVEN = ", even with the quickest changes of speed; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
@@ -40,7 +40,7 @@ class LimitError(ProblemError):
 
     def __init__(self, words: str, step: float, any_plan: float, way_out: str = "") -> None:
         self.words, self.step, self.any_plan, self.way_out = words, step, any_plan, way_out
-        super().__init__(f"{words}{way_out}; steps of {step:g} s would do for the same plan")
+        super().__init__(f"{words}{way_out}; to fly this plan, use steps of {step:g} s")
 
 
 class Flight(NamedTuple):
@@ -56,7 +56,7 @@ class Flight(NamedTuple):
     slowed : steps of drones at which they pass more slowly than they could
     shortened : steps of drones at which they change speed in less time than they could
     start : when step 0 is, with its offset from UTC; None if unspecified
-    asked : the scene's airspace, where drones fly nearer to people than it says; else None
+    asked : the scene's airspace, where drones fly closer to people than it says; else None
     cut_short : what a limit has left of the plan, in words; empty where it is whole
     """
 
@@ -142,7 +142,7 @@ class Flight(NamedTuple):
         if off > _TOUCH:
             yield Note(
                 f"{rows} are on the flight that was checked; straight lines between them leave it "
-                f"by up to {off:.2g} m: a smaller --every keeps nearer to it"
+                f"by up to {off:.2g} m: a smaller --every keeps closer to it"
             )
 
     def record(self) -> dict[str, Any]:
@@ -194,7 +194,7 @@ class Flight(NamedTuple):
         yield from self.axes()
 
     def nearer_to_people(self) -> Iterator[Note]:
-        """Yields how near to people drones may come, if that is nearer than the scene says."""
+        """Yields how near to people drones may come, if that is closer than the scene says."""
         if self.asked is not None:
             kept = self.flown.problem.airspace
             nearer, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
@@ -202,7 +202,7 @@ class Flight(NamedTuple):
                 nearer += f" or {kept.people_above:g} m over heads"
                 asked += f" and {self.asked.people_above:g}"
             yield Note(
-                f"--margin lets drones come nearer to people: {nearer}; the scene asks for "
+                f"--margin lets drones come closer to people: {nearer}; the scene asks for "
                 f"{asked} m"
             )
 
@@ -240,7 +240,7 @@ class Flight(NamedTuple):
     def near_without_rule(self) -> Iterator[Note]:
         """Yields how near drones come to each other, where no rule asks for a distance.
 
-        Nothing if that is too near, which `too_near` says.
+        Nothing if that is too close, which `too_near` says.
         """
         nearest = Nearest.of_drones(self.flown)
         if self.flown.problem.rules.separation or nearest is None or nearest.is_too_near:
@@ -253,9 +253,9 @@ class Flight(NamedTuple):
         )
 
     def too_near(self) -> Iterator[Note]:
-        """Yields which drones come too near to each other or to people, where no rule forbids it.
+        """Yields which drones come too close to each other or to people, where no rule forbids it.
 
-        That is nearer than scenes that are to be flown ask for.
+        That is closer than scenes that are to be flown ask for.
         """
         yield from self._drones_too_near()
         asked = self.asked or self.flown.problem.airspace
@@ -269,7 +269,7 @@ class Flight(NamedTuple):
             )
 
     def _drones_too_near(self) -> Iterator[Note]:
-        """Yields the two drones that come nearest to each other, and when, if that is too near."""
+        """Yields the two drones that come nearest to each other, and when, if that is too close."""
         nearest = Nearest.of_drones(self.flown)
         if self.flown.problem.rules.separation or nearest is None:
             return
@@ -327,7 +327,7 @@ def _geodesy(problem: Problem) -> Geodesy | None:
 def _way_out(danger: Danger, straight: Trajectory) -> str:
     """Says what to do where no smooth flight is safe: by how much a plan must keep farther away."""
     if same := dangers(straight):
-        return f"{_EVEN}neither is the straight flight safe: {same[0]}"
+        return f"{_EVEN}the straight flight is not safe either: {same[0]}"
     problem, other = straight.problem, "the straight flight is safe: leave --smooth out"
     if danger.person is None:
         return f"{_EVEN}{other}"
@@ -350,7 +350,7 @@ def _up(metres: float) -> str:
 def _require_limits(
     problem: Problem, found: list[Demand], step: float, is_smooth: bool, shortened: int
 ) -> None:
-    """Refuses flights that a drone cannot fly, with the durations of a step that would do."""
+    """Refuses flights that a drone cannot fly, with the shortest step that suffices."""
     broken = [demand for demand in found if not demand.is_kept]
     if not broken:
         return
@@ -359,7 +359,7 @@ def _require_limits(
     limit = (worst.limit or 0.0) * scale
     shorter = ""
     if shortened and worst.kind == "acceleration":
-        shorter = ", where it changes its speed so fast to keep away from people"
+        shorter = ", because it changes its speed quickly to keep away from people"
     flown, robot = problem.replace(step=step), problem.robots[worst.drone]
     steep = steep_ground(flown, robot, worst.kind, is_smooth)
     same = math.ceil(100 * step * worst.slower) / 100

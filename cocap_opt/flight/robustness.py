@@ -1,6 +1,6 @@
 """Flights that are not as planned: people are late, early or aside, a drone lags or is lost.
 
-Nobody reacts: drones fly as planned, and hover before and after. One that is lost at a step has
+Drones do not react: they fly as planned, and hover before and after. One that is lost at a step has
 left the scene from there on; what becomes of it is not looked at. Least distances, and whether
 rules are kept, are computed on the polynomials at every moment, not sampled: two pieces of flights
 of which one is late are cut where either of them ends. J is looked at at some moments of each step.
@@ -36,7 +36,7 @@ class Outcome(NamedTuple):
     reward : part of J that views make
     apart : m, least distance between two drones; inf for one drone
     aside : m, least distance between a drone and the middle of a person, seen from above
-    missing : m, by which drones come nearer than the rules allow, to "drones" and to "people";
+    missing : m, by which drones come closer than the rules allow, to "drones" and to "people";
         without those to whom they come no nearer
     """
 
@@ -47,7 +47,7 @@ class Outcome(NamedTuple):
 
     @property
     def too_near(self) -> frozenset[str]:
-        """To whom drones come nearer than the rules allow: to "drones", to "people"."""
+        """To whom drones come closer than the rules allow: to "drones", to "people"."""
         return frozenset(self.missing)
 
 

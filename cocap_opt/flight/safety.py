@@ -48,7 +48,7 @@ class Danger(NamedTuple):
     ----------
     step : it is between this one and the next
     part : piece of the step
-    person : to whom they come too near, if it is that
+    person : to whom they come too close, if it is that
     """
 
     step: int
@@ -87,11 +87,11 @@ def _between_drones(flown: Trajectory) -> Iterator[Danger]:
     pairs = list(combinations(range(len(flown.pieces)), 2))
     for k in np.flatnonzero(come_too_near(ways, rules)).tolist():
         step, part = divmod(k % count, flown.parts)
-        yield Danger(step, pairs[k // count], f"come nearer than the {rules}", part)
+        yield Danger(step, pairs[k // count], f"come closer than the {rules}", part)
 
 
 def _near_people(flown: Trajectory) -> Iterator[Danger]:
-    """Yields where drones come too near to people, who walk straight from step to step."""
+    """Yields where drones come too close to people, who walk straight from step to step."""
     problem = flown.problem
     airspace, count = problem.airspace, flown.pieces.shape[1]
     if not airspace.people_aside:
@@ -101,7 +101,7 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
         near = come_too_near(ways.reshape(-1, 3, DEGREE + 1), airspace.rules_beside(actor))
         for k in np.flatnonzero(near).tolist():
             step, part = divmod(k % count, flown.parts)
-            words = f"comes nearer than {airspace.people_aside:g} m to {problem.person(j)}"
+            words = f"comes closer than {airspace.people_aside:g} m to {problem.person(j)}"
             yield Danger(step, (k // count,), words, part, j)
 
 
@@ -119,7 +119,7 @@ def come_too_near(ways: FloatArray, rules: CollisionRules) -> BoolArray:
 
 
 def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
-    """Yields where drones come too near to matter, or leave the map or the airspace."""
+    """Yields where drones come too close to matter, or leave the map or the airspace."""
     for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
         for k, piece in enumerate(path[:, :3]):
             key = i, piece.tobytes()
@@ -139,7 +139,7 @@ def _entered(piece: FloatArray, problem: Problem, motion: Motion) -> str:
         return "leaves the map, enters a no-fly zone, or is too high"
     walls = workspace.columns
     if not (motion.corner_cutting or _is_free(piece, problem, walls, motion.clearance)):
-        return "comes too near to solid matter"
+        return "comes too close to solid matter"
     return ""
 
 
@@ -190,12 +190,12 @@ class Nearest(NamedTuple):
 
     @property
     def is_too_near(self) -> bool:
-        """True if it is nearer than scenes that are to be flown ask for."""
+        """True if it is closer than scenes that are to be flown ask for."""
         return self.distance < SEPARATION - TOLERANCE
 
     @classmethod
     def of_people_without_rule(cls, flown: Trajectory, airspace: Airspace) -> Self | None:
-        """Returns when a drone is nearest to a person, if that is too near and no rule forbids it.
+        """Returns when a drone is nearest to a person, if that is too close and no rule forbids it.
 
         Parameters
         ----------

@@ -16,8 +16,8 @@ In a blend a drone leaves its even pace by two polynomials of the fifth degree: 
 of its speed at the step, the other its acceleration there, and both end with neither. A drone that
 stops strays from its even pace by no more than a fifth of its move times the part of the step that
 the stop takes. So a plan that keeps farther from people than it must, by a 40th of the longest
-move in space, always has a smooth flight (`spare`). In one that does not, drones may be too near to
-people where they start, land, or change their speed at two steps in a row.
+move in space, always has a smooth flight (`spare`). In one that does not, drones may be too close
+to people where they start, land, or change their speed at two steps in a row.
 """
 
 from collections import defaultdict

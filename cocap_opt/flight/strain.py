@@ -53,7 +53,7 @@ class _Strain(NamedTuple):
 
     @property
     def step(self) -> float:
-        """Seconds of a step from which on the limit is kept."""
+        """Shortest step (s) that keeps the limit."""
         if self.kind == "acceleration":
             return math.sqrt(ACCELERATION * self.reach / self.limit)
         return RATE * self.reach / self.limit
@@ -77,7 +77,7 @@ def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False
 
 
 def strains(problem: SceneData) -> list[str]:
-    """Returns which drones may be refused a smooth flight, in words, one line for each kind.
+    """Returns which drones may exceed limits in smooth flights, in words, one line for each kind.
 
     It is no proof that a plan cannot be flown: smooth flights are checked as they are. Where drones
     can rest at each step none is refused.
@@ -126,7 +126,7 @@ def _strains(problem: SceneData, robot: Robot) -> Iterator[_Strain]:
 
 
 def _words(problem: SceneData, robot: Robot) -> str:
-    """Says what smooth flights may ask of a drone beyond its limits, and what would do."""
+    """Says which limits of a drone smooth flights may exceed, and which steps keep them."""
     step = problem.step or 0.0
     beyond = [
         strain
@@ -144,18 +144,18 @@ def _words(problem: SceneData, robot: Robot) -> str:
     shortest = motion.shortest_move(problem.height_map.resolution)
     heavy = acceleration is not None and 2 * shortest > acceleration * step**2 * (1 + ROUNDING)
     start = (
-        f"can make no move in a step from rest: the shortest, {shortest:.4g} m, asks for "
+        f"cannot move from rest within a step: the shortest move, {shortest:.4g} m, needs "
         f"{2 * shortest / step**2:.4g} m/s2; "
         if heavy and math.isfinite(shortest)
         else ""
     )
     straight = any(strain.even(step) > strain.limit * (1 + ROUNDING) for strain in beyond)
-    flights = "flights, even straight ones; smooth ones" if straight else "smooth flights, which"
+    flights = "even in straight flights; in smooth ones" if straight else "in smooth flights:"
     return (
-        f"{start}may be refused {flights} ask for up to {asks}; steps of "
+        f"{start}may exceed limits {flights} up to {asks}; steps of "
         f"{rounded_up(max(strain.step for strain in beyond)):g} s"
         f"{_nearer_layers(beyond, step, motion)} "
-        f"would do for all but those that change speed faster beside people{steep}"
+        f"suffice for all flights but those that change speed faster near people{steep}"
     )
 
 
@@ -184,8 +184,8 @@ def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -
     if ground <= 0 or rate * layers > limit * (problem.step or 0.0) * (1 + ROUNDING):
         return ""
     return (
-        f"; the ground is the cause: layers above it rise or fall with it, by up to {ground:.3g} m "
-        'in a move; with flight = "above-sea" in a recipe they are level'
+        f"; the cause is the ground: layers above it rise or fall with it, by up to {ground:.3g} m "
+        'per move; flight = "above-sea" in a recipe makes them level'
     )
 
 

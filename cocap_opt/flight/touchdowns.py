@@ -2,7 +2,7 @@
 
 Drones with homes use those; others go straight up to their first places and straight down from
 their last ones. Warnings are of roofs, water and obstacles, and of drones that are one above the
-other, or nearer than the separation, between those places and the ground.
+other, or closer than the separation, between those places and the ground.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -92,7 +92,7 @@ class Touchdown(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Two drones that are too near to each other while they take off, or while they land.
+    """Two drones that are too close to each other while they take off, or while they land.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Touchdowns(NamedTuple):
     Attributes
     ----------
     found : by drone
-    near : pairs of drones that are too near to each other below their places
+    near : pairs of drones that are too close to each other below their places
     separation : m that are to be kept between drones
     """
 
@@ -141,7 +141,7 @@ class Touchdowns(NamedTuple):
         return cls(found, near, rules.separation)
 
     def warnings(self, kinds: Collection[str] = KINDS) -> Iterator[str]:
-        """Yields which drones touch down badly or too near to each other, and what to do."""
+        """Yields which drones touch down badly or too close to each other, and what to do."""
         yield from _of_ground([each for each in self.found if each.kind in kinds])
         for kind in KINDS:
             if near := [pair for pair in self.near if pair.kind == kind and kind in kinds]:
@@ -198,7 +198,7 @@ def _places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
 
 
 def _near(found: Iterable[Touchdown], kind: str, rules: CollisionRules) -> Iterator[Near]:
-    """Yields the pairs of drones whose ways straight up or down are too near to each other."""
+    """Yields the pairs of drones whose ways straight up or down are too close to each other."""
     alike = [each for each in found if each.kind == kind]
     if not alike:
         return
@@ -232,7 +232,7 @@ def _of_ground(found: Iterable[Touchdown]) -> Iterator[str]:
 
 
 def _of_others(near: Sequence[Near], separation: float) -> str:
-    """Says which drones are too near to each other at touchdowns of one kind, and what to do."""
+    """Says which drones are too close to each other at touchdowns of one kind, and what to do."""
     nearest = min(near, key=lambda pair: pair.distance)
     deed, two = _DEEDS[nearest.kind], f"{nearest.first} and {nearest.second}"
     spot, least = "on the same spot", f"less than {separation:g} m"

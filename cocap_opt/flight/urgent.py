@@ -14,7 +14,7 @@ from cocap_opt.plausibility import misplaced_people
 def attention(flight: Flight, grounds: Touchdowns, parts: Sequence[Part]) -> Iterator[Note]:
     """Yields warnings, each of which asks for attention.
 
-    They are of plans that a limit cut short, drones too near to each other or to people,
+    They are of plans that a limit cut short, drones too close to each other or to people,
     touchdowns, people out of place, tight timing, and pauses for new batteries.
 
     Parameters

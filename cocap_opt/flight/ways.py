@@ -70,7 +70,7 @@ class AirTime(NamedTuple):
 
     @property
     def lasts(self) -> bool:
-        """True if the battery lasts, or nobody knows how long it does."""
+        """True if the battery lasts, or its endurance is unknown."""
         return self.endurance is None or self.seconds <= self.endurance
 
 
@@ -132,9 +132,8 @@ def sinking(robot: Robot) -> float:
 
 
 NOTE = (
-    "ways from and to home keep away from obstacles, no-fly zones and other drones, which hover at "
-    "their places while one after the other flies; people were not considered there, and must stay "
-    "away"
+    "flights from and to home keep away from obstacles, no-fly zones and other drones, which hover "
+    "while one after the other flies; people were not considered, and must stay away"
 )
 
 
@@ -181,10 +180,10 @@ def _parts(problem: Problem, plan: Plan, window: Window) -> list[Part]:
         if last == first:
             worst = max(found, key=lambda drone: drone.seconds - (drone.endurance or math.inf))
             raise ProblemError(
-                f"drone {worst.drone} cannot fly even a step from step {first} on: its ways from "
-                f"and to home and the waits for others take {worst.seconds:.4g} s with it, and its "
-                f"battery lasts {worst.endurance:.4g} s; a home nearer to its places, or fewer "
-                "drones, would do"
+                f"drone {worst.drone} cannot fly even one step from step {first} on: with its "
+                f"flights from and to home and the waits for others it is {worst.seconds:.4g} s in "
+                f"the air, but its battery lasts {worst.endurance:.4g} s; move its home closer, or "
+                "use fewer drones"
             )
         parts.append(Part(first, last, found))
         first = last

@@ -15,8 +15,8 @@ class Assumptions(Data, frozen=True):
 
     Attributes
     ----------
-    at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them
+    at_least : smallest visible share of a person, by the solid angle that they have with nothing
+        in the way, with which a drone sees them
     pixel_error : px, standard deviation with which a point is found in a picture, along each axis
     position_error : m, standard deviation of a drone's place along each axis
     attitude_error : rad, standard deviation of a camera's attitude about each axis

@@ -90,8 +90,9 @@ class Quality:
         Parameters
         ----------
         shares : [T+1, R, A] of the solid angle that each person has from each drone with nothing in
-            the way, the part that is visible in its picture, 0 to 1; computed if not given
-        assumptions : the usual ones, with the scene's share of a person, if not given
+            the way, the part that is visible in its picture, 0 to 1 (default: computed)
+        assumptions : errors and thresholds (default: the usual ones, with the scene's share of a
+            person)
 
         Raises
         ------
@@ -209,7 +210,7 @@ class Quality:
 
         Parameters
         ----------
-        ax : matplotlib axes; if not given, those of a new figure
+        ax : matplotlib axes (default: those of a new figure)
 
         Examples
         --------

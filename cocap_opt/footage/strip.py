@@ -65,12 +65,12 @@ def draw_strip(
 
     Parameters
     ----------
-    ax : matplotlib axes; if not given, those of a new figure
+    ax : matplotlib axes (default: those of a new figure)
     people : [A] names
     views : [T+1, A] number of drones that see each person
     counts : [T+1, A] true for the person-steps that count; others are pale
     times : [T+1] s; None where steps have no seconds
-    at_least : share of a person from which on a camera counts, which the legend says
+    at_least : smallest visible share of a person with which a camera counts, for the legend
     """
     shown = [j for j in range(len(people)) if counts[:, j].any()]
     ax = _new_axes(len(shown)) if ax is None else ax

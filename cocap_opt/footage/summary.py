@@ -15,7 +15,7 @@ class Summary(NamedTuple):
     """The quality of a plan in a few numbers, over the person-steps that count.
 
     Shares are nan where nothing counts; errors are nan where no drone has pictures. Where people
-    may walk otherwise, person-steps count as much as their take is probable.
+    may walk differently, person-steps count as much as their take is probable.
 
     Attributes
     ----------

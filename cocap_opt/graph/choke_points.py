@@ -48,7 +48,7 @@ class ChokePoint(NamedTuple):
         Parameters
         ----------
         wanted : such as the cells from which somebody is seen at the last step
-        most : cells in reach, from which on it is not looked for
+        most : number of cells in reach above which the search is skipped
 
         Returns
         -------

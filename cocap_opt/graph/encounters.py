@@ -29,7 +29,7 @@ class Encounters:
     ----------
     actors, horizon : the people, and the last step that counts
     near : m
-    window : the part of the map that is looked at; all if not given
+    window : the part of the map that is looked at (default: all)
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Encounters:
         new = np.zeros(0, dtype=np.int64)
         for t in range(self._horizon, -1, -1):
             before = good.copy()
-            # There is a way back along every move; -1 is no place.
+            # There is a way back along every move; -1 is not a place.
             good[self.graph.neighbours(new)] = True
             good[near.get(t, new[:0])] = True
             new = np.flatnonzero(good[:-1] & ~before[:-1])

@@ -76,7 +76,7 @@ def allowed_moves(
 
     Parameters
     ----------
-    window : the part of the map that robots do not leave, and X x Y its cells; all if not given
+    window : the part of the map that robots do not leave, and X x Y its cells (default: all)
     """
     window = window or Window.all_of(workspace)
     room = (

@@ -31,7 +31,7 @@ def place_graph(workspace: Workspace, motion: Motion, window: Window | None = No
 
     Parameters
     ----------
-    window : the part of the map that robots do not leave; all if not given
+    window : the part of the map that robots do not leave (default: all)
     """
     import networkx as nx  # a fifth of a second, which few commands need
 
@@ -167,7 +167,7 @@ class _GridSteps:
         return [head for head in self._heads(place) if not any(self._too_near(t, place, head))]
 
     def _too_near(self, t: int, tail: Place, head: Place) -> Iterator[bool]:
-        """Yields for each person if a move comes too near, on the way or when it ends."""
+        """Yields for each person if a move comes too close, on the way or when it ends."""
         states = [State(x, y, layer) for layer, x, y in (tail, head)]
         here, there = self._problem.where(self._spec, states)
         airspace = self._problem.airspace

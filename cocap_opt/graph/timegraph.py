@@ -104,7 +104,7 @@ class TimeGraph:
 
         Parameters
         ----------
-        window : the part of the map that robots do not leave; all if not given
+        window : the part of the map that robots do not leave (default: all)
         people : to whom robots keep a distance
         """
         key = workspace, motion, pitches, window or Window.all_of(workspace), people
@@ -141,7 +141,7 @@ class TimeGraph:
         return places, np.where(is_hidden, places, heads), is_hidden
 
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
-        """Returns charges that close all places and moves that are too near to somebody."""
+        """Returns charges that close all places and moves that are too close to somebody."""
         places, moves = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3), np.int64)]
         airspace, resolution = people.airspace, height_map.resolution
         for actor, t in product(people.actors, range(people.horizon + 1)):

@@ -51,7 +51,7 @@ def write(flight: Flight, every: float | None) -> Export:
         If the flight is straight, whose speeds jump, or a drone's memory cannot hold it.
     """
     if not flight.is_smooth:
-        raise FieldError("smooth", "must be given, for a drone cannot follow speeds that jump")
+        raise FieldError("smooth", "must be given, as a drone cannot follow speeds that jump")
     require_nothing_else(every, "a polynomial has no moments")
     files = {}
     for i, pieces in enumerate(flight.flown.pieces):
@@ -59,8 +59,8 @@ def write(flight: Flight, every: float | None) -> Export:
         rows = [_row(piece, span, count) for piece, count in _runs(pieces[:, : YAW + 1])]
         if len(rows) > _HOLDS:
             raise ProblemError(
-                f"drone {i} needs {len(rows)} polynomials, and the memory of a Crazyflie holds "
-                f"{_HOLDS}; a plan of {_HOLDS} longer steps would do"
+                f"drone {i} needs {len(rows)} polynomials, but the memory of a Crazyflie holds "
+                f"{_HOLDS}; plan at most {_HOLDS} steps, and make them longer"
             )
         files[f"drone{i}"] = _table(rows)
     return Export(files, _NOTES)

@@ -274,4 +274,4 @@ def _caveats(flight: Flight) -> Iterator[str]:
             "drone's height above it, with what buildings and people hide"
         )
     if not all(cameras):
-        yield "a cone is no camera: it has no image, and no footprint"
+        yield "a cone is not a camera: it has no image, and no footprint"

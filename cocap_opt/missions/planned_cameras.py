@@ -3,7 +3,7 @@
 Axes of a camera are those of OpenCV: x to the right of the image, y down, z forward. A point X of
 the world is at R X + t there, and at K (R X + t) in the image, up to scale. The world is the map's
 x, y and z (m, z up), of which x and y begin at the map's corner: of coordinates of a reference
-system, millions of metres, solvers of others would lose millimetres.
+system, millions of metres, other programs would lose millimetres.
 
 A lens has no distortion, and its image is level: gimbals have no roll.
 """
@@ -88,7 +88,7 @@ class World(NamedTuple):
     Attributes
     ----------
     origin : [3] m, in coordinates of the map
-    crs : name of the reference system, None where nobody knows where the scene is
+    crs : name of the reference system, None if the scene's position on the Earth is unknown
     place : latitude and longitude of the origin (degrees, WGS 84), and the direction of its x
         (degrees clockwise from true north)
     base : the name of what heights are above, and that of z = 0 (m); None if unspecified
@@ -158,8 +158,8 @@ class PlannedCameras(NamedTuple):
     ----------
     times : [n] s since step 0, the moments at which the poses of all cameras hold
     cameras : of all drones, in their order
-    world : that they are in
-    notes : sentences on all that
+    world : the coordinate system of their poses
+    notes : sentences for the user
     """
 
     times: FloatArray
@@ -200,7 +200,7 @@ _PLANNED = Note(
 def _lens(number: int, camera: object) -> Camera:
     """Returns a drone's camera, if it makes pictures."""
     if not isinstance(camera, Camera):
-        words = "must be a pinhole camera, for a cone has no intrinsics that could be written"
+        words = "must be a pinhole camera, as a cone has no intrinsics"
         raise FieldError(f"robots[{number}].camera", words)
     return camera
 

@@ -1,4 +1,4 @@
-"""Missions of waypoints as plans of QGroundControl (.plan), one per drone, with their geofence.
+"""Waypoint missions as plans of QGroundControl (.plan), one per drone, with their geofence.
 
 Source: "Plan File Format", QGroundControl Developer Guide,
 https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html

@@ -14,7 +14,7 @@ from cocap_opt.missions.items import Place
 
 _SETTLE = 10.0  # s, that the last one has left then
 _REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
-_STAYS = 1e-3  # m, less is no way
+_STAYS = 1e-3  # m, less is not a way
 
 
 class Leg(NamedTuple):
@@ -72,7 +72,7 @@ class Route(NamedTuple):
 
     @property
     def reached(self) -> float:
-        """Distance (m) from which on a waypoint counts as reached."""
+        """Distance (m) within which a waypoint counts as reached."""
         legs = np.hypot(self.lengths, np.diff(self.places[:, 2]))
         return min(_REACHED, float(legs[legs > _STAYS].min(initial=np.inf)) / 4)
 

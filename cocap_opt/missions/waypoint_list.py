@@ -1,4 +1,4 @@
-"""Missions of waypoints as plain text (.waypoints, "QGC WPL 110"), one per drone, for ArduPilot.
+"""Waypoint missions as plain text (.waypoints, "QGC WPL 110"), one per drone, for ArduPilot.
 
 The first row is the home position, as ArduPilot and its ground stations want it; ArduPilot puts
 the place where it is armed there.

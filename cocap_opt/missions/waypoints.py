@@ -1,4 +1,4 @@
-"""Missions of waypoints: what an autopilot of MAVLink flies alone, item by item.
+"""Waypoint missions: what an autopilot of MAVLink flies alone, item by item.
 
 A drone takes off, goes to its start, waits there (MAV_CMD_NAV_DELAY), and then flies each leg of
 its plan in the time that the plan has for it, by the rules of its autopilot (`autopilots`). Nothing
@@ -69,7 +69,7 @@ def waypoint_mission(
     Raises
     ------
     ProblemError
-        If nobody knows where on the Earth the scene is, the flight is smooth, an autopilot does
+        If the scene's position on the Earth is unknown, the flight is smooth, an autopilot does
         not hold so many items, or a battery does not last from the take-off to the last step.
     """
     if flight.geodesy is None:
@@ -80,7 +80,7 @@ def waypoint_mission(
             "and longitude of x = y = 0",
         )
     if flight.is_smooth:
-        raise FieldError("smooth", "must be left out, for waypoints have straight legs between")
+        raise FieldError("smooth", "must be left out, as waypoints have straight legs between")
     require_nothing_else(every, "the waypoints are the steps of the plan")
     found = routes(flight, flight.geodesy)
     items = [autopilot.items(route) for route in found]
@@ -139,8 +139,8 @@ def _require_batteries(flight: Flight) -> None:
             raise ProblemError(
                 f"drone {i} cannot fly this mission: from the take-off to the last step "
                 f"it is {seconds:.4g} s in the air, {rise:.3g} s of them on the way up and waiting "
-                f"for the others, and its battery lasts {robot.limits.endurance:.4g} s; fewer "
-                "steps would do"
+                f"for the others, but its battery lasts {robot.limits.endurance:.4g} s; plan fewer "
+                "steps"
             )
 
 
@@ -204,7 +204,7 @@ def _fences(
     for zone in known if has_fence else ():
         if zone not in fence:
             yield (
-                f"{zone.name}, is not in the geofence, for a drone flies above or below it and a "
+                f"{zone.name}, is not in the geofence, as a drone flies above or below it and a "
                 "geofence has no heights"
             )
     yield from _ceiling(flight, autopilot)

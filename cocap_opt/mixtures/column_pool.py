@@ -19,7 +19,7 @@ from cocap_opt.objective import marginal_gain
 from cocap_opt.problem import Problem
 
 LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
-_GAIN = 1e-9  # relative, from which on a column counts as better
+_GAIN = 1e-9  # relative; a column that gains less is no better
 
 PlanKey = tuple[Path, ...]  # the paths, by which plans are told apart
 # J, and the columns robot by robot, of a plan that no robot can raise alone with another column.

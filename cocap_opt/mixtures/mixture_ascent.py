@@ -6,7 +6,7 @@ fully corrective Frank-Wolfe. The root of a view sum is a smooth minimum of two 
     u = (R^-k + S^-k)^(-1/k),  R = sum of roots,  S = sqrt(sum of pixels)    (both of the mixture)
 
 which is concave, homogeneous, and less than the smaller one by a factor of at most 2^(-1/k).
-Where drones that see a person are counted, S is the number from which on more add nothing: u is
+Where drones that see a person are counted, S is the number above which more add nothing: u is
 concave in R alone, and beta is 0.
 How it depends on R and S gives alpha and beta. Each amount is multiplied by a power of its
 column's gradient, which raises such functions on simplices (Cover 1984). All of it is a few

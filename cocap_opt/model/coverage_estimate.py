@@ -57,7 +57,7 @@ class CoverageEstimate(NamedTuple):
         ----------
         n_places : number of places, each of which has all orientations
         reachable : [T+1, S] true where a state can be reached and its view is to be evaluated
-        threads : number of threads, all usable cores if not given
+        threads : number of threads (default: all usable cores)
         """
         sizes, positions = np.count_nonzero(reachable, axis=1), positions_of(reachable, n_places)
         total, places = int(sizes.sum()), int(positions.sum())
@@ -95,7 +95,7 @@ def room_of(views: StateViews, sizes: IntArray, threads: int | None = None) -> f
     Parameters
     ----------
     sizes : [T+1] number of views at each step
-    threads : number of threads, all usable cores if not given
+    threads : number of threads (default: all usable cores)
     """
     together = most_steps_together(sizes, views.batch)
     return views.room(int(np.count_nonzero(sizes)), together, threads or usable_cores())

@@ -45,7 +45,7 @@ class RobotClass:
     def start_sets(self) -> list[tuple[IntArray, list[int]]]:
         """The different sets of starts, and the robots that have each.
 
-        Robots that start somewhere else are no multiples of each other, though they are of one
+        Robots that start somewhere else are not multiples of each other, though they are of one
         class: as if they might exchange their starts, a bound would be too high.
         """
         found: dict[bytes, tuple[IntArray, list[int]]] = {}
@@ -134,7 +134,7 @@ class Places:
     def moves_through(
         self, robot_class: RobotClass, meeting: Meeting, move: tuple[Cell, Cell]
     ) -> tuple[IntArray, FloatArray]:
-        """Returns the moves of a class that pass nearer to a point than half the separation.
+        """Returns the moves of a class that pass closer to a point than half the separation.
 
         Parameters
         ----------

@@ -116,7 +116,7 @@ _VALUES = {
     "checking_seconds": "{} s",
     "bound_seconds": "{} s",
     "paths_above": "above a J of {}",
-    "near_people_undecided": "{} places and moves, too near to a least distance",
+    "near_people_undecided": "{} places and moves, too close to a least distance",
     "views_enclosed": "at {} pairs of state and step",
     "numbers_enclosed": "{} numbers of coverage",
     "numbers_undecided": "{} (enclosure too wide)",
@@ -171,7 +171,7 @@ _INTERNAL = frozenset({
 def print_result(row: Record, json: bool, verbose: bool = True) -> None:
     """Prints the answer of a command: a line per key, or one JSON object on one line.
 
-    Infinite numbers are null in JSON; what is no text, or would steer a terminal, is escaped.
+    Infinite numbers are null in JSON; what is not text, or would steer a terminal, is escaped.
 
     Parameters
     ----------
@@ -309,5 +309,5 @@ def _told_gap(row: Record) -> str:
 
 
 def harmless(json: str) -> str:
-    """Returns JSON whose characters that are no text are escaped, as JSON escapes them."""
+    """Returns JSON whose characters that are not text are escaped, as JSON escapes them."""
     return "".join(c if c.isprintable() else dumps(c)[1:-1] for c in json)

@@ -134,7 +134,7 @@ class GivenPlan(NamedTuple):
 
 
 def read_claim(path: Path) -> PlanFile | CertificateFile | ProofFile:
-    """Reads a plan, a certificate or a proof from a file of ours.
+    """Reads a plan, a certificate or a proof from one of our own files.
 
     Raises
     ------

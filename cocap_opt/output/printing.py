@@ -181,7 +181,7 @@ class Listing(NamedTuple):
     def fitted(self, spare: Sequence[str], whole: str = "a wider one") -> "Listing":
         """Returns it without as many of some columns, the first first, as a terminal is too narrow.
 
-        A note names them. Where standard output is no terminal, it is whole.
+        A note names them. Where standard output is not a terminal, it is whole.
 
         Parameters
         ----------

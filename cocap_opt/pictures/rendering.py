@@ -34,7 +34,7 @@ def write_views(
 ) -> Record:
     """Writes a picture per drone and step, and coverage.csv; returns rewards and errors by name.
 
-    Where people may walk otherwise, there is a picture of each take.
+    Where people may walk differently, there is a picture of each take.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ REFUSED = "#b00020"
 _WORDS = {
     FREE: "free",
     ABOVE: "free, above something",
-    PEOPLE: "too near to people at step 0",
+    PEOPLE: "too close to people at step 0",
     CLOSED: "no-fly zone or ceiling",
     BLOCKED: "blocked",
 }
@@ -94,7 +94,7 @@ def start_picture(site: Site, suffix: str, heights: Sequence[float] = ()) -> byt
     Parameters
     ----------
     suffix : one of `cocap_opt.pictures.figures.PICTURES`
-    heights : m; if not given, those at which drones start, or else the lowest of the drones
+    heights : m (default: those at which drones start, or else the lowest of the drones)
     """
     flown = _heights_of_starts(site)
     shown = [

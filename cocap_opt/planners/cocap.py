@@ -11,7 +11,7 @@
      9          return N
     10      for each robot of the conflict
     11          A.constraints <- N.constraints, and that this robot keeps out of the conflict
-    12          A.team <- N.team, with this robot planned again
+    12          A.team <- N.team, with this robot replanned
     13          A.value <- J of it
     14          if the robot has a path, insert A into OPEN
 

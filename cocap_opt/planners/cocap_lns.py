@@ -31,7 +31,7 @@ from cocap_opt.stop import Stop, never
 from cocap_opt.timing import timed
 
 # For each robot. Measured on passage, bottleneck, the tight scenes and merge, seeds 0 to 9: they
-# take 12 to 19 times the processor time of sequential planning.
+# take 12 to 19 times the CPU time of sequential planning.
 RESPONSES = 45
 
 
@@ -42,7 +42,7 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
     Parameters
     ----------
     responses : number of paths per robot that the search computes before it ends; more take longer
-        and come nearer to the optimum
+        and come closer to the optimum
 
     Returns
     -------

@@ -34,7 +34,7 @@ from cocap_opt.timing import timed
 # Measured on field, field-long and Hughes et al.'s scenes: 0.02 loses 0.15 % of what long scenes
 # have after ten seconds.
 _ENOUGH = 0.01  # of the bound on mixtures, to which the first one is raised
-# Or as far as it gets: so many steps that leave so large a share of what is open are slow.
+# Or as far as it gets: so many steps that leave so large a share of the remaining gap are slow.
 _PATIENCE, _SLOW = 8, 0.8
 _MOST_SEARCHES = 8
 

@@ -98,7 +98,7 @@ class ConstraintTree:
     Parameters
     ----------
     nobody : team in which no robot is planned yet, or only the first ones are
-    plan_root : plans the team of the root, ignoring conflicts; once, as published, if not given
+    plan_root : plans the team of the root, ignoring conflicts (default: once, as published)
     before_child : called before each child is made
 
     Attributes
@@ -141,7 +141,7 @@ class ConstraintTree:
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
         """The node in which a robot of the conflict gives way; None if it then has no path.
 
-        Only that robot is planned again.
+        Only that robot is replanned.
         """
         self._before_child(self)
         self._stop.begin_work()
@@ -169,7 +169,7 @@ class ConstraintTree:
         }
 
 
-# Nodes generated from which on a spare plan costs little: it takes a path of each robot, and each
+# Generated nodes after which a spare plan costs little: it takes a path of each robot, and each
 # node has taken one, so that for 6 robots it is a tenth of the work before it.
 SPARE_FROM = 64
 FELL_BACK = "stopped: this is the plan of sequential planning"

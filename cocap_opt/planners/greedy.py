@@ -49,7 +49,7 @@ def greedy_rounds(
 ) -> Result:
     """Plan greedily, then in rounds of best responses until nobody gains; ignore collisions.
 
-    In a round, each robot in turn is planned again given all others; only improvements are kept.
+    In a round, each robot in turn is replanned given all others; only improvements are kept.
     """
     return _planned(problem, stop, low_level, greedily_in_rounds)
 

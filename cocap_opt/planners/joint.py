@@ -2,7 +2,7 @@
 
 Two robots move independently of each other, so that the maximum over pairs of actions is taken
 one robot after the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. Rules that hold between
-steps couple the moves: for pairs of places that are near enough, the maximum is computed again over
+steps couple the moves: for pairs of places that are near enough, the maximum is recomputed over
 all pairs of moves that are not forbidden.
 
 The memory needed is known in advance: it is that of the arrays which `Pair` holds at once, as

@@ -31,7 +31,7 @@ from cocap_opt.stop import Limit, Stop
 
 # Measured with cocap on bridge, bridge with seven layers and four pitches, corridor, and the field
 # and the town of 120 x 120 cells: first rounds half or twice as wide, wider later ones, and growth
-# by 2 take 0.95 to 1.4 times the processor time and 0.7 to 1.7 times the views.
+# by 2 take 0.95 to 1.4 times the CPU time and 0.7 to 1.7 times the views.
 _WIDTH = 8  # states of a step that are evaluated at most in the first round; later ever more
 _GROWTH = 4  # times as many from round to round
 _MOST = 32  # at most in any round

@@ -151,7 +151,7 @@ def _others(
 def _stay(model: Model, robots: list[_Progress]) -> bool:
     """Leave all robots where they are, from the last step of each to the horizon.
 
-    Returns False if a person comes too near to one of them.
+    Returns False if a person comes too close to one of them.
     """
     for progress in robots:
         graph, place = progress.robot_class.graph, progress.path[-1]

@@ -46,7 +46,7 @@ def sequential_rounds(
 ) -> Result:
     """Plan as `sequential` does, then in rounds of best responses that obey the rules.
 
-    In a round, each robot in turn is planned again, clear of all others and for the views that it
+    In a round, each robot in turn is replanned, clear of all others and for the views that it
     adds to theirs. The rounds end with a plan that no robot can improve by changing its own path
     alone.
     """

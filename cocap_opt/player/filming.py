@@ -7,7 +7,7 @@ VIDEOS = {".webm": "libvpx-vp9", ".mp4": "libx264"}  # and their codecs
 MOVING = (".webp", ".gif")
 FILMS = (*VIDEOS, *MOVING)
 VIEWS = ("3d", "above")
-_RATES = {".gif": 10, ".webp": 15}  # pictures a second, of what is no video
+_RATES = {".gif": 10, ".webp": 15}  # pictures a second, of what is not a video
 _VIDEO_RATE = 30
 
 

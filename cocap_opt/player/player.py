@@ -34,9 +34,9 @@ class Player:
     plans : plans with titles, none with violations by `check`. Without any plan the drones are
         shown at their starts; for drones that may choose their start, the ground above which they
         may start
-    gaps : the terms of each plan's gap, None where they are unknown; empty if not given
-    planners : the planner of each plan, None where it is unknown; empty if not given
-    cut_short : the effect of a limit on each plan, in words; empty if not given
+    gaps : the terms of each plan's gap, None where they are unknown (default: none)
+    planners : the planner of each plan, None where it is unknown (default: none)
+    cut_short : the effect of a limit on each plan, in words (default: none)
     proof : the file that proves the bound of `gaps`; the page offers it for download
 
     Examples

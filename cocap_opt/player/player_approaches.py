@@ -40,16 +40,16 @@ class Approaches:
         self._nearness = _nearness(flown, there)
 
     def near(self) -> list[Data]:
-        """Returns moments at which drones are nearer to each other or to people than they should.
+        """Returns moments at which drones are closer to each other or to people than they should.
 
         Those of people have the number of the `person`.
         """
         return [*self._near_each_other(), *self._near_people()]
 
     def _near_people(self) -> list[Data]:
-        """Returns the nearest that a drone comes to a person, if that is too near without a rule.
+        """Returns the nearest that a drone comes to a person, if that is too close without a rule.
 
-        That is nearer than drones should fly, seen from above.
+        That is closer than drones should fly, seen from above.
         """
         if not self._there:
             return []
@@ -72,8 +72,8 @@ class Approaches:
     def _near_each_other(self) -> list[Data]:
         """Returns the nearest that two drones come in each step, where they nearly touch.
 
-        That is nearer than a drone is wide, in scenes whose rules have no separation; who keeps one
-        is far enough. If none are, it is the nearest of all steps where that is nearer than drones
+        That is closer than a drone is wide, in scenes whose rules have no separation; who keeps one
+        is far enough. If none are, it is the nearest of all steps where that is closer than drones
         should fly. Pairs in conflict are not told.
         """
         if not self._pairs or self._problem.rules.separation:
@@ -92,7 +92,7 @@ class Approaches:
         """Returns when which two drones are nearest to each other; None if there are no two.
 
         `apart` is how far (m) in the flight that is shown, `straight` in straight lines from step
-        to step. `kept` is the distance (m) from which on nobody need worry, or `above` in
+        to step. `kept` is the distance (m) that needs no warning, or `above` in
         height: those of the scene's rules, or where these let bodies touch what scenes keep
         that are to be flown. `isKept` is true if they keep it, as plans without conflicts keep
         rules. `body` is how wide (m) drones are.

@@ -21,8 +21,8 @@ _SAME = 1e-5  # m and rad, by which a piece may differ from two that it replaces
 def smooth_flight(problem: Problem, plan: Plan) -> Trajectory | None:
     """Returns the smooth flight of a plan, if one is safe.
 
-    Where the scene defines no step length nobody knows what the flight asks of a drone: it is then
-    that of a drone without limits.
+    If the scene defines no step length, the demands of the flight are unknown: it is then that of a
+    drone without limits.
     """
     found = Smooth.of(in_steps(problem), plan)
     return None if found.dangers else found.trajectory

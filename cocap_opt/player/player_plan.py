@@ -90,7 +90,7 @@ class PlayerPlan:
         group of people (of the scene) of whom it has most pixels over all steps. `heights[i]` are
         flight heights (m), one if it is the same at all steps. `near` are moments at which two
         drones nearly touch, or a drone comes near a person without a rule, `closest` is that at
-        which two are nearest of all, `besidePeople` says where one comes too near to somebody.
+        which two are nearest of all, `besidePeople` says where one comes too close to somebody.
         `knots` are those of the smooth flight (`player_flight`), None where drones fly straight.
         """
         reward, moves, rewards, is_valid = self._rewards()
@@ -133,7 +133,7 @@ class PlayerPlan:
         return verdict.reward, verdict.reward_moves, rewards, verdict.valid
 
     def _beside_people(self) -> Iterator[str]:
-        """Yields where each drone first comes too near to somebody, in words.
+        """Yields where each drone first comes too close to somebody, in words.
 
         Plans do not: the referee looks at them. Drones that only wait at their starts may.
         """
@@ -150,7 +150,7 @@ class PlayerPlan:
                 )
 
     def _near_to(self, j: int, at: FloatArray) -> Iterator[tuple[float, float, int]]:
-        """Yields when a drone at places [T+1, 3] (m) is too near to somebody, and how near."""
+        """Yields when a drone at places [T+1, 3] (m) is too close to somebody, and how near."""
         actor, airspace = self._problem.actors[j], self._problem.airspace
         ways = at - actor.middles[: len(at)]
         for t in range(len(at) - 1):

@@ -27,7 +27,7 @@ def start_page(site: Site, heights: Sequence[float] = ()) -> str:
 
     Parameters
     ----------
-    heights : m, flight heights that are shown; if not given, those of the recipe's drones
+    heights : m, flight heights that are shown (default: those of the recipe's drones)
     """
     parts = {
         "style": style_text("starts.css"),

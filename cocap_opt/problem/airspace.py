@@ -69,7 +69,7 @@ class Airspace(Data, frozen=True):
     def near_person(
         self, actor: Actor, t: int, before: FloatArray, after: FloatArray | None = None
     ) -> BoolArray:
-        """Returns an array [..], true if drones are too near to a person.
+        """Returns an array [..], true if drones are too close to a person.
 
         Parameters
         ----------

@@ -32,7 +32,7 @@ class ApartNumbers(Artist):
     size : points, of the letters
     discs : [k, 2] in the units of the axes, middles of discs that must not be hidden
     disc : points, width of a disc
-    marks : [n] in the units of the axes, widths of the marks of points; if not given they are dots
+    marks : [n] in the units of the axes, widths of the marks of points (default: dots)
     """
 
     def __init__(

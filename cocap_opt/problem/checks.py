@@ -171,8 +171,8 @@ def _require_limits(
     words = limits.outlasted_by(scene.horizon * step)
     if words:
         raise ProblemError(
-            f"{field}.limits.endurance: {words}; fewer steps would do, or homes, at which "
-            "batteries are changed"
+            f"{field}.limits.endurance: {words}; use fewer steps, or homes, at which batteries "
+            "are changed"
         )
 
 

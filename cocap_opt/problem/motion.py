@@ -109,7 +109,7 @@ class Motion(Data, frozen=True):
     layers : m above the map's datum, flight heights, increasing
     climb : layers per step, either way
     pitch_turn : gimbal pitch indices per step, either way
-    clearance : m, to solid matter above and below; touching it is too near
+    clearance : m, to solid matter above and below; touching it is too close
     corner_cutting : True: only the ends of a move must be free, as in the papers
     spacing : cells; moves along each axis are multiples of it
     stride : the farthest that one step may lead; None: all of the moves above are allowed

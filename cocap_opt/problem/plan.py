@@ -17,7 +17,7 @@ NO_PLAN = "no plan"  # so begin the words for a plan in which, for want of time,
 
 
 class VertexConflict(NamedTuple):
-    """Two robots are in one cell, or nearer than the separation, at step t.
+    """Two robots are in one cell, or closer than the separation, at step t.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class VertexConflict(NamedTuple):
 
 
 class PassConflict(NamedTuple):
-    """Two robots pass nearer than the separation between t and t+1, but keep it at both steps.
+    """Two robots pass closer than the separation between t and t+1, but keep it at both steps.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def hovering(cls, problem: Problem) -> "Plan | None":
         """Returns the plan in which no robot moves, which obeys all rules because starts do.
 
-        None if a robot may not stay because its goal is elsewhere or people come too near.
+        None if a robot may not stay because its goal is elsewhere or people come too close.
         """
         starts = problem.first_starts
         if not all(problem.may_hover(i, StartSet.of([state]))[0] for i, state in enumerate(starts)):
@@ -180,7 +180,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         moves = (at[first, :-1], at[first, 1:]), (at[second, :-1], at[second, 1:])
         near = problem.rules.too_near(at[second] - at[first])
         between = problem.rules.conflict_between(*moves)
-        # At each step first who is too near, then who is until the next one.
+        # At each step first who is too close, then who is until the next one.
         for n, which in np.argwhere(_alternated(near, between).T).tolist():
             t, (i, k) = n // 2, (int(first[which]), int(second[which]))
             here = cells[i][t], cells[k][t]

@@ -108,7 +108,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         Parameters
         ----------
         plan : a plan, or any object with `paths`
-        ax : matplotlib axes; if not given, those of a new figure
+        ax : matplotlib axes (default: those of a new figure)
         """
         from cocap_opt.problem.pictures import TopView  # as above
 
@@ -236,7 +236,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @property
     def step_width(self) -> int:
-        """Number of view sums to which a state adds, W: F faces, and A people if these count."""
+        """Number of view sums to which a state adds, W: F faces, plus A people if views count."""
         return len(self.face_weights) + int(self.count_weights.shape[1])
 
     @cached_property

@@ -64,7 +64,7 @@ def told(scene: SceneData, refusals: Sequence[Refusal]) -> str:
 def refused_starts(scene: SceneData) -> list[Refusal]:
     """Returns the stated starts in which robots may not be, or not together with the others.
 
-    Of two that are too near to each other, the second is refused. The proposed places, taken
+    Of two that are too close to each other, the second is refused. The proposed places, taken
     together with the starts that are kept, are free and do not conflict.
 
     Raises
@@ -151,7 +151,7 @@ def _solid_at(scene: SceneData, start: State) -> str:
 
 
 def _crowded(scene: SceneData, kept: tuple[int, State], placed: tuple[int, State]) -> str:
-    """Says that a start is too near to one that is kept; empty if it is not."""
+    """Says that a start is too close to one that is kept; empty if it is not."""
     a, b = scene.cell(*kept), scene.cell(*placed)
     if not scene.too_close(a, b):
         return ""

@@ -68,8 +68,8 @@ class Limits(Data, frozen=True):
             if limit is not None and most > limit * step * (1 + ROUNDING):
                 return (
                     f"motion.{field}: must allow at most {limit:.4g} {unit}, but {words} in a "
-                    f"step of {step:g} s is {most / step:.4g} {unit}; a step of "
-                    f"{rounded_up(most / limit):g} s{way_out} would do"
+                    f"step of {step:g} s is {most / step:.4g} {unit}; use a step of "
+                    f"{rounded_up(most / limit):g} s{way_out}"
                 )
         return ""
 
@@ -89,14 +89,15 @@ class Limits(Data, frozen=True):
         upright = LARGEST if stride.upright is None else stride.upright
         most = min(motion.largest_climb, upright)
         for way, limit in (("climb", self.climb), ("descent", self.descent)):
-            yield "climb", f"a {way} of {most:g} m", most, limit, ", or nearer layers", "m/s"
+            words = f"a {way} of {most:g} m"
+            yield "climb", words, most, limit, ", or layers closer together", "m/s"
         turn = min(motion.turn, motion.headings // 2) * 360 / motion.headings
         rate = None if self.yaw_rate is None else math.degrees(self.yaw_rate)
         yield "turn", f"a turn by {turn:g} degrees", turn, rate, ", or smaller turns", "deg/s"
         tilt = math.degrees(motion.largest_tilt(tilts))
         rate = None if self.gimbal_rate is None else math.degrees(self.gimbal_rate)
         words = f"a tilt of the gimbal by {tilt:g} degrees"
-        yield "pitch_turn", words, tilt, rate, ", or nearer tilts", "deg/s"
+        yield "pitch_turn", words, tilt, rate, ", or tilts closer together", "deg/s"
 
 
 def rounded_up(value: float) -> float:

@@ -13,8 +13,8 @@ from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
 
 _TWICE = 2 * (1 + 1e-8)
 SEPARATION = 2.0  # m, of scenes that are to be flown; docs/results/flight.md says why
-BODY = 0.7  # m, as wide as drones are drawn: two that come nearer than that collide
-TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep it
+BODY = 0.7  # m, as wide as drones are drawn: two that come closer than that collide
+TOLERANCE = 1e-6  # m; robots that are closer than the separation by less keep it
 
 
 class Meeting(NamedTuple):
@@ -100,9 +100,9 @@ class CollisionRules(Data, frozen=True):
         return np.asarray(near)
 
     def near_point(self, ways: FloatArray) -> BoolArray:
-        """Returns an array [..], true if robots are nearer to a point than half the separation.
+        """Returns an array [..], true if robots are closer to a point than half the separation.
 
-        Any two such robots are too near to each other. On a grid ties are common, and robots
+        Any two such robots are too close to each other. On a grid ties are common, and robots
         exactly the separation apart keep it: half of it is therefore reduced by a little more than
         rounding errors.
 
@@ -242,7 +242,7 @@ class CollisionRules(Data, frozen=True):
     def _near_aside_and_above(
         self, before: FloatArray, after: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns the moments between which robots are too near, sideways and in height at once.
+        """Returns the moments between which robots are too close, sideways and in height at once.
 
         If the first moment is after the second, they never are.
         """

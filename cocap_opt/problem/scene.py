@@ -161,7 +161,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
                 len(states) > 0,
                 f"robots[{i}].start",
                 "must have a cell in which the drone may be at step 0; all are blocked, forbidden, "
-                f"or too near to people{self._above_ceiling(self.robots[i])}",
+                f"or too close to people{self._above_ceiling(self.robots[i])}",
             )
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
@@ -218,7 +218,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     def may_hover(self, i: int, states: StartSet) -> BoolArray:
         """Returns an array, true for states in which a robot may stay; other robots are ignored.
 
-        It may not stay if its goal is elsewhere or a person comes too near.
+        It may not stay if its goal is elsewhere or a person comes too close.
 
         Returns
         -------
@@ -243,7 +243,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return np.asarray(able & ~near[which.ravel()])
 
     def near_people(self, t: int, before: FloatArray, after: FloatArray | None = None) -> BoolArray:
-        """Returns an array [n], true if drones are too near to anybody.
+        """Returns an array [n], true if drones are too close to anybody.
 
         Parameters
         ----------
@@ -336,7 +336,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @property
     def cells_apart(self) -> int:
-        """Number of cells along an axis at which no two robots are too near."""
+        """Number of cells along an axis at which no two robots are too close."""
         return math.ceil(self.rules.separation / self.height_map.resolution)
 
     def too_close(self, a: Cell, b: Cell) -> bool:

@@ -1,4 +1,4 @@
-"""Takes: different ways in which people may walk, each with its probability.
+"""Takes: alternative walks of the people, each with its probability.
 
 The people of one take are present together: they hide each other, but nobody of another take. A
 person who belongs to no take has a copy in each of them, since different people may hide the

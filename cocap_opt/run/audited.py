@@ -39,7 +39,7 @@ def audited(
     UnknownError
         If the scene has something that an audit does not know.
     FormatError
-        If the text is no instance.
+        If the text is not an instance.
     ImportError
         If enclosures are asked for, and python-flint is not installed.
     """

@@ -1,4 +1,4 @@
-"""A problem whose people walk otherwise in takes that are drawn."""
+"""A problem whose people walk differently in takes that are drawn."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ def with_drawn_takes(
     spread : standard deviations of delays, shifts and speeds
     seed : of the draws
     probabilities : of the takes; None: all equal
-    people : numbers of those who may walk otherwise; None: all
+    people : numbers of those who may walk differently; None: all
 
     Raises
     ------
@@ -60,7 +60,7 @@ def _with_chances(
 
 
 def _at_a_start(problem: Problem, actor: Actor) -> bool:
-    """Returns True if a person is too near at step 0 to a drone that can start nowhere else."""
+    """Returns True if a person is too close at step 0 to a drone that can start nowhere else."""
     return any(
         bool(problem.airspace.near_person(actor, 0, problem.where(robot, [robot.start])).any())
         for robot in problem.robots

@@ -72,7 +72,7 @@ class Explained:
 
     @cached_property
     def replans(self) -> list[Replan]:
-        """The plan with one robot planned again, robot by robot."""
+        """The plan with one robot replanned, robot by robot."""
         return replans(self.model, self.plan)
 
     @property

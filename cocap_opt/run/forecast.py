@@ -1,4 +1,4 @@
-"""Forecasts: whether a limit will do for coverage, before it begins, and what would do."""
+"""Forecasts: whether a limit suffices for coverage, before it begins, and what would."""
 
 import logging
 import math
@@ -70,7 +70,7 @@ class Forecast(NamedTuple):
 
     @property
     def ample(self) -> float:
-        """A time limit in s that will do, with two digits."""
+        """A time limit in s that suffices, with two digits."""
         seconds = max(_AMPLE * self.coverage.seconds + 2 * self.planning, 1.0)
         unit = 10.0 ** (math.floor(math.log10(seconds)) - 1)
         return math.ceil(seconds / unit) * unit
@@ -86,7 +86,7 @@ class Forecast(NamedTuple):
         return ", ".join(parts)
 
     def doubts(self, seconds: float, option: str, recipe: "RecipeTrial | None") -> str:
-        """Returns why a limit will not do and what would, in one line; empty if it will.
+        """Returns why a limit does not suffice and what would, in one line; empty if it does.
 
         Parameters
         ----------
@@ -97,12 +97,12 @@ class Forecast(NamedTuple):
         if self.fits(seconds):
             return ""
         limit = duration(seconds) if seconds >= 1 else f"{seconds:.2g} s"
-        problem = f"too much for a limit of {limit}: drones may stay at their starts"
+        problem = f"too long for a limit of {limit}, so drones may stay at their starts"
         ways = [f"{option} {self.ample:g}"]
         trying = TimeLimit(min(_TRYING * seconds, _LONGEST_TRYING))
         changes = () if recipe is None else recipe.that_fit(self, _NEAR * seconds, trying)
         ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]
-        return f"{self.words}, {problem}; what would do: {'; or '.join(ways)}"
+        return f"{self.words}, {problem}; use {'; or '.join(ways)}"
 
 
 def duration(seconds: float) -> str:
@@ -193,8 +193,8 @@ def warn_of_checking(
 ) -> None:
     """Warns, before it begins, of a limit in which bounds will hardly be checked.
 
-    Coverage is computed afresh, and each leaf of a proof takes a search of every class. How long
-    certificates in stages take beyond that nobody knows.
+    Coverage is computed afresh, and each leaf of a proof takes a search of every class. The further
+    time of staged certificates is unknown.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def warn_of_checking(
     forecast = Forecast(coverage, leaves * states * _PRICING)
     if not forecast.fits(seconds):
         _log.warning(
-            "%s: to check takes %s, coverage %s of it; the limit is %s; what would do: "
+            "%s: checking takes %s, including %s for coverage, but the limit is %s; use "
             "--time-limit %g",
             model.problem.name, about(forecast.seconds), duration(coverage.seconds),
             duration(seconds), forecast.ample,
@@ -257,7 +257,7 @@ def warn_of_limit(
         recipe = RecipeTrial.of(scene, seed or 0, problem)
         words = forecast.doubts(seconds, option, recipe)
     elif forecast.seconds > _LONG:
-        words = f"{forecast.words}; Ctrl-C or {option.removesuffix(' =')} ends it early"
+        words = f"{forecast.words}; stop it early with Ctrl-C or {option.removesuffix(' =')}"
     if words:
         _log.warning("%s: %s", whose, words)
 
@@ -285,7 +285,7 @@ def warn_before_limits(
     words = f"{problem.name}, seed {seed}: {forecast.words}"
     if not forecast.fits(cell_limit):
         _log.warning(
-            "%s; a worker gives up after %s; what would do: --cell-limit %g",
+            "%s, but workers are stopped after %s; use --cell-limit %g",
             words, duration(cell_limit), cell_limit + forecast.ample,
         )  # fmt: skip
     elif forecast.seconds > _LONG:

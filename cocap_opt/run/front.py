@@ -90,8 +90,8 @@ class Front:
     Attributes
     ----------
     problem : the scene; J is its reward without views, with pixels of weight 1 if they had none
-    views : the cameras from which on more drones add nothing, the share of a person that must be
-        visible, the people who count, and the requested share of all views, if any
+    views : the largest number of drones that counts for a person, the share of a person that must
+        be visible, the people who count, and the requested share of all views, if any
     base : the problem whose reward is J: without views, or with a weight of views of its own
     plans : those that no other plan beats in both J and V, the fewest views first; each has `plan`,
         `reward` (J) and `views` (V)
@@ -350,7 +350,7 @@ class Front:
 
         Parameters
         ----------
-        ax : matplotlib axes; if not given, those of a new figure
+        ax : matplotlib axes (default: those of a new figure)
         """
         from cocap_opt.run.front_figure import draw  # matplotlib
 

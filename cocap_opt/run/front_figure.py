@@ -19,7 +19,7 @@ def draw(
     end : share that no plan exceeds
     bound : returns the J that no plan of at least a share exceeds
     label : of the shares
-    ax : matplotlib axes; if not given, those of a new figure
+    ax : matplotlib axes (default: those of a new figure)
     """
     if ax is None:
         ax = Figure(figsize=(5.2, 3.6), dpi=100, layout="constrained").add_subplot()

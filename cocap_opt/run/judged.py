@@ -90,7 +90,7 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @classmethod
     def of_plan(cls, problem: Problem, given: Plan | PlanFile) -> "Judged[Result]":
-        """Returns a plan of others, judged, with what its file says of its search."""
+        """Returns a plan from a file, judged, with what the file says of its search."""
         if isinstance(given, Plan):
             verdict = check(problem, given)
             return Judged(Result(given, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
@@ -145,7 +145,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         missed = "" if missed in result.message else missed  # where it is told already
         found = [words for words in (result.message, self.blind(problem), missed) if words]
         if self.reason is not result.reason and not found and math.isfinite(result.bound):
-            found.append("what is open is within the accuracy of the computation")
+            found.append("the remaining gap is within the accuracy of the computation")
         return found
 
     def blind(self, problem: Problem) -> str:

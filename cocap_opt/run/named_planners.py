@@ -1,4 +1,4 @@
-"""Planners of others by name: `module:function`, or a name that an installed package offers.
+"""Third-party planners by name: `module:function`, or a name that an installed package offers.
 
 A package offers planners in its entry points of the group `cocap_opt.planners`. None of them is
 imported before somebody names it, so one that is broken harms nobody else.
@@ -41,7 +41,7 @@ def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
 
 
 def planner_named(option: Option, name: str) -> Method[Result]:
-    """Returns the record of a planner, of ours or of others.
+    """Returns the record of a built-in or third-party planner.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) 
         raise UsageError(f"{option.name}: {words}")
     value = several[0].value.partition("[")[0].strip()
     if not value.partition(":")[2]:
-        words = f"{_package(several[0])} offers {value!r}, which is no module:function"
+        words = f"{_package(several[0])} offers {value!r}, which is not a module:function"
         raise UsageError(f"{option.name}: {name}: {words}")
     return value
 

@@ -37,7 +37,7 @@ _put: list[str] = []  # the folders that it was imported from, put first on the 
 
 @dataclass(frozen=True)
 class OwnPlanner:
-    """A planner that is none of ours, wherever it runs.
+    """A third-party planner, wherever it runs.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ def usable_result(name: str, result: object) -> Result:
     Raises
     ------
     OwnPlannerError
-        If it is no result, or one that holds what it must not, in words.
+        If it is not a result, or one that holds what it must not, in words.
     """
     makes = "a planner returns a Result, such as Result(plan, J, Reason.FINISHED)"
     if not isinstance(result, Result):

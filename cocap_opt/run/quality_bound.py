@@ -60,7 +60,7 @@ class QualityBound:
     ----------
     problem : the scene
     cameras : the largest number of drones for which there is a bound
-    at_least : share of a person, by solid angle, from which on a drone sees them
+    at_least : share of a person, by solid angle, that a drone must see
     weights : [T+1, A] weight of each person-step; 0 if it does not count
     results : for the sums of min(1, n), of min(2, n) and so on, where n drones see a person: its
         bound, with the certificate, and the plan of the largest sum that was found

@@ -29,7 +29,7 @@ _KEPT = "the old rest is kept: nothing better was found"
 
 @dataclass(frozen=True, repr=False)
 class Replanned:
-    """The rest of a mission, planned again.
+    """The rest of a mission, replanned.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ class Rest(NamedTuple):
 
         Parameters
         ----------
-        mission : the whole scene; its people may walk otherwise than those that the plan is for
+        mission : the whole scene; its people may walk differently than those that the plan is for
         plan : of which the first steps are flown; what comes after them is not looked at
         step : k, from 1 to T - 1
         lost : numbers of the drones that are lost at step k
@@ -64,7 +64,7 @@ class Rest(NamedTuple):
         FieldError
             If there is no such step, or there are no such drones; one line.
         ProblemError
-            If what was flown breaks a rule of the scene, or pixels add up over time; one line.
+            If the flown part breaks a rule of the scene, or pixels add up over time; one line.
         """
         _require(mission, plan, step, lost)
         drones = tuple(i for i in range(len(mission.robots)) if i not in lost)
@@ -82,7 +82,7 @@ class Rest(NamedTuple):
 
     @property
     def step(self) -> int:
-        """The step from which on it is the rest, k."""
+        """The step at which the rest begins, k."""
         return self.mission.horizon - self.scene.horizon
 
     def of_plan(self, plan: Plan) -> Plan:
@@ -166,8 +166,8 @@ def _from_step(mission: Problem, flown: Plan, step: int, drones: Sequence[int]) 
 def _in_the_air(mission: Problem, i: int, step: int, state: State) -> Robot:
     """Returns a drone that is in a state at a step, with what is left of its battery.
 
-    With homes nobody knows what is left: the ways there count as well, and batteries may have been
-    changed. So neither homes nor batteries are of the rest.
+    With homes the charge that is left is unknown: the flights there count as well, and batteries
+    may have been changed. So the rest has neither homes nor batteries.
     """
     robot, seconds = mission.robots[i], step * (mission.step or 0.0)
     limits = robot.limits

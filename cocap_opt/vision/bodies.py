@@ -12,7 +12,7 @@ from cocap_opt.problem import Shape
 from cocap_opt.problem.shapes import Cuboid, Prism
 from cocap_opt.world.workspace import HeightMap, Mesh
 
-_FLAT = 1e-9  # m; points that are nearer to a plane lie in it
+_FLAT = 1e-9  # m; points that are closer to a plane lie in it
 _MOST_PLANES = 64  # of a mesh that counts as one convex body
 T = TypeVar("T", bound=np.generic)
 

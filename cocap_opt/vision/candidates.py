@@ -24,7 +24,7 @@ lowest there. All that is below the skyline is hidden, and a column that is nowh
 nothing that others do not hide.
 
 So columns hide together what none of them hides alone, and few of many are left whose shadows must
-be cut out. Only columns that are wholly nearer than the actor take part.
+be cut out. Only columns that are wholly closer than the actor take part.
 """
 
 import math
@@ -119,7 +119,7 @@ class Lists(NamedTuple):
     counts: IntArray  # [n] number of entries
     way: FloatArray  # [n, 2] m, from the target's middle to the eye
     away: FloatArray  # [n] m, its length
-    reach: FloatArray  # [n] m; bodies that are no nearer to the target are beyond the eye
+    reach: FloatArray  # [n] m; bodies that are no closer to the target are beyond the eye
     low: FloatArray  # [n] m; bodies that are no higher are below all lines of sight
 
     def part(self, rows: IntArray, done: int, size: int) -> tuple[IntArray, IntArray]:

@@ -52,7 +52,7 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
 
         (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (least depth)^3
 
-    pixels per square metre. What of an actor is in the image is no nearer than the middle of
+    pixels per square metre. What of an actor is in the image is no closer than the middle of
     its sphere less its reach, in depth and, by the angle of the image's corners, in distance.
     """
     camera, planes, owners = views.camera, views.geometry.planes(t), views.problem.face_owner

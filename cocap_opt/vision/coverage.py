@@ -79,7 +79,7 @@ class GrowingTable:
     n_places : number of places, each of which has all orientations
     reachable : [T+1, S] true where a state can be reached, or for some of those states
     first_step : first step whose views count
-    threads : number of threads, all usable cores if not given; the table does not depend on it
+    threads : number of threads (default: all usable cores); the table does not depend on it
     """
 
     def __init__(

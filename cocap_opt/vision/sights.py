@@ -133,7 +133,7 @@ class PinholeSight:
             and numbers [e] of views from there
         looks : [n] numbers of the axes
         steps : the first and last of those that views are asked for in parts, so that what all
-            parts need is made once; if not given, the views are all
+            parts need is made once (default: all views)
         people : the solid angles of people are asked for, too
         """
         if not len(self._owners) or not len(looks):

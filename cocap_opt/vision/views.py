@@ -125,7 +125,7 @@ class StateViews(ABC):
         Parameters
         ----------
         steps : the first and last of those that nodes are asked for in parts, so that what all
-            parts need is made once; if not given, the nodes are all
+            parts need is made once (default: all nodes)
         """
         return self._columns(self._seen(nodes, steps, people=self.at_least is not None))
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
-SAME = 1e-6  # m; vertices that are nearer to each other are at the same place
+SAME = 1e-6  # m; vertices that are closer to each other are at the same place
 _NOTHING = 1e-9  # of its bounding box, that a part which cancels itself may hold by rounding
 
 

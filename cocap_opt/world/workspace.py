@@ -30,7 +30,7 @@ Place = tuple[int, int, float]  # cell x, y and flight height (m)
 
 _FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
 _ROUNDING = 1e-6  # m
-OBSTACLE = 0.25  # m above the ground, from which on a cell stands out
+OBSTACLE = 0.25  # m above the ground; a higher cell stands out
 
 
 class HeightMap(Data, frozen=True, eq=False, dict=True):

@@ -108,7 +108,7 @@ def _of_rules(rules: Mapping[str, CollisionRules]) -> Iterator[str]:
             yield f"In {scenes} no rule keeps drones apart, and none are in conflict."
         elif rule.separation:
             yield (
-                f"In {scenes} drones keep a {rule} at every moment: two that come nearer on "
+                f"In {scenes} drones keep a {rule} at every moment: two that come closer on "
                 "their way from step to step, as where they cross, are in conflict, too."
             )
         else:

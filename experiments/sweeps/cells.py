@@ -67,7 +67,7 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     rendered: bool = False  # J of the rendered pixels is wanted, too
     # Of BOUND the digest of its start; of an exact method the planner whose plan it begins with.
     start: str = ""
-    # Digest of the code of a planner that is none of ours.
+    # Digest of the code of a third-party planner.
     planner_digest: str = msgspec.field(default="", name="own")
     code: str  # digest of the code; empty where the cell is not kept
 
@@ -166,7 +166,7 @@ class Store:
         self._retry, self._cell_limit = retry, cell_limit
 
     def find(self, cell: SweepCell) -> CellFile | None:
-        """Returns the file of a cell; None if there is none, or it must be computed again."""
+        """Returns the file of a cell; None if there is none, or it must be recomputed."""
         path = self.path(cell)
         if path is None:
             return None

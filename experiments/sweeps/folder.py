@@ -194,7 +194,7 @@ def _is_rejoined(instance: Instance, row: GapRow, folder: Path, store: Store) ->
 
 
 def _is_given(instance: Instance, name: str, path: Path) -> bool:
-    """Gives the instance a plan of others that is in the folder still; False if it is not."""
+    """Gives the instance a given plan that is still in the folder; False if it is not."""
     try:
         found = decode_document(read_bytes(path), str(path), PlanFile)
     except FileError:

@@ -50,7 +50,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     proves_itself: bool = False
 
     def __post_init__(self) -> None:
-        """Makes plain numbers of NumPy's, and raises UsageError for what is no limit."""
+        """Makes plain numbers of NumPy's, and raises UsageError for what is not a limit."""
         for name in ("time_limit", "bound_time_limit"):
             seconds = Option(name).require_seconds(getattr(self, name))
             msgspec.structs.force_setattr(self, name, seconds)
@@ -77,14 +77,14 @@ class Instance:
     ----------
     planners : None stands for those of the paper, the recommended one, and joint for one or two
         robots
-    given : plans of others by name, which get rows of their own, below those of planners
+    given : plans from files by name, which get rows of their own, below those of planners
     own_starts : the drones start where the scene's own file says, not where the seed has them
-    foreign : planners among them that are none of ours, by name
+    foreign : third-party planners among them, by name
 
     Attributes
     ----------
     digest : of the problem
-    asked : the planners that the command names, and plans of others that it gives
+    asked : the planners that the command names, and the plan files that it gives
     cells : of the planners, by name; that of the bound is known once all of these are found
     found : the cells of planners that have ended, with their results
     bound : the cell of the bound, once it has ended
@@ -156,11 +156,11 @@ class Instance:
         self.found[content.cell] = content
 
     def give(self, name: str, plan: Plan | PlanFile) -> None:
-        """Takes a plan of others; its file describes its search."""
+        """Takes a plan from a file, which describes its search."""
         self.take(Task(self.cell(name), self.problem).given(plan))
 
     def plan(self, name: str) -> Plan | None:
-        """Returns the plan of a planner or of others, if it is there yet."""
+        """Returns the plan of a planner or of a file, if it is there yet."""
         content = self.found.get(self.cells[name])
         return None if content is None or content.plan is None else content.plan.plan
 

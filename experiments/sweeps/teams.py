@@ -147,7 +147,7 @@ def compare_teams(
     Parameters
     ----------
     settings : as `team_settings` makes them
-    folder : of a sweep, whose cells are not computed again; None to keep nothing
+    folder : of a sweep, whose cells are not recomputed; None to keep nothing
     retry : cells in the folder that have failed are computed, too
     quiet : progress is not shown
 

@@ -95,7 +95,7 @@ class Task(NamedTuple):
     cell: SweepCell
     problem: Problem
     start: BoundStart = _NO_START  # of BOUND
-    foreign: OwnPlanner | None = None  # a planner that is none of ours; the cell has its name
+    foreign: OwnPlanner | None = None  # a third-party planner; the cell has its name
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
         """Computes the cell. An error is a result, too: it costs this cell only.
@@ -146,7 +146,7 @@ class Task(NamedTuple):
         )
 
     def given(self, plan: Plan | PlanFile) -> CellFile:
-        """Returns a plan of others as if a planner had found it, with what its file says of it."""
+        """Returns a given plan as if a planner had found it, with what its file says of it."""
         allowance, columns = None, {}
         if isinstance(plan, PlanFile):
             columns = {"time_limit": plan.time_limit, "work_limit": plan.work_limit}

@@ -52,7 +52,7 @@ class TableColumn(NamedTuple):
         Raises
         ------
         FileError
-            If it is no number where one must be, or out of range; the message begins with `where`.
+            If it must be a number and is none, or is out of range; the message begins with `where`.
         """
         if self.kind is str:
             return text

@@ -442,7 +442,7 @@ class GapRow(BoundColumns, PlannedRow):
 
     @property
     def has_error(self) -> bool:
-        """The planner or the bound ended by an error, which is no result."""
+        """The planner or the bound ended by an error, which is not a result."""
         return ERROR in (self.reason, self.bound_reason)
 
     @property

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Table = list[dict[str, str]]
 _HEADING = 12  # characters of a line of a heading in LaTeX
-_LARGE = 1000  # rewards from which on no decimals are shown
+_LARGE = 1000  # larger rewards are shown without decimals
 AGAINST = "sequential"  # what the paper compares itself with
 _PLANNERS, _DIFFERENCES, _PRICE, CAMERAS, _TIME = (
     "Planners", "Paired differences", "Price of collision avoidance", "Cameras on people", "Time",

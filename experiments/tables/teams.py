@@ -96,7 +96,7 @@ class TeamRow:
 
     @property
     def failed(self) -> bool:
-        """A computation has ended by an error, which is no result."""
+        """A computation has ended by an error, which is not a result."""
         return ERROR in (self.reason, self.reason_seen)
 
     @property
@@ -204,7 +204,7 @@ def _best_of_all(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
 
 
 def kind_words(row: TeamRow) -> str:
-    """Returns words for a camera and a height, such as "skydio-2, at 9 m"; none if not given."""
+    """Returns words for a camera and a height, e.g. "skydio-2, at 9 m"; empty without both."""
     height = "" if row.height is None else f"at {row.height:g} m"
     return ", ".join(filter(None, (row.camera, height)))
 

@@ -46,8 +46,8 @@ def verify(
     Raises
     ------
     CertificateError
-        If the file belongs to another scene, is no tree, is not valid, or claims a lower bound than
-        its numbers prove.
+        If the file belongs to another scene, is not a tree or not valid, or claims a lower bound
+        than its numbers prove.
     UnfinishedError
         If the searches of a staged certificate take too long or a limit is reached; the claim may
         hold all the same.

@@ -94,7 +94,7 @@ class ClassCurve(_Part, frozen=True):
     values: tuple[float, ...]
 
     def check(self, field: str) -> None:
-        """Raises CertificateError, which names the field, if the curve is no function."""
+        """Raises CertificateError, which names the field, if the curve is not a function."""
         points = (0.0, *self.roots)
         if len(points) < 2 or not all(a < b <= LARGEST_ROOT for a, b in pairwise(points)):
             raise CertificateError(
@@ -186,7 +186,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
         Raises
         ------
         CertificateError
-            If a cut belongs to no view sum, is no function, or its constant takes too long.
+            If a cut belongs to no view sum, is not a function, or its constant takes too long.
         LimitReached
             Between two cuts.
         """
@@ -454,7 +454,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
         Raises
         ------
         CertificateError
-            If the nodes are no tree: every node but the first must be the child of exactly
+            If the nodes are not a tree: every node but the first must be the child of exactly
             one branch before it.
         """
         parents = self._parents()

@@ -137,7 +137,7 @@ class Pricing(NamedTuple):
         Raises
         ------
         CertificateError
-            If the nodes are no tree, a resource does not exist, or a leaf is not valid.
+            If the nodes are not a tree, a resource does not exist, or a leaf is not valid.
         LimitReached
             At a limit.
         """

@@ -71,7 +71,7 @@ class RelaxationParameters(Section):
     tail : of the bound
         least gain of a round of cuts for another round to follow
     tail_open : share
-        the same least gain, as a share of what is open
+        the same least gain, as a share of the remaining gap
     most_penalty_raises : times
         largest number of times that the penalty of broken rules is multiplied by 10
     smoothing : share
@@ -125,7 +125,7 @@ class RootParameters(Section):
     most_disaggregated : robots x steps x states
         largest problem in which each robot becomes a class of its own
     least_gain : share
-        least share of what is open that the first cuts of disaggregated robots must close,
+        smallest share of the remaining gap that the first cuts of disaggregated robots must close,
         multiplied by the growth of the master
     at_once : of the bound
         largest gap at which paths are tried before there is a master
@@ -137,7 +137,7 @@ class RootParameters(Section):
     far : relative gap
         gap that no tree closes soon, so that any gain above `least_gain_far` is accepted
     least_gain_far : share
-        least gain at such a gap, as a share of what is open
+        least gain at such a gap, as a share of the remaining gap
     """
 
     enough: float = 0.003
@@ -183,7 +183,7 @@ class LargeRootParameters(Section):
     patience : times
         factor on the expected gain of a kind of work for each turn of the others
     least_gain : share
-        least gain of a turn for more of its kind to follow, as a share of what is open
+        least gain of a turn for more of its kind to follow, as a share of the remaining gap
     most_others : robots
         largest number of robots that are removed together with the first one
     most_turns : turns
@@ -213,7 +213,7 @@ class TreeParameters(Section):
     Attributes
     ----------
     rough : share
-        gap at which a node branches instead of converging further, as a share of what is open
+        gap at which a node branches instead of converging further, as a share of the remaining gap
     rough_root : share
         the same gap at the root, whose bound holds for all plans
     nearly_integral : robots
@@ -294,14 +294,14 @@ class EnvelopeParameters(Section):
     most_corrections : times
         most corrections of a bundle by joint states that only the exact search finds
     least_round : share
-        least share of what is open that a round must close for another one to follow
+        smallest share of the remaining gap that a round must close for another round to follow
     wide : times the first slack
         slack from which lists are wide; their rounds take as long as trials for higher targets,
         which close more
     least_wide : share
-        least share of what is open that a round of wide lists must close
+        smallest share of the remaining gap that a round of wide lists must close
     least_listed : share
-        least share of what is open that a round must close if its lists keep their length
+        smallest share of the remaining gap that a round must close if its lists keep their length
     """
 
     few_states_left: int = 6_500
@@ -337,7 +337,7 @@ class ListParameters(Section):
 
     Attributes
     ----------
-    slack : of what is open per step
+    slack : of the remaining gap per step
         largest slack of a state on the first lists
     of_all_steps : states
         largest number of states on all first lists together
@@ -450,7 +450,7 @@ class BundleParameters(Section):
     most_listed_iterations : iterations
         the same limit if only some states are listed, as the next round has better lists
     converged : share
-        gain below which iterations end and prices are given up, as a share of what is open
+        gain below which iterations end and prices are given up, as a share of the remaining gap
     serious : share
         share of the predicted gain that makes a new centre
     good : share

@@ -28,6 +28,7 @@ Staged certificates close states that no better plan visits, and bound each step
 `Staged` and `Search` say why.
 """
 
+import contextlib
 import functools
 import hashlib
 import itertools
@@ -35,7 +36,7 @@ import json
 import math
 import operator
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -106,6 +107,15 @@ def require(condition: object, message: str) -> None:
     """Refuses what is not so."""
     if not condition:
         raise Refused(message)
+
+
+@contextlib.contextmanager
+def within(place: str) -> Iterator[None]:
+    """Puts the place of an item before the reason why it is refused."""
+    try:
+        yield
+    except (Refused, *DAMAGED) as error:
+        raise Refused(f"{place}: {reason_of(error)}") from error
 
 
 # -- instances ------------------------------------------------------------------------------------
@@ -504,62 +514,78 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
 # -- certificates ---------------------------------------------------------------------------------
 
 
+def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], int]) -> int:
+    """Returns the most that a root, rounded up, exceeds what is paid: it does so at breakpoints.
+
+    Drones are placed one by one. A way to place some ends if another shows as many pixels for no
+    more. A root gains the less, the more is seen: a way ends, too, if what each later drone would
+    gain now does not bring it above the best.
+
+    Parameters
+    ----------
+    drones : of each its breakpoints, pixels and payment; there is one of (0, 0), too
+    """
+    best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each way
+    for number, points in enumerate(drones, 1):
+        ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
+        looked_at += len(ways)
+        require(looked_at <= MOST_CORNERS, "it takes too long to find its constant")
+        lowest, kept, later = math.inf, [], drones[number:]
+        for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
+            if paid < lowest:
+                kept.append((pixels, paid))
+                lowest, best = paid, max(best, root(pixels) - paid)
+        ways = []
+        for pixels, paid in kept:
+            here = root(pixels)
+            gains = [max(root(pixels + p) - here - v + 2 for p, v in points) for points in later]
+            if here - paid + sum(gain for gain in gains if gain > 0) > best:
+                ways.append((pixels, paid))
+    return best
+
+
 class Cut:
     """Functions phi of the root that a drone has of a group: root of all <= constant + sum phi."""
 
     def __init__(self, instance: Instance, spec: Spec, members: list[list[int]]) -> None:
         only(spec, {"t", "face", "curves", "share"})
-        self.share = number_of(spec["share"])
-        require(0 <= self.share <= 1, "cut: share must be 0..1")
-        t, face = whole(spec["t"]), whole(spec["face"])
-        require(0 <= t < instance.rows and 0 <= face < instance.faces, "cut: no such group")
-        require(instance.rows > 1, "cut: there are none where pixels add up over time")
+        self.share = number_of(spec["share"], "share: ")
+        require(0 <= self.share <= 1, "share: must be 0..1")
+        t, face = whole(spec["t"], "t: "), whole(spec["face"], "face: ")
+        require(instance.rows > 1, "must not be where pixels add up over time")
+        require(0 <= t < instance.rows, f"t: must be 0..{instance.rows - 1}")
+        require(0 <= face < instance.faces, f"face: must be 0..{instance.faces - 1}")
         self.group, self.worth = t * instance.faces + face, 0  # of its share, once that is known
         self.curves: dict[int, list[tuple[Fraction, Fraction]]] = {}
-        for curve in spec["curves"]:
-            only(curve, {"robot_class", "roots", "values"})
-            roots, values = ([number_of(v) for v in curve[name]] for name in ("roots", "values"))
-            number = whole(curve["robot_class"])
-            require(0 <= number < len(members), "cut: no such class")
-            rising = all(a < b for a, b in itertools.pairwise([Fraction(0), *roots]))
-            require(rising and roots, "cut: roots must rise from 0")
-            require(len(roots) == len(values) and min(values) >= 0, "cut: wrong values")
-            require(number not in self.curves, "cut: a class is there twice")
-            self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
+        for position, curve in enumerate(spec["curves"]):
+            with within(f"curves[{position}]"):
+                self._take_curve(curve, len(members))
         self.lines: dict[int, tuple[int, int, list[tuple[int, int]]]] = {}  # in whole numbers
         for k, points in self.curves.items():
             unit = math.lcm(*(value.denominator for point in points for value in point))
             slopes = [abs((b[1] - a[1]) / (b[0] - a[0])) for a, b in itertools.pairwise(points)]
             scaled = [(int(r * unit) << BITS, int(v * unit) << BITS) for r, v in points]
             self.lines[k] = math.ceil(max([Fraction(1), *slopes])), unit, scaled
-        self.constant = self._highest({k: len(members[k]) for k in self.curves})
+        self.constant = highest_corner([
+            [(up(r * r), down(v)) for r, v in curve[1:]]
+            for k, curve in self.curves.items()
+            for _ in members[k]
+        ], root_up)  # fmt: skip
 
-    def _highest(self, sizes: dict[int, int]) -> int:
-        """Returns the most that a root exceeds the phi, rounded up: it does so at breakpoints.
-
-        Drones are placed one by one. A way to place some ends if another shows as many pixels for
-        no more. A root gains the less, the more is seen: a way ends, too, if what each later drone
-        would gain now does not bring it above the best.
-        """
-        curves = [(k, [(up(r * r), down(v)) for r, v in c[1:]]) for k, c in self.curves.items()]
-        drones = [points for k, points in curves for _ in range(sizes[k])]
-        best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each way
-        for number, points in enumerate(drones, 1):
-            ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
-            looked_at += len(ways)
-            require(looked_at <= MOST_CORNERS, "cut: it takes too long to find its constant")
-            lowest, kept, later = math.inf, [], drones[number:]
-            for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
-                if paid < lowest:
-                    kept.append((pixels, paid))
-                    lowest, best = paid, max(best, root_up(pixels) - paid)
-            ways = []
-            for pixels, paid in kept:
-                here = root_up(pixels)
-                gains = [max(root_up(pixels + p) - here - v + 2 for p, v in ps) for ps in later]
-                if here - paid + sum(gain for gain in gains if gain > 0) > best:
-                    ways.append((pixels, paid))
-        return best
+    def _take_curve(self, curve: Spec, classes: int) -> None:
+        """Takes the breakpoints of a class."""
+        only(curve, {"robot_class", "roots", "values"})
+        roots, values = (
+            [number_of(v, f"{name}: ") for v in curve[name]] for name in ("roots", "values")
+        )
+        number = whole(curve["robot_class"], "robot_class: ")
+        require(0 <= number < classes, f"robot_class: must be 0..{classes - 1}")
+        require(number not in self.curves, f"robot_class: {number} is there twice")
+        rising = all(a < b for a, b in itertools.pairwise([Fraction(0), *roots]))
+        require(rising and roots, "roots: must rise from 0")
+        require(len(roots) == len(values), f"values: must be {len(roots)}, as many as roots")
+        require(min(values) >= 0, "values: must be >= 0")
+        self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
 
     def phi(self, number: int, low: int) -> int:
         """Returns phi of class `number` at a root between low and low + 1 (2^-64), rounded up."""
@@ -583,7 +609,10 @@ def whole(value: object, field: str = "") -> int:
 
 def only(spec: object, names: set[str]) -> None:
     """Refuses fields that are not known."""
-    require(isinstance(spec, dict) and set(spec) <= names | {"type"}, f"what is {spec!r:.60}?")
+    if not isinstance(spec, dict):
+        raise Refused(f"must be an object, not {spec!r:.40}")
+    unknown = [name for name in spec if name not in names | {"type"}]
+    require(not unknown, f"must have no field {unknown[:1]}; allowed: {', '.join(sorted(names))}")
 
 
 class Bound:
@@ -632,9 +661,12 @@ class Bound:
         instance = self.instance
         only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
         require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")
-        alpha = self._table(numbers["alpha"], numbers.get("views", ()))
-        beta = self._table(numbers["beta"], None)
-        cuts = [Cut(instance, spec, self.members) for spec in numbers.get("cuts", ())]
+        alpha = self._table(numbers, "alpha")
+        beta = self._table(numbers, "beta")
+        cuts = []
+        for number, spec in enumerate(numbers.get("cuts", ())):
+            with within(f"cuts[{number}]"):
+                cuts.append(Cut(instance, spec, self.members))
         rest: dict[int, Fraction] = {}
         by_group: dict[int, list[Cut]] = {}
         for cut in cuts:
@@ -657,13 +689,18 @@ class Bound:
             self.constants[group] = constant
             self.prices[group] = up(weight * a), up(weight * b), by_group.get(group, [])
         self.charged, self.row_constants = ({}, {}, {}), []
-        for row in numbers.get("rows", ()):
-            only(row, {"resource", "multiplier"})
-            multiplier = number_of(row["multiplier"])
-            require(multiplier >= 0, "row: the multiplier must be >= 0")
-            self._require_row(row["resource"])
-            self.row_constants.append((whole(row["resource"]["t"]), up(multiplier)))
-            self._charge(row["resource"], down(multiplier))
+        for number, row in enumerate(numbers.get("rows", ())):
+            with within(f"rows[{number}]"):
+                self._take_row(row)
+
+    def _take_row(self, row: Spec) -> None:
+        """Takes the multiplier of a row, which at most one drone can use."""
+        only(row, {"resource", "multiplier"})
+        multiplier = number_of(row["multiplier"], "multiplier: ")
+        require(multiplier >= 0, "multiplier: must be >= 0")
+        self._require_row(row["resource"])
+        self.row_constants.append((whole(row["resource"]["t"], "t: "), up(multiplier)))
+        self._charge(row["resource"], down(multiplier))
 
     def _with_paths(self, total: int) -> int | None:
         """Returns a constant and each drone's best path together; None where one has none."""
@@ -681,7 +718,7 @@ class Bound:
         """Returns the bound by gains beyond what is seen somewhere, which only shrink."""
         i = self.instance
         only(numbers, {"pixels", "views"})
-        seen = self._table(numbers["pixels"], numbers.get("views", ()))
+        seen = self._table(numbers, "pixels")
         self.prices, self.charged = {}, ({}, {}, {})
         self.gained = {g: (w, up(seen[g]), down(seen[g])) for g, w in i.weights.items()}
         total = sum(
@@ -689,18 +726,26 @@ class Bound:
         )
         return self._with_paths(total)
 
-    def _table(self, faces: Any, people: Any) -> list[Fraction]:
-        """Returns the numbers of all groups: of faces, then of people."""
+    def _table(self, numbers: Spec, name: str) -> list[Fraction]:
+        """Returns the numbers of all groups: of faces, then of people, who have none in beta."""
         i = self.instance
-        require(len(faces) == i.rows and all(len(row) == i.faces for row in faces), "wrong table")
-        values = [number_of(value) for row in faces for value in row]
-        if people is None:
-            values += [Fraction(0)] * ((i.horizon + 1) * i.people)
-        elif i.people or people:
-            ok = len(people) == i.horizon + 1 and all(len(row) == i.people for row in people)
-            require(ok, "views: wrong table")
-            values += [number_of(value) for row in people for value in row]
-        require(all(value >= 0 for value in values), "certificate: numbers must be >= 0")
+        values = self._numbers(numbers[name], f"{name}: ", i.rows, i.faces)
+        people = numbers.get("views", ())
+        if name == "beta":
+            return values + [Fraction(0)] * ((i.horizon + 1) * i.people)
+        if i.people or people:
+            values += self._numbers(people, "views: ", i.horizon + 1, i.people)
+        return values
+
+    def _numbers(self, table: Any, field: str, rows: int, columns: int) -> list[Fraction]:
+        """Returns the numbers of a table, row by row."""
+        lists = [table, *(table if isinstance(table, list) else ())]
+        is_whole = all(isinstance(row, list) for row in lists) and (
+            [*map(len, lists)] == [rows, *[columns] * rows]
+        )
+        require(is_whole, f"{field}must have {rows} rows of {columns} numbers")
+        values = [number_of(value, field) for row in table for value in row]
+        require(all(value >= 0 for value in values), f"{field}must be >= 0")
         return values
 
     def paid(self, number: int, views: list[tuple[int, int, int]]) -> int:
@@ -776,7 +821,7 @@ class Bound:
 
     def _users(self, resource: Spec) -> tuple[int, list[Any]]:
         """Returns moves (tail, head) of cells, or single cells, that use a resource, and more."""
-        kind, t = str(resource.get("type")), whole(resource.get("t"))
+        kind, t = str(resource.get("type")), whole(resource.get("t"), "t: ")
         lasts = kind in ("swap", "moves", "move")
         require(0 <= t <= self.instance.horizon - lasts, "resource: there is no such step")
         known = {
@@ -831,15 +876,15 @@ class Bound:
             "row: must be of all drones",
         )
         kind, (_, users) = resource["type"], self._users(resource)
-        require(kind in ("cells", "swap", "moves"), "row: must be cells, a swap or moves")
+        require(kind in ("cells", "swap", "moves"), "resource: must be cells, a swap or moves")
         if kind == "swap":
-            require(self.instance.swap, "row: there is no swap rule")
+            require(self.instance.swap, "resource: there is no swap rule")
             return
         ends = [(u, u) if kind == "cells" else u for u in dict.fromkeys(users)]
         where = self.instance.where
         moves = [(a, b, where[a], where[b]) for a, b in ends if a in where and b in where]
         for a, b in itertools.combinations_with_replacement(moves, 2):
-            require(self.instance.conflict(a, b), "row: two drones may use this at once")
+            require(self.instance.conflict(a, b), "resource: two drones may use this at once")
 
 
 # -- staged certificates --------------------------------------------------------------------------
@@ -1197,7 +1242,7 @@ class Staged:
         only(numbers, {"multipliers", "target", "stages", "paths_above"})
         require(i.rows > 1, "staged: there are none where pixels add up over time")
         bound.take(numbers["multipliers"])
-        self.target = up(number_of(numbers["target"]))
+        self.target = up(number_of(numbers["target"], "target: "))
         self.constants = [0] * (horizon + 1)
         for g, constant in bound.constants.items():
             step = g // i.faces if g < i.n_roots else (g - i.n_roots) // i.people
@@ -1219,12 +1264,13 @@ class Staged:
                 for t, value in enumerate(self.to_go[number])
             ])  # fmt: skip
         self._close()
-        for stage in numbers["stages"]:
-            self._stage(stage)
+        for number, stage in enumerate(numbers["stages"]):
+            with within(f"stages[{number}]"):
+                self._stage(stage)
         self.value = max(self.target, self.total)
         above = numbers.get("paths_above")
         if above is not None:
-            self._explore(up(number_of(above)))
+            self._explore(up(number_of(above, "paths_above: ")))
 
     # -- closing ----------------------------------------------------------------------------
 
@@ -1323,31 +1369,34 @@ class Staged:
         priced: set[int] = set()
         for step in stage.get("payments", ()):
             only(step, {"t", "robot_class", "states", "payments", "others"})
-            t, number = whole(step["t"]), whole(step.get("robot_class", 0))
+            t, number = whole(step["t"], "t: "), whole(step.get("robot_class", 0), "robot_class: ")
             ok = 0 <= t <= self.instance.horizon and 0 <= number < len(self.prices)
-            require(ok and len(step["states"]) == len(step["payments"]), "stage: wrong payments")
+            require(ok and len(step["states"]) == len(step["payments"]), "wrong payments")
             if t not in priced:
                 priced.add(t)
                 self.earlier[t].append(
                     (self.constants[t], [dict(prices[t]) for prices in self.prices])
                 )
-            prices, others = self.prices[number][t], up(number_of(step.get("others", 0)))
+            prices, others = (
+                self.prices[number][t],
+                up(number_of(step.get("others", 0), "others: ")),
+            )
             for s in prices:
                 prices[s] += others
             names = self.instance.kinds[self.bound.classes[number][1]].states
             for name, payment in zip(step["states"], step["payments"], strict=True):
                 state = names.get(tuple(map(whole, name)))
                 if state in prices:
-                    prices[state] = up(number_of(payment))
+                    prices[state] = up(number_of(payment, "payments: "))
         for step in stage.get("constants", ()):
             only(step, {"t", "constant"})
-            t, claim = whole(step["t"]), up(number_of(step["constant"]))
-            require(0 <= t <= self.instance.horizon, "stage: there is no such step")
+            t, claim = whole(step["t"], "t: "), up(number_of(step["constant"], "constant: "))
+            require(0 <= t <= self.instance.horizon, "there is no such step")
             claim += abs(claim) >> 44  # room for the rounding of whoever made it
             if t in priced or claim < self.constants[t]:
                 self.constants[t] = self._highest(t, claim)
             priced.discard(t)
-        require(not priced, "stage: a step with payments has no constant")
+        require(not priced, "a step with payments has no constant")
         self._sweep()
         self._close()
 
@@ -1558,19 +1607,20 @@ def bound_of_file(
         require(number not in met, "nodes: a node has two parents")
         met.add(number)
         node = nodes[number]
-        if node.get("type") == "leaf":
-            only(node, {"certificate"})
-            found = bound.of(node["certificate"], decisions)
-            worst = found if worst is None else worst if found is None else max(worst, found)
-            continue
-        require(node.get("type") == "branch", "nodes: must be branches and leaves")
-        only(node, {"resource", "robots", "at_most", "at_least"})
-        resource, count = node["resource"], whole(node["robots"])
-        require(count >= 0, "nodes: robots must be >= 0")
-        todo += [
-            (node["at_most"], (*decisions, (resource, 1, count))),
-            (node["at_least"], (*decisions, (resource, -1, count + 1))),
-        ]
+        with within(f"nodes[{number}]"):
+            if node.get("type") == "leaf":
+                only(node, {"certificate"})
+                found = bound.of(node["certificate"], decisions)
+                worst = found if worst is None else worst if found is None else max(worst, found)
+                continue
+            require(node.get("type") == "branch", "type: must be branch or leaf")
+            only(node, {"resource", "robots", "at_most", "at_least"})
+            resource, count = node["resource"], whole(node["robots"], "robots: ")
+            require(count >= 0, "robots: must be >= 0")
+            todo += [
+                (node["at_most"], (*decisions, (resource, 1, count))),
+                (node["at_least"], (*decisions, (resource, -1, count + 1))),
+            ]
     return worst, False
 
 

@@ -223,7 +223,7 @@ class Enclosures:
     Raises
     ------
     UnknownError
-        If it has meshes that are no upright prisms above convex plans; the message says so.
+        If it has meshes that are not upright prisms above convex plans; the message says so.
     """
 
     def __init__(self, problem: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from cocap_opt.formulations.independent.scene_facts import Facts, Kind, Place, P
 
 
 class FormatError(ValueError):
-    """A text is no instance; the message names the line."""
+    """A text is not an instance; the message names the line."""
 
 
 class Sight(NamedTuple):

@@ -26,7 +26,7 @@ Point = tuple[float, float, float]  # m
 
 _FACES = {"cuboid": 5, "triangulated-cuboid": 10}
 _TOUCH = Fraction(1, 10**6)  # of a cell, by which a solid must reach into it
-_TOLERANCE = 1e-6  # m, by which drones may be nearer than a least distance
+_TOLERANCE = 1e-6  # m, by which drones may be closer than a least distance
 _STRAIN = 1e-9  # share of a stride by which a move may exceed it
 _UNSURE = 1e-9  # m; a distance that decides by less is left undecided
 
@@ -55,7 +55,7 @@ class Kind:
     moves : tail, head, and True if it is balanced
     turns : from one orientation to another
     closed_places, closed_moves : (step, place) and (step, tail, head) that people close
-    unsure : those of both that are too near to the least distance to be decided here
+    unsure : those of both that are too close to the least distance to be decided here
     reached : for each step, the places that drones reach, by the orientations that they have there
     """
 
@@ -184,7 +184,7 @@ class Prism(NamedTuple):
         corners = mesh["vertices"]
         used = {int(k) for triangle in mesh["triangles"] for k in triangle}
         levels = sorted({corners[k][2] for k in used})
-        refusal = UnknownError(f"{noun} that are no upright prisms")
+        refusal = UnknownError(f"{noun} that are not upright prisms")
         if len(levels) != 2:
             raise refusal
         tops, bottoms = list[_Triangle](), list[_Triangle]()
@@ -317,9 +317,9 @@ def _meets(spans: Iterable[tuple[float, float]], low: float, high: float) -> boo
 
 
 class _Near:
-    """The places and moves that are too near to people.
+    """The places and moves that are too close to people.
 
-    A drone is too near if, at some moment, it is less than a distance from the middle of a person
+    A drone is too close if, at some moment, it is less than a distance from the middle of a person
     as seen from above, and less than another one above or below it.
     """
 
@@ -332,7 +332,7 @@ class _Near:
         return bool(self._aside)
 
     def of(self, t: int, tail: Point, head: Point | None = None) -> bool | None:
-        """Returns True if a place at a step, or a move from then on, is too near to anybody.
+        """Returns True if a place at a step, or a move from then on, is too close to anybody.
 
         None: it is not decided, as the distance is nearly the least.
         """

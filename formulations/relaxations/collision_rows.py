@@ -1,6 +1,6 @@
 """Collision rules as rows of a flow: cliques of cells or moves, each for at most one robot.
 
-All moves that are nearer to a point than half the separation at the same moment of a step form a
+All moves that are closer to a point than half the separation at the same moment of a step form a
 clique (`CollisionRules.near_point`).
 """
 
@@ -361,7 +361,7 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
 
 
 def _passing_moves(flow: Flow) -> _MoveRows:
-    """Returns cliques of moves that contain all pairs that are too near only between steps."""
+    """Returns cliques of moves that contain all pairs that are too close only between steps."""
     moving = np.flatnonzero(~flow.is_source[flow.tails])
     places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])[moving]
     distinct, which = np.unique(places, axis=0, return_inverse=True)

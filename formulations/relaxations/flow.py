@@ -290,8 +290,8 @@ class Flow:
         Parameters
         ----------
         gains : for each robot, the gain of every head that it can go to
-        heads : each head as often as robots go there
-        forbidden : the gain of a head that a robot cannot go to, so low that no other outweighs it
+        heads : heads, each repeated for every robot that goes there
+        forbidden : the gain of a head that a robot cannot go to: lower than all others together
 
         Returns
         -------

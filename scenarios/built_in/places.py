@@ -44,7 +44,7 @@ def _of_recipe(name: str, seed: int) -> Problem:
 
 
 def _set_out(recipe: "Recipe", seed: int) -> "Recipe":
-    """Returns a recipe whose people walk otherwise, as the seed has it; 0: as they do."""
+    """Returns a recipe whose people walk differently, as the seed has it; 0: as they do."""
     if seed == 0:
         return recipe
     rng = np.random.default_rng(seed)

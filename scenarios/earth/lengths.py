@@ -74,7 +74,7 @@ def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> fl
     """Returns the metres in one unit of heights: as the file states, or else the recipe, or 1.
 
     Feet of the recipe are US survey feet where the file says so. Where the file alone says that
-    heights are no metres, a message says so.
+    heights are not metres, a message says so.
 
     Raises
     ------
@@ -85,12 +85,12 @@ def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> fl
         return 1 / PER_METRE[unit or "m"]
     if unit is None:
         if stated.metres != 1:
-            log.warning("%s: its heights are in %s, as it says itself", file, stated.name)
+            log.warning("%s: its heights are in %s, as the file states", file, stated.name)
         return stated.metres
     if not _same(stated.metres, 1 / PER_METRE[unit]):
         wanted = "metres" if unit == "m" else f"{unit}, as the field unit says"
         short = _short(stated.metres)
-        way_out = f'unit = "{short}" reads them' if short else "left out, the file's own counts"
+        way_out = f'set unit = "{short}"' if short else "leave unit out to use the file's own"
         raise ProblemError(f"heights: must be {wanted}, not {stated.name}; {way_out}")
     return 1 / PER_METRE[unit] if unit == "us-ft" else stated.metres
 
@@ -99,7 +99,7 @@ def unknown(name: str) -> ProblemError:
     """Returns the error of heights in a unit that nobody here knows."""
     return ProblemError(
         f"heights: must be in {', '.join(PER_METRE)}, or a longer name of these, not in "
-        f"{name.strip()[:40]!r}; gdal_edit.py -units m writes into a GeoTIFF that they are metres"
+        f"{name.strip()[:40]!r}; if a GeoTIFF is in metres, state it with gdal_edit.py -units m"
     )
 
 

@@ -90,7 +90,7 @@ def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:
     south, west = (math.floor(1e4 * float(values.min())) / 1e4 for values in (latitude, longitude))
     west = (west + 180) % 360 - 180
     return (
-        f"latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: crs "
+        "latitude, longitude: need [earth] in the recipe to be converted to metres: crs "
         f'= "{utm(west, south)}", latitude = {south:.4f} and longitude = {west:.4f} there say '
         "where x = 0, y = 0 is; or write metres of a projection"
     )
@@ -183,7 +183,7 @@ def _require_system(earth: Earth, corner: Place) -> None:
 def require_likely(earth: Earth, height_map: HeightMap) -> None:
     """Refuses a place where a map can hardly be, and warns of one where it seldom is.
 
-    Maps whose x and y are no coordinates of the system come to lie at its origin.
+    Maps whose x and y are not coordinates of the system come to lie at its origin.
 
     Raises
     ------

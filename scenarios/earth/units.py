@@ -33,8 +33,7 @@ _DAMAGED = (
     "or of another kind"
 )
 _NEEDED = (
-    "whether it is in metres nobody can say without pyproj, which is not installed: "
-    "pip install 'cocap-opt[earth]'"
+    "pyproj, which checks whether it is in metres, is not installed: pip install 'cocap-opt[earth]'"
 )
 _SLOPPY = 1e-3  # relative, by which a factor may differ from the unit that is named
 
@@ -92,8 +91,8 @@ def units_of(text: str) -> Units:
 
 def _web_mercator() -> NotTrueError:
     return NotTrueError(
-        "must be a projection in true metres, not web Mercator; gdalwarp -t_srs EPSG:326ZZ, with "
-        "ZZ the zone of UTM, writes such a map"
+        "must be a projection in true metres, not web Mercator; convert the map with "
+        "gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
     )
 
 
@@ -188,8 +187,8 @@ def require_true(text: str, x: float, y: float) -> None:
         zone = utm(longitude, latitude)
         raise ProblemError(
             f"must be a projection in true metres, but those of {crs.name} are "
-            f"{1 / max(scales):.3g} m long at latitude {latitude:.1f}; gdalwarp -t_srs {zone} "
-            "writes a map in true ones"
+            f"{1 / max(scales):.3g} m long at latitude {latitude:.1f}; convert the map "
+            f"with gdalwarp -t_srs {zone}"
         )
 
 
@@ -384,7 +383,7 @@ def _nodes(text: str) -> list[_Keyword]:
 
 def require_metres(units: Units) -> None:
     """Raises a ProblemError unless x and y of a system are metres."""
-    way_out = "gdalwarp -t_srs EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
+    way_out = "convert the map with gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
     if units.across is None:
         raise ProblemError(f"must be a projection in metres, not in {units.kind}; {way_out}")
     if units.across.metres != 1:

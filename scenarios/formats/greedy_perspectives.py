@@ -291,7 +291,7 @@ def _world(text: str) -> _World:
 
 
 def _yaml_in_words(error: yaml.YAMLError) -> str:
-    """Returns where a text is no YAML."""
+    """Returns where a text is not YAML."""
     if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
         return "must be YAML, without control characters"
     place = f"line {error.problem_mark.line + 1}, column {error.problem_mark.column + 1}"

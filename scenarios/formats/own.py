@@ -1,6 +1,6 @@
 """Reader of the project's own scene files, in the contract of all formats.
 
-It is handed all JSON that is no scene of somebody else's, and says what that is.
+It is handed all JSON that is not a scene of somebody else's, and says what that is.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ def read(path: Path, seed: int = 0) -> Problem:
 def _require_own(text: str) -> None:
     """Raises a ProblemError if a text is sound JSON, but no document of this project."""
     if kind := kind_of_text(text):
-        raise ProblemError(f"is {kind.name}, which is no scene: {kind.way_out}")
+        raise ProblemError(f"is {kind.name}, which is not a scene: {kind.way_out}")
     try:
         content = msgspec.json.decode(text)
     except (msgspec.MsgspecError, RecursionError):

@@ -57,7 +57,7 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
     Raises
     ------
     ProblemError
-        If a value is no length, or the bottom is not below the top; one line.
+        If a value is not a length, or the bottom is not below the top; one line.
     """
     given = _known(properties, field)
     bottom, top = _length(given, _BOTTOM, field, least=0), _length(given, _TOP, field)

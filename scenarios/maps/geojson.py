@@ -81,13 +81,13 @@ def read_geojson(text: str) -> tuple[list[FoundPolygon], Counter[str], Any]:
 
     Returns
     -------
-    the polygons, the number of geometries of each kind that are no polygons, and the reference
+    the polygons, the number of geometries of each kind that are not polygons, and the reference
     system as GeoJSON 2008 has it (msgspec.UNSET: it has none)
 
     Raises
     ------
     ProblemError
-        If it is none: a ring that does not close, a position that is no list of numbers; one line.
+        If it is invalid: a ring is not closed, a position is not a list of numbers; one line.
     """
     kind = _Feature | _FeatureCollection | _Geometry
     try:

@@ -76,7 +76,7 @@ def _read(
     metres = metres_of_heights(_stated_heights(dataset, band), unit, Path(dataset.name).name)
     layout = _layout(dataset)
     if not dataset.crs:
-        layout.refuse_degrees("gdal_translate -a_srs EPSG:326ZZ writes a copy that says so")
+        layout.refuse_degrees("state that with gdal_translate -a_srs EPSG:326ZZ")
     columns, rows = layout.met(window)
     a, e = dataset.transform.a, dataset.transform.e
     across = _in_file(columns, layout.cells[0], a > 0)
@@ -116,8 +116,8 @@ def _refuse_full_bytes(values: FloatArray) -> None:
     if len(others) < values.size and below < FULL - STEEP:
         raise ProblemError(
             f"heights: must not jump from {max(below, 0.0):g} to {FULL}, the largest byte, which "
-            f"looks like a code for no data; nodata={FULL} says that it is one; where it is a "
-            "height, gdal_translate -ot Int16 writes a copy in which it counts"
+            f"looks like a code for no data; if it is one, set nodata={FULL}; if it is a height, "
+            "convert the map with gdal_translate -ot Int16"
         )
 
 
@@ -137,15 +137,15 @@ def _refuse_coordinates(crs: Any) -> None:
     """Raises a ProblemError unless coordinates of a system are in metres, if it says."""
     if crs and crs.is_geographic:
         raise ProblemError(
-            "coordinates: must be metres of a projection, not degrees; gdalwarp -t_srs EPSG:326ZZ, "
-            "with ZZ the zone of UTM, writes such a map"
+            "coordinates: must be metres of a projection, not degrees; convert the map with "
+            "gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
         )
     if crs:
         other, factor = crs.units_factor
         if factor != 1:
             raise ProblemError(
-                f"coordinates: must be metres, not {other} ({factor:.9g} m); gdalwarp -t_srs "
-                "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
+                f"coordinates: must be metres, not {other} ({factor:.9g} m); convert the map with "
+                "gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
             )
 
 

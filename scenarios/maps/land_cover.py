@@ -22,7 +22,7 @@ from cocap_opt.world.workspace import HeightMap
 
 log = logging.getLogger(__name__)
 
-_MOST_TOLD = 5  # words that are no kinds, in a warning
+_MOST_TOLD = 5  # words that are not kinds, in a warning
 _BY_WORD: dict[object, Land] = {land: land for land in LANDS}
 
 
@@ -34,7 +34,7 @@ class LandCoverTable(Table):
 
     file: str
     property: str = "kind"  # of the file's features, which says what is there
-    # What words of the file mean that are no kinds themselves.
+    # What words of the file mean that are not kinds themselves.
     kinds: dict[str, Land] = msgspec.field(default_factory=dict)
     unit: Unit | None = None  # None: as the file says, else degrees
 
@@ -80,13 +80,13 @@ class LandCoverTable(Table):
         return tuple(areas)
 
     def _say(self, others: Counter[str]) -> None:
-        """Says which words of the file are no kinds of land."""
+        """Says which words of the file are not kinds of land."""
         if others:
             told = ", ".join(f"{word!r:.30} ({n})" for word, n in others.most_common(_MOST_TOLD))
             more = ", .." if len(others) > _MOST_TOLD else ""
             log.warning(
                 "%s: areas whose property %s is none of %s are drawn as other: %s%s; "
-                "kinds = { WORD = \"green\" } in [[land_cover]] says what they are",
+                "translate them with kinds = { WORD = \"green\" } in [[land_cover]]",
                 self.file, self.property, ", ".join(LANDS), told, more,
             )  # fmt: skip
 

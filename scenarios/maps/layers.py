@@ -40,7 +40,7 @@ class LayerTable(Table):
     heights: Literal["above-ground", "absolute"] = "above-ground"
     band: int | None = None
     nodata: float | None = None
-    lowest: Size = 0.0  # m above the ground; what is lower is no obstacle
+    lowest: Size = 0.0  # m above the ground; what is lower is not an obstacle
     trunks: Length | None = None  # m above the ground, up to which crowns leave room; None: none
 
     def onto(self, terrain: Terrain, folder: Path) -> Layered:
@@ -66,7 +66,7 @@ class LayerTable(Table):
             if raster.crs and terrain.crs and not same_system(raster.crs, terrain.crs):
                 raise ProblemError(
                     f"must be in the reference system of the map, {short_name(terrain.crs)}, not "
-                    f"in {short_name(raster.crs)}; gdalwarp -t_srs writes it in that"
+                    f"in {short_name(raster.crs)}; convert it with gdalwarp -t_srs"
                 )
             tops = highest_in_cells(raster, height_map)
             if self.heights == "above-ground":
@@ -112,8 +112,8 @@ class LayerTable(Table):
         boxes = merged(hangs, low, high)
         if len(boxes) > MOST_BOXES:
             raise ProblemError(
-                f"trunks: must leave at most {MOST_BOXES} boxes of crowns, not {len(boxes)}; a "
-                "window of [map], or a coarser resolution, makes it so"
+                f"trunks: must leave at most {MOST_BOXES} boxes of crowns, not {len(boxes)}; "
+                "use a window of [map], or a coarser resolution"
             )
         (ox, oy), size = terrain.height_map.origin, terrain.height_map.resolution
         return tuple(

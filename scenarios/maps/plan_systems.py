@@ -23,7 +23,7 @@ from cocap_opt.text import pair
 
 DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
 MERCATOR = ("3857", "900913")
-SAYS_LENGTHS = 'unit = "m" in [[walls]] says that they are metres'
+SAYS_LENGTHS = 'unit = "m" in [[walls]] means that they are metres'
 _DIGITS = 9  # of a code, more than any has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
@@ -39,7 +39,7 @@ class StatedSystem(NamedTuple):
     field: str
     name: str = ""  # as GeoJSON has it
     code: int | None = None  # of EPSG
-    is_null: bool = False  # GeoJSON 2008 says so that nobody knows it
+    is_null: bool = False  # the system is unknown, as GeoJSON 2008 has it
 
     @classmethod
     def by_srid(cls, text: str) -> tuple["StatedSystem", str]:
@@ -90,7 +90,7 @@ def in_metres(
     """
     if stated.is_one_of(DEGREES):
         if unit is not None:
-            raise ProblemError("unit: must be left out, for the coordinates are degrees")
+            raise ProblemError("unit: must be left out, as the coordinates are degrees")
         return _of_degrees(polygons, projection, "")
     if not stated.is_silent:
         _require_system(stated, polygons, unit, projection)
@@ -232,7 +232,7 @@ def _require_system(
 
 
 def _units_of_code(field: str, code: int, unit: str | None) -> Units | None:
-    """Returns the units of a system; None if nobody knows them and the recipe says a unit."""
+    """Returns the units of a system; None if they are unknown and the recipe states a unit."""
     text = f"EPSG:{code}"
     try:
         return units_of(wkt_of_code(code) or text)
@@ -248,8 +248,8 @@ def _way_out(polygons: Sequence[Polygon], scene: str | None) -> str:
     system = scene
     if system is None and x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:
         system = utm((x0 + x1) / 2, (y0 + y1) / 2)
-    zone = "" if system else ", ZZ the zone of UTM, in the south EPSG:327ZZ"
+    zone = "" if system else ", ZZ being the UTM zone (EPSG:327ZZ in the south)"
     return (
-        f"`ogr2ogr -t_srs {short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson` writes "
-        f"the file OLD.geojson in metres{zone}"
+        "convert it to metres with `ogr2ogr -t_srs "
+        f"{short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson`{zone}"
     )

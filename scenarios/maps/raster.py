@@ -70,7 +70,7 @@ class Layout(NamedTuple):
         Raises
         ------
         ProblemError
-            If the axes are out of range, the window is no rectangle or misses the raster, or the
+            If the axes are out of range, the window is not a rectangle or misses the raster, or the
             cells are more than can be read.
         """
         self._require_room()
@@ -104,8 +104,8 @@ class Layout(NamedTuple):
             raise ProblemError(
                 f"coordinates: must be metres of a projection, but cells of {max(self.cell):.6g} "
                 f"at x {x:.6g}..{upper_x:.6g} and y {y:.6g}..{upper_y:.6g} look like degrees; "
-                "gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326ZZ, with ZZ the zone of UTM, writes such "
-                f"a map; if they are metres, {way_out}"
+                "convert the map with gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326ZZ, ZZ being the "
+                f"UTM zone; if they are metres, {way_out}"
             )
 
     def cut(self, columns: range, rows: range) -> "Layout":

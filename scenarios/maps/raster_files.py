@@ -304,7 +304,7 @@ def _beside(path: Path) -> _Said | None:
     Raises
     ------
     ProblemError
-        If one says that x and y are no metres, or nobody can judge what it says; it is named.
+        If one says that x and y are not metres, or nobody can judge what it says; it is named.
     """
     found = [told for other in _files_beside(path) for told in _read_beside(other)]
     if not found:

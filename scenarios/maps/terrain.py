@@ -59,7 +59,7 @@ class Terrain(NamedTuple):
     def lifted(self, slope: float, most: float) -> "Terrain":
         """Returns the terrain with flight heights that rise by no more than a slope, m per m.
 
-        They are nowhere nearer to the ground than before, and higher by `most` (m) at most.
+        They are nowhere closer to the ground than before, and higher by `most` (m) at most.
         """
         height_map = self.height_map
         if height_map.datum is None:
@@ -217,7 +217,7 @@ class MapTable(Table):
         if surface.crs and terrain.crs and not same_system(surface.crs, terrain.crs):
             raise ProblemError(
                 f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
-                f"not in {short_name(terrain.crs)}; gdalwarp -t_srs writes it in that"
+                f"not in {short_name(terrain.crs)}; convert it with gdalwarp -t_srs"
             )
         x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
         return terrain.sample(x[:, None], y[None, :])

@@ -73,7 +73,7 @@ class MeshTable(Table):
             return mesh
 
 
-_NOTHING = "must hold at least one triangle that is no line or point"
+_NOTHING = "must hold at least one triangle that is not a line or point"
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
@@ -117,7 +117,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
 
 
 def _require_sound(faces: MeshFaces) -> None:
-    """Raises a ProblemError if corners are no numbers of vertices, or vertices no places."""
+    """Raises a ProblemError if corners are not numbers of vertices, or vertices are not places."""
     last = len(faces.vertices) - 1
     wrong = (faces.corners < 0) | (faces.corners > last)
     if wrong.any():

@@ -229,7 +229,7 @@ class Accessors:
         if uri is None:
             if index != 0 or self._rest is None:
                 raise ProblemError(
-                    f"buffers[{index}]: must have a uri, for no bytes follow the JSON"
+                    f"buffers[{index}]: must have a uri, as no bytes follow the JSON"
                 )
             return self._rest
         if uri.startswith("data:"):
@@ -237,7 +237,7 @@ class Accessors:
         path = self._folder / unquote(uri)
         is_name = "\0" not in str(path)  # which no system looks up
         if not (is_name and path.resolve().is_relative_to(self._folder) and os.path.isfile(path)):
-            raise ProblemError(f"buffers[{index}]: cannot be read: {uri[:60]} is no file beside it")
+            raise ProblemError(f"buffers[{index}]: cannot be read: no file {uri[:60]} beside it")
         return path.read_bytes()
 
 

@@ -196,7 +196,7 @@ def numbers(values: Sequence[str], place: int | str) -> list[float]:
     Raises
     ------
     ProblemError
-        If one is no number.
+        If one is not a number.
     """
     try:
         return [plain_number(value) for value in values]
@@ -213,7 +213,7 @@ def whole(values: Sequence[str], line: int) -> list[int]:
     Raises
     ------
     ProblemError
-        If one is no whole number.
+        If one is not a whole number.
     """
     found = numbers(values, line)
     if not all(value.is_integer() for value in found):

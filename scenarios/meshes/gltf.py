@@ -264,7 +264,7 @@ class _Reader:
             )
         if node.extensions.get(_HIDDEN) == {"visible": False}:
             _log.warning(
-                "%s: nodes[%d] is hidden by %s, and stands in the scene all the same",
+                "%s: nodes[%d] is hidden by %s, but is part of the scene all the same",
                 self._path, index, _HIDDEN,
             )  # fmt: skip
         mesh = item(self._model.meshes, node.mesh, "meshes")
@@ -294,7 +294,7 @@ class _Reader:
         for count, name in ((self._points, "points"), (self._lines, "lines")):
             if count:
                 _log.warning(
-                    "%s: %d primitives of %s are no surfaces and are left out",
+                    "%s: %d primitives of %s are not surfaces and are left out",
                     self._path, count, name,
                 )  # fmt: skip
         if left := len(self._model.meshes) - len(self._met):
@@ -365,7 +365,7 @@ class _Reader:
                 raise ProblemError(needs(next(iter(primitive.extensions))))
 
     def _triangles(self, primitive: _Primitive, points: int, place: str) -> IntArray:
-        """Returns the triangles [m, 3] of a primitive that is no line."""
+        """Returns the triangles [m, 3] of a primitive that is not a line."""
         if primitive.indices is None:
             numbers = np.arange(points)
         else:

@@ -35,7 +35,7 @@ def read_obj(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If a statement gives geometry that is no polygon, or is none of OBJ's, or a face names a
+        If a statement gives geometry that is not a polygon, or is none of OBJ's, or a face names a
         vertex that is not there.
     """
     vertices: list[list[float]] = []
@@ -59,7 +59,7 @@ def read_obj(path: Path) -> MeshFaces:
         elif name not in _NO_GEOMETRY:
             raise ProblemError(f"line {number}: must be a statement of OBJ, not {name[:20]!r}")
     if left := ", ".join(f"{count} {_DRAWN[name]}" for name, count in drawn.items() if count):
-        _log.warning("%s: %s are no surfaces and are left out", path, left)
+        _log.warning("%s: %s are not surfaces and are left out", path, left)
     return MeshFaces.of_lists(np.array(vertices, dtype=np.float64), faces)
 
 

@@ -39,7 +39,7 @@ class _Property(NamedTuple):
 
     name: str
     type: str  # as numpy names it, without the order of bytes
-    length: str | None  # type of the length; None: it is no list
+    length: str | None  # type of the length; None: it is not a list
 
 
 class _Element(NamedTuple):

@@ -30,7 +30,7 @@ def read_stl(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If it is cut off, or is no STL.
+        If it is cut off, or is not STL.
     """
     content = path.read_bytes()
     declared = int.from_bytes(content[_HEAD - 4 : _HEAD], "little")
@@ -44,7 +44,7 @@ def read_stl(path: Path) -> MeshFaces:
     if len(content) < _HEAD:
         raise ProblemError("must be STL, which begins with `solid`, or with 84 bytes of a header")
     raise ProblemError(
-        f"must have {length} bytes, for it declares {declared} triangles, but has {len(content)}: "
+        f"must have {length} bytes, as it declares {declared} triangles, but has {len(content)}: "
         "it is cut off, or is not STL"
     )
 

@@ -93,7 +93,7 @@ class _AreaTable(Table):
         Raises
         ------
         ProblemError
-            If it is no polygon, no cell's middle lies in it, or drones have no such layer or
+            If it is not a polygon, no cell's middle lies in it, or drones have no such layer or
             heading.
         """
         cells = None
@@ -181,7 +181,7 @@ class DronesTable(Table):
         """
         chosen = isinstance(self.starts, _AreaTable)
         if (self.count is None) if chosen else (self.starts is None) == (self.count is None):
-            words = "a count beside the area of starts" if chosen else "either starts or a count"
+            words = "a count with the area of starts" if chosen else "either starts or a count"
             raise ProblemError(f"must have {words}")
         parts: dict[str, Any] = {
             "motion": self.motion,
@@ -192,7 +192,7 @@ class DronesTable(Table):
         homes = self._homes(around.height_map)
         team = list(team)
         if self.near is not None and self.starts is not None:
-            raise ProblemError("near: must be left out beside starts; it is for a count alone")
+            raise ProblemError("near: must be left out if starts are given; it is for a count")
         if isinstance(self.starts, _AreaTable):
             with naming("starts"):
                 area = self.starts.starts(self.motion, around.height_map)
@@ -519,7 +519,7 @@ def _gets_away(state: State, motion: Motion, around: Surroundings) -> bool:
 
 
 def _beside(state: State, motion: Motion, around: Surroundings) -> bool:
-    """Returns True if a start is too near to somebody."""
+    """Returns True if a start is too close to somebody."""
     height_map = around.height_map
     altitude = height_map.altitude(state.x, state.y, motion.layers[state.layer])
     at = np.array([*height_map.centre(state.x, state.y), altitude])

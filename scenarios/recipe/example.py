@@ -22,7 +22,7 @@ window = [10, 10, 70, 50]   # x0, y0, x1, y1 of the part to use; default: the wh
 fill = 0.0                  # m, height where the file has no data; default: reject such files
 nodata = -32768             # another value that means "no data"; default: the file's alone
 band = 1                    # band of the file; default: its only band
-lowest = 0.5                # m above the ground; lower things are no obstacles; default: 0
+lowest = 0.5                # m above the ground; lower things are not obstacles; default: 0
 
 [[layer]]                   # another map on top of [map]; several are allowed, the highest counts
 file = "trees.tif"          # also unit, band, nodata, lowest and heights, as in [map]; absolute

@@ -21,12 +21,12 @@ def ground_to_land_on(
     Raises
     ------
     ProblemError
-        If the map does not tell the ground, or there is no such cell; one line.
+        If the height of the ground is unknown, or there is no such cell; one line.
     """
     height_map = workspace.height_map
     if not height_map.knows_ground:
         raise ProblemError(
-            "must be left out where the map does not tell the ground: `ground` of [map] names it"
+            "must be left out if the height of the ground is unknown: set `ground` under [map]"
         )
     zones = Workspace(height_map, (), workspace.no_fly)
     found = (

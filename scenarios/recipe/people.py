@@ -1,4 +1,4 @@
-"""The people of a recipe, tracked by others or walking along given legs."""
+"""The people of a recipe, from recorded tracks or walking along given legs."""
 
 import logging
 import math
@@ -36,7 +36,7 @@ IMPOSSIBLE = 100.0  # m/s; above it a unit, a frame rate or a step is wrong
 Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
 
 _REACH = 100.0  # m off the map; nobody farther away is filmed from above it
-_MOSTLY = 0.5  # of all ways between rows, from which on rows are too far apart for anything
+_MOSTLY = 0.5  # of all ways between rows; if more are long, rows are too far apart for anything
 _LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
 _LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
 
@@ -149,15 +149,15 @@ class TracksTable(Table):
                     self._say_begin(candidates, wanted, begin, step * steps)
                 return begin, there[:wanted]
             most = max(most, len(there))
-        when = "at no time" if wished is None else f"not from {wished:.12g} s on"
+        when = "at any time" if wished is None else f"from {wished:.12g} s on"
         self._require_dense(candidates)
         shown = candidates if self.ids else [who for who in candidates if len(who.spans()) > 1]
         shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
         who = "; ".join(f"id {track.id} is there {track.presence()}" for track in shown[:4])
         self._require_lasting(candidates, wanted, step, steps, wished, who)
         raise ProblemError(
-            f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
-            f"s, which they are {when}; at most {most} are; {who}"
+            f"begin: must be a time from which {wanted} people are there for {steps * step:g} s, "
+            f"but {when} only {most} are; {who}"
         )
 
     def _say_begin(self, tracks: list[Track], wanted: int, begin: float, seconds: float) -> None:
@@ -168,8 +168,8 @@ class TracksTable(Table):
         late = next((track for track in tracks if not _is_there(track, first, seconds)), tracks[0])
         when = f", at their {begin:.12g} s" if abs(first) > SLACK else ""
         log.warning(
-            "%s: step 0 is %.6g s into the tracks%s, because %d people are there for %.6g s only "
-            "from then on; id %s is there %s; begin names another time",
+            "%s: step 0 is %.6g s into the tracks%s, because only then %d people are there for "
+            "%.6g s; id %s is there %s; set begin for another time",
             self._named, begin - first, when, wanted, seconds, late.id, late.presence(),
         )  # fmt: skip
 
@@ -189,9 +189,9 @@ class TracksTable(Table):
             return
         fitting = math.floor((most + SLACK) / step)
         way_out = (
-            f"steps = {fitting} would do"
+            f"set steps = {fitting}"
             if fitting
-            else "who stands may be a [[walk]] with one point and a heading"
+            else "for a person who stands, use a [[walk]] with one point and a heading"
         )
         since = "" if begin is None else f" from begin = {begin:.12g} s on"
         raise ProblemError(

@@ -40,7 +40,7 @@ class AirspaceTable(Table):
 
     ceiling: Coordinate | None = None  # m, as layers are; None: there is none
     people: Size = 0.0  # m, seen from above
-    over_people: Size | None = None  # m above heads from which on they may; None: they may not
+    over_people: Size | None = None  # m above heads at which they may; None: they may not
 
     def airspace(self, zones: tuple[NoFlyTable, ...]) -> Airspace:
         """Returns the limits of where drones may fly."""
@@ -59,7 +59,7 @@ class AirspaceTable(Table):
 
 
 class RulesTable(Table):
-    """The collision rules of a scene that is to be flown: drones are never nearer than that."""
+    """The collision rules of a scene that is to be flown: drones are never closer than that."""
 
     vertex: bool = True
     swap: bool = True

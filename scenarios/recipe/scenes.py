@@ -50,7 +50,7 @@ def read(
     seed
         Chooses the starts of drones that have a `count`.
     change
-        Makes another recipe of what the file says; nothing is changed if not given.
+        Makes another recipe of the one in the file (default: no change).
 
     Raises
     ------

@@ -64,6 +64,6 @@ def decoded(path: Path) -> Recipe:
 
 
 def without_limits(recipe: Recipe) -> Recipe:
-    """Returns a recipe of whose drones nobody knows how fast they can be."""
+    """Returns a recipe whose drones have no limits."""
     tables = tuple(table.without_limits() for table in recipe.drones)
     return msgspec.structs.replace(recipe, drones=tables)

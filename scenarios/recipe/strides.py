@@ -4,7 +4,7 @@ A drone that rests at each step can fly whatever the plan asks for next. So the 
 are those that a drone makes from rest to rest within a step (`cocap_opt.flight.rests`); a smooth
 flight rests only where it must. Moves that are longer are left out. Where even the shortest one is,
 cells and headings are divided. Where the ground is too steep for layers to follow it, they are
-level, or as steep as drones can climb, and nowhere nearer to the ground than stated.
+level, or as steep as drones can climb, and nowhere closer to the ground than stated.
 """
 
 import logging
@@ -208,9 +208,9 @@ def _lifted(terrain: Terrain, slope: float) -> Iterator[str]:
     if lift is not None:
         share = float((lift > 0).mean())
         yield (
-            f"flight: the ground is steeper than the drones can follow, {100 * slope:.3g} %: their "
-            f"heights are up to {lift.max():.3g} m more above it in {100 * share:.2g} % of the "
-            'cells; flight = "above-ground" follows it, without the moves that are too steep'
+            f"flight: the ground is steeper than the drones can follow, {100 * slope:.3g} %, so "
+            f"they fly up to {lift.max():.3g} m higher above it in {100 * share:.2g} % of the "
+            'cells; with flight = "above-ground" they follow it, without moves that are too steep'
         )
 
 
@@ -238,5 +238,5 @@ def _changed(
         yield (
             f"drones[{k}]{f' ({table.airframe})' if table.airframe else ''}: so that any plan can "
             f"be flown smoothly in steps of {step:g} s, {', '.join(words)}; "
-            'flown = "straight" leaves that out'
+            'flown = "straight" keeps the moves of the recipe'
         )

@@ -59,9 +59,9 @@ def people_in_takes(
         within(spread.takes, 2, MOST_TAKES, "takes")
         require(spread.seed >= 0, "seed", f"must be 0 or more, not {spread.seed}")
         if tables:
-            raise ProblemError("must be left out where [[take]] says how people walk")
+            raise ProblemError("must be left out if [[take]] says how people walk")
         if not actors:
-            raise ProblemError("must be left out where there are no people")
+            raise ProblemError("must be left out if there are no people")
         wide = Spread(spread.delay, spread.aside, spread.speed)
         rng = np.random.default_rng(spread.seed)
         return drawn_takes(actors, workspace, steps, step, wide, spread.takes, rng)
@@ -85,5 +85,5 @@ def in_takes(
             allowed = f"must be one of {', '.join(map(repr, known))}" if known else "needs [[take]]"
             raise ProblemError(f"take: {allowed}, not {name!r}")
     if len(set(names)) < len(names):
-        raise ProblemError("take: must be different names")
+        raise ProblemError("take: names must be different")
     return [actor.replace(take=name) for name in names]

@@ -9,7 +9,7 @@ databases of JuPedSim, and GPX. A track is the way of one person:
     actors = [track.actor(5.0, 0.5, 20) for track in there]
 
 People are there from their first frame to their last. Between frames they walk straight on. In a
-gap of more than `MOST_GAP` nobody knows where they went, and at a step inside it they are not
+gap of more than `MOST_GAP` their position is unknown, and at a step inside it they are not
 there. Receivers of GPS leave out points on straight ways, and begin a segment where they had no
 satellites, so that gaps in GPX are longer, `MOST_GAP_GPX`, within a segment. Steps at the times of
 frames have the frames' points.
@@ -64,7 +64,7 @@ class Track(NamedTuple):
     times: FloatArray  # [n] s, increasing
     points: FloatArray  # [n, 2] m, x and y
     height: float | None  # m, of the head above the floor; None where the file has none
-    gaps: BoolArray | None = None  # [n-1] where nobody knows the way; None: by `MOST_GAP`
+    gaps: BoolArray | None = None  # [n-1] where the path is unknown; None: by `MOST_GAP`
     clock: Epoch | None = None  # that tells when 0 s is; None: a clock of the file's own
 
     @classmethod
@@ -243,7 +243,7 @@ class Track(NamedTuple):
         return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
     def lost(self) -> BoolArray:
-        """Returns an array [n-1] that is true where nobody knows the way to the next point."""
+        """Returns an array [n-1] that is true where the path to the next point is unknown."""
         if self.gaps is not None:
             return self.gaps
         return np.asarray(np.diff(self.times) > MOST_GAP + SLACK)
@@ -260,7 +260,7 @@ class Track(NamedTuple):
         )
 
     def _absent(self, times: FloatArray) -> BoolArray:
-        """Returns an array that is true at the times at which nobody knows where the person is."""
+        """Returns an array that is true at the times at which the person's position is unknown."""
         after = np.searchsorted(self.times, times).clip(0, len(self.times) - 1)
         before = np.maximum(after - 1, 0)
         last, following = self.times[before], self.times[after]
@@ -299,7 +299,7 @@ def _track(table: TrackTable, name: int | str, rows: IntArray, gap: float | None
 
 
 def _gaps(table: TrackTable, rows: IntArray, gap: float | None) -> BoolArray:
-    """Returns an array [n-1] that is true where nobody knows the way to the row that follows."""
+    """Returns an array [n-1] that is true where the path to the next row is unknown."""
     ways = np.diff(table.times[rows])
     if table.segments is None:
         return np.asarray(ways > (MOST_GAP if gap is None else gap) + SLACK)

@@ -23,7 +23,7 @@ from cocap_opt.scenarios.tracks.table import Form, TrackTable, settled
 from cocap_opt.scenarios.tracks.times import moment_of, nanoseconds_of, since_first
 from cocap_opt.text import unread
 
-_OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
+_OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are not ways
 
 
 class _TrackPoint(NamedTuple):
@@ -41,7 +41,7 @@ def read_gpx(path: Path, form: Form, projection: MapProjection) -> TrackTable:
     Raises
     ------
     ProblemError
-        If the file is no sound XML, declares entities, has no track, or a point has no time or
+        If the file is not sound XML, declares entities, has no track, or a point has no time or
         place; one line, without the file's name.
     """
     form.require_left_out("GPX", "columns", "delimiter", "time_unit", "fps")

@@ -179,7 +179,7 @@ class TextLayout(NamedTuple):
         """Returns the frames per second; None where the column of times is used instead."""
         if "time" in places and (fps is None or "frame" not in places):
             if fps is not None:
-                raise ProblemError("fps: must be left out where times stand in place of frames")
+                raise ProblemError("fps: must be left out if the file has times instead of frames")
             return None
         return settled_rate(self._stated_rates(), fps)
 

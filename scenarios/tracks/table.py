@@ -139,7 +139,7 @@ def settled(field: str, stated: set[T], given: T | None) -> T:
             raise ProblemError(f"{field}: must be {value}, as the file states, not {given}")
         return value
     if given is None:
-        words = f"must be given, for the file does not state it: write {_EXAMPLES[field]}"
+        words = f"must be given, as the file does not state it: write {_EXAMPLES[field]}"
         raise ProblemError(f"{field}: {words} in [[tracks]]")
     return given
 

@@ -259,7 +259,7 @@ def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
         log.warning("nothing names its columns; by how people move they are frame id x y")
         return values | {"id": values["frame"], "frame": values["id"]}
     raise ProblemError(
-        "columns: must be given, for nothing names them and the rows fit both readings: "
+        "columns: must be given, as nothing names them and the rows fit both readings: "
         'columns = ["id", "frame", "x", "y"] or ["frame", "id", "x", "y"], with "z" if it is there'
     )
 

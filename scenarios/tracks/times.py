@@ -108,7 +108,7 @@ def nanoseconds_of(moment: datetime) -> int:
         If it is centuries away.
     """
     if not _YEARS[0] <= moment.year <= _YEARS[1]:
-        raise ValueError("a year that is none of ours")
+        raise ValueError("an implausible year")
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     return (aware - _EPOCH) // timedelta(microseconds=1) * 1000
 
@@ -154,9 +154,9 @@ def likely_unit(apart: float) -> str | None:
 
 
 def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> str:
-    """Says which unit times may have that are no seconds."""
+    """Says which unit times may have that are not seconds."""
     value = float(values[np.argmax(np.abs(values))])
-    words = f"time: {value:.16g} {unit or 's'} is no time of a clock"
+    words = f"time: {value:.16g} {unit or 's'} is not a plausible time"
     likely = [
         other
         for other, per_second in PER_SECOND.items()
@@ -166,19 +166,19 @@ def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> s
         by_rows = likely_unit(apart)
         likely = likely if not by_rows or by_rows in likely else [by_rows]
     if not likely:
-        return f"{words}; time_unit in [[tracks]] is one of {', '.join(PER_SECOND)}"
+        return f"{words}; set time_unit in [[tracks]] to one of {', '.join(PER_SECOND)}"
     since = value / PER_SECOND[likely[0]]
     date = (
         f"as {likely[0]} since 1970 it is {_EPOCH + timedelta(seconds=since):%Y-%m-%d}"
         if _DATES[0] <= since <= _DATES[1]
-        else f"in {likely[0]} rows of a person follow as those of tracks do"
+        else f"in {likely[0]} the rows of a person are as far apart as in usual tracks"
     )
     way_out = (
-        f'time_unit = "{likely[0]}" in [[tracks]] says so'
+        f'if so, set time_unit = "{likely[0]}" in [[tracks]]'
         if unit is None
         else f"is the unit {unit} right?"
     )
-    return f"{words}; {date}: {way_out}"
+    return f"{words}; {date}; {way_out}"
 
 
 def _apart(values: FloatArray, ids: FloatArray) -> float:

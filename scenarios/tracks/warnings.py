@@ -106,7 +106,7 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
     if len(below):
         yield (
             f"z of {len(below)} of {len(heights)} people is below 0, {heights[below[0]]:.3g} m of "
-            f"id {names[below[0]]}: does z point downwards? They have the height of the shape"
+            f"id {names[below[0]]}: does z point downwards? They get the height of the shape"
         )
     odd = known[~_within(heights[known], HEIGHTS)]
     if len(odd):
@@ -116,7 +116,7 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
             f"m, {distance(height)} of id {names[odd[0]]}: is "
             f"{_likely(height, table.unit, HEIGHTS) or 'z a height above the floor'}?"
             + (
-                " Who is lower has the height of the shape"
+                " People who are lower get the height of the shape"
                 if (heights[odd] < HEIGHTS[0]).any()
                 else ""
             )
@@ -136,7 +136,7 @@ def _about_stamps(table: TrackTable) -> Iterator[str]:
 
 
 def _about_room(table: TrackTable) -> Iterator[str]:
-    """Yields a warning if all points lie too near each other, or too far apart."""
+    """Yields a warning if all points lie too close together, or too far apart."""
     extent = float(np.ptp(table.points, axis=0).max())
     if 0 < extent < EXTENTS[0] and _may_be_degrees(table):
         x, y = table.points[0].tolist()

@@ -347,7 +347,7 @@ def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     Run(capsys, "plan", scene, "-o", plan)
     said = (
         "is off the map",
-        "can make no move in a step",
+        "cannot move from rest within a step",
         "start at (2.1, 6.1) m is moved by 0.57",
     )
     assert all(words in caplog.text for words in said)
@@ -1634,7 +1634,7 @@ def test_python_runs_the_module_as_the_command() -> None:
         (("bound", "corridor", "--method", "alon"), "--method: must be one of alone, .*; did you"),
         (("figure", "gap"), "COMMAND: must be one of gaps, .*, not 'gap'; did you mean gaps"),
         (("slve",), "COMMAND: must be one of scenes, .*, not 'slve'; did you mean solve"),
-        (("compile", "more"), "more: must be left out, for the command does not take it"),
+        (("compile", "more"), "more: must be left out, as the command does not take it"),
         (("plan", "corridor", "--seed", "-1"), "--seed: .* from 0 to 9,000,000,000,000,000, not"),
     ],
 )

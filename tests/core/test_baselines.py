@@ -333,7 +333,7 @@ def test_robots_go_to_the_circles_that_they_start_at() -> None:
 def test_the_distance_is_the_nearest_at_which_the_image_holds_it(
     above: float, wanted: float, tilt: float, height: int
 ) -> None:
-    """What is so far below is in the image, and would not be at any distance nearer to ours."""
+    """What is so far below is in the image, and would not be at any distance closer to ours."""
     camera = Camera(width=400, height=height, focal=200.0, tilts=(tilt,))
     robot = tiny().robots[0].replace(camera=camera)
     half = math.atan(height / 2 / 200.0)

@@ -77,12 +77,12 @@ def test_a_nearer_clash_of_other_steps_is_found() -> None:
 
 
 def test_one_drone_alone_bears_any_delay() -> None:
-    """Without a pair there is nothing to be too near to."""
+    """Without a pair there is nothing to be too close to."""
     assert bearable_delay(lines(along(0, 0, 10)), CollisionRules(separation=2.0)) == np.inf
 
 
 def first_clash(flown: Trajectory, rules: CollisionRules, per_step: int) -> float:
-    """Seconds of the least delay at which samples of two drones are too near."""
+    """Seconds of the least delay at which samples of two drones are too close."""
     places = sampled(flown, per_step)
     count = places.shape[1]
     for late in range(count):

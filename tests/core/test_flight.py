@@ -113,7 +113,7 @@ def flights(count: int = 6, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]
     while len(found) < count:
         try:
             problem = random_problem(rng)
-        except ProblemError:  # starts too near to each other, or in a zone
+        except ProblemError:  # starts too close to each other, or in a zone
             continue
         if plan := random_plan(problem, rng):
             found.append((problem, plan, Smooth.of(problem, plan)))
@@ -142,7 +142,7 @@ def too_near_matter(problem: Problem, places: FloatArray) -> BoolArray:
 
 
 def too_near_others(problem: Problem, places: FloatArray) -> BoolArray:
-    """Samples [n] in which drones break the separation, or are too near to people."""
+    """Samples [n] in which drones break the separation, or are too close to people."""
     steps, found = np.linspace(0, STEPS, places.shape[1]), np.zeros(places.shape[1], dtype=np.bool_)
     for i, one in enumerate(places):
         for other in places[:i]:
@@ -203,7 +203,7 @@ def flown_lines(
     return Trajectory(problem, elevated(np.pad(ends, ((0, 0), (0, 0), (0, 2), (0, 0))), 5))
 
 
-MATTER, OUTSIDE = "comes too near to solid matter", "leaves the map"
+MATTER, OUTSIDE = "comes too close to solid matter", "leaves the map"
 
 
 @pytest.mark.parametrize(
@@ -547,7 +547,7 @@ def test_cameras_turn_no_farther_than_the_plan() -> None:
 
 
 LIMITED = {
-    "speed": ("motion.radius", "a step of 1.5 s would do"),
+    "speed": ("motion.radius", "use a step of 1.5 s"),
     "climb": ("motion.climb", "a step of 1 s"),
     "yaw_rate": ("motion.turn", "a step of 0.524 s"),
     "gimbal_rate": ("motion.pitch_turn", "a step of 0.5 s"),
@@ -581,7 +581,7 @@ def test_a_shortest_move_that_takes_long_from_rest_is_doubted(motion: Motion) ->
         horizon=2, step=1.249,
     )  # fmt: skip
     (words,) = strains(problem)
-    assert words.startswith("drone 0 can make no move in a step from rest: the shortest, 1 m, asks")
+    assert words.startswith("drone 0 cannot move from rest within a step: the shortest move, 1 m")
     still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
     for other in (problem.replace(step=1.25), problem.replace(robots=(still,), step=0.01)):
         assert not any("the shortest" in words for words in strains(other))
@@ -610,8 +610,10 @@ def test_drones_that_may_be_refused_smooth_flights_are_told_once() -> None:
         horizon=2, step=0.99,
     )  # fmt: skip
     (words,) = strains(problem)
-    assert words.startswith("drones 0 and 1 may be refused smooth flights, which ask for up to acc")
-    assert "; steps of 1 s would do" in words
+    assert words.startswith(
+        "drones 0 and 1 may exceed limits in smooth flights: up to acceleration"
+    )
+    assert "; steps of 1 s suffice for all" in words
     assert not strains(problem.replace(step=1.0)) and not strains(problem.replace(step=None))
 
 
@@ -625,10 +627,10 @@ def test_steep_ground_is_named_as_the_cause_of_a_climb_limit() -> None:
         name="hill", height_map=hill, robots=(robot,), actors=(), horizon=2, step=1.0
     )  # fmt: skip
     (words,) = strains(problem)
-    assert "the ground is the cause: layers above it rise or fall with it, by up to 2 m" in words
-    assert 'with flight = "above-sea" in a recipe they are level' in words
+    assert "the cause is the ground: layers above it rise or fall with it, by up to 2 m" in words
+    assert 'flight = "above-sea" in a recipe makes them level' in words
     assert "layers at most" not in words  # nearer ones would be of no use
-    assert "may be refused flights, even straight ones; smooth ones ask for up to climb" in words
+    assert "may exceed limits even in straight flights; in smooth ones up to climb" in words
     level = problem.replace(height_map=HeightMap(heights=ground))
     assert not strains(level)
     far = robot.replace(motion=Motion(layers=(9.0, 10.9)))

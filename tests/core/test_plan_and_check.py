@@ -227,7 +227,7 @@ def test_following_is_no_swap() -> None:
 
 
 def test_separation_is_found() -> None:
-    """Robots nearer than the separation conflict at that step, also across layers."""
+    """Robots closer than the separation conflict at that step, also across layers."""
     motion = Motion(layers=(5.0, 6.0, 9.0), climb=2)
     starts = (State(0, 0), State(4, 0))
     rules = CollisionRules(separation=1.5)
@@ -464,7 +464,7 @@ TAKING_LONG = ("corridor", "bridge", "bottleneck", "passage", "field", "delft")
 
 
 def sampled_conflicts(problem: Problem, plan: Plan, rules: CollisionRules) -> Counter[str]:
-    """Steps and pairs of drones that are too near one another at one of many moments."""
+    """Steps and pairs of drones that are too close together at one of many moments."""
     flown = [problem.where(r, p) for r, p in zip(problem.robots, plan.paths, strict=True)]
     found: Counter[str] = Counter()
     for (i, one), (k, other) in combinations(enumerate(flown), 2):

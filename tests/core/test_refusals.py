@@ -104,7 +104,7 @@ def test_the_places_that_are_proposed_are_free_nearest_and_apart(
     refused = {found.robot: found for found in refusals}
     kept = [state for i, state in enumerate(starts) if i not in refused]
     assert all(may_start(scene, state) for state in kept)
-    for i, state in enumerate(starts):  # the second of two that are too near
+    for i, state in enumerate(starts):  # the second of two that are too close
         before = [k for k in range(i) if k not in refused]
         free = may_start(scene, state) and all(apart(state, starts[k], separation) for k in before)
         assert free == (i not in refused)

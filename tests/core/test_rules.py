@@ -29,7 +29,7 @@ def test_moves_conflict_where_dense_samples_do(
     found = bool(rules.pass_too_near(before, after))
     if rules.too_near(along).any():
         assert found
-    if found:  # between two samples robots come nearer by less than the way between them
+    if found:  # between two samples robots come closer by less than the way between them
         slack = float(np.linalg.norm(after - before)) / len(STEPS)
         wider = CollisionRules(
             separation=separation + slack, vertical=vertical + slack * (vertical > 0)

@@ -1,4 +1,4 @@
-"""People who may walk otherwise: J is a mean, and a plan is safe whoever is there."""
+"""People who may walk differently: J is a mean, and a plan is safe whoever is there."""
 
 import json
 import math

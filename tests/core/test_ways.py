@@ -211,8 +211,8 @@ def test_a_battery_that_lasts_for_no_step_is_named() -> None:
     """With the seconds that a step and the ways take."""
     problem = place([State(7, 3)], [(1, 3)], endurance=25.0)
     words = (
-        "drone 0 cannot fly even a step from step 0 on: its ways from and to home and the waits "
-        "for others take 32 s with it, and its battery lasts 25 s; a home nearer"
+        "drone 0 cannot fly even one step from step 0 on: with its flights from and to home and "
+        "the waits for others it is 32 s in the air, but its battery lasts 25 s; move its home"
     )
     with pytest.raises(ProblemError, match=words):
         parts_of_take(problem, hovering(problem))
@@ -275,7 +275,7 @@ def test_homes_are_checked_and_change_no_digest() -> None:
     ):
         with pytest.raises(ProblemError, match=words):
             place(starts, homes)
-    with pytest.raises(ProblemError, match="fewer steps would do, or homes, at which batteries"):
+    with pytest.raises(ProblemError, match="use fewer steps, or homes, at which batteries"):
         place(starts, [None, None], endurance=7.0)
     assert place(starts, [(1, 1), (1, 5)], endurance=7.0).robots[0].limits is not None
 

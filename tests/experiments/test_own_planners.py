@@ -250,7 +250,7 @@ def test_installed_packages_offer_planners(
     for name, words in (
         ("twice", "several packages offer 'twice'"),
         ("broken", "there is no module 'nowhere'"),
-        ("whole", "which is no module:function"),
+        ("whole", "which is not a module:function"),
         ("bound", "must be one of "),
         ("mne", "did you mean mine?"),
     ):

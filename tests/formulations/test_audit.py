@@ -118,7 +118,7 @@ def test_larger_instances_are_their_scenes(name: str) -> None:
 @given(either(problems()))
 @examples(60)
 def test_random_instances_are_their_scenes(problem: Problem) -> None:
-    """All that strategies draw is known, but for meshes that are no upright prisms."""
+    """All that strategies draw is known, but for meshes that are not upright prisms."""
     with_flint()
     if not problem.meshes:
         require_agreement(problem, 30)
@@ -375,7 +375,7 @@ def test_what_is_not_known_is_refused() -> None:
     """A slanting mesh is refused in words, and enclosures refuse a plan that is not convex."""
     scene = document(tiny())
     slanting = {"vertices": [[0, 0, 0], [4, 0, 0], [0, 4, 3]], "triangles": [[0, 1, 2]]}
-    with pytest.raises(UnknownError, match="meshes that are no upright prisms"):
+    with pytest.raises(UnknownError, match="meshes that are not upright prisms"):
         facts_of_scene({**scene, "meshes": [slanting]})
     with_flint()
     two = Mesh.joined([

@@ -1,11 +1,13 @@
 """The checker that is proved in Coq: its proof has no hole, its program refuses what is false."""
 
 import json
+import math
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
 from cocap_opt.experiments.lab.studies.verified import WITHOUT_PATHS
+from cocap_opt.experiments.library.records import Library
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation, searchless
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
@@ -258,6 +261,35 @@ def test_certificates_of_small_problems_are_accepted(
     best = optimum(problem).value
     if best > 0:
         assert ask(text, found | {"bound": best * (1 - 1e-6)})[0] == 1
+
+
+def test_cuts_of_many_drones_are_checked(ask: Ask) -> None:
+    """Of sixteen drones with three breakpoints each not all 4^16 corners are looked at."""
+    library = Library()
+    bound = next(row for row in library.records("crowd-16-0") if row.kind == "bound")
+    text = library.instance(library.entry("crowd-16-0")).read_text()
+    file = json.loads(library.content(bound))
+    code, words = ask(text, file)
+    assert code == 0 and "84544.75" in words, words
+
+    scale = 1 << 64
+    cut = max(file["certificate"]["multipliers"]["cuts"], key=lambda cut: len(cut["curves"]))
+    numbers = [zip(curve["roots"], curve["values"], strict=True) for curve in cut["curves"]]
+    drones = [
+        [(round(Fraction(r) * scale) ** 2, round(Fraction(v) * scale)) for r, v in points]
+        for points in numbers
+    ]
+    assert len(drones) == 16
+    constant = cocap_check.highest_corner(drones, lambda q: math.isqrt(q) + 1)
+
+    def lower(lowered: str) -> str:
+        """A constant that one corner exceeds."""
+        words = lowered.split(" ")
+        high = [k for k, word in enumerate(words) if word in (str(constant), str(constant - 1))]
+        assert high
+        return " ".join(str(int(w) - 4) if k in high else w for k, w in enumerate(words))
+
+    assert ask(text, file, lower)[0] == 1
 
 
 def test_stages_are_searched_again(ask: Ask, tmp_path: Path) -> None:

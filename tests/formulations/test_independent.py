@@ -206,6 +206,44 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
         assert cocap_check.main(["--branches", "100000", *paths]) == 0
 
 
+def test_what_is_refused_in_a_certificate_is_named_by_its_place(folder: Path) -> None:
+    """Of lists of numbers and objects the place is told, counted from 0, and the field."""
+    problem = load_scene("bottleneck", 0)
+    result = BOUNDS["column-generation"](problem, start=PLANNERS["cocap-lns"](problem).plan)
+    text, file = instance_of(compiled(problem)), document(result.certificate, folder)
+    numbers = file["certificate"]
+    curve_0 = {"robot_class": 0, "roots": [1.0, 2.0], "values": [1.0, 1.5]}
+    numbers["multipliers"]["cuts"] = [{"t": 0, "face": 0, "share": 0.0, "curves": [curve_0]}]
+    good = json.dumps(numbers)
+    assert answered(text, file, folder)[0] == 0
+    table = numbers["multipliers"]["beta"]
+
+    def told(*place: str | int, value: object) -> str:
+        """The answer when a value stands at a place."""
+        changed = holder = json.loads(good)
+        for name in place[:-1]:
+            holder = holder[name]
+        holder[place[-1]] = value
+        code, words = answered(text, file | {"certificate": changed}, folder)
+        assert code == 1
+        return words.removeprefix("refused: ")
+
+    inside = ("multipliers", "cuts", 0)
+    size = f"{len(table)} rows of {len(table[0])} numbers"
+    assert told("target", value="5") == "target: must be a finite number, not '5'"
+    assert told("multipliers", "beta", value=5) == f"beta: must have {size}"
+    assert told("multipliers", "alpha", 0, 0, value=-1) == "alpha: must be >= 0"
+    assert told(*inside, "share", value=2) == "cuts[0]: share: must be 0..1"
+    assert told(*inside, "shares", value=2).startswith("cuts[0]: must have no field ['shares']")
+    curve = (*inside, "curves", 0)
+    where = "cuts[0]: curves[0]: "
+    assert told(*curve, "roots", value=[2, 1]) == f"{where}roots: must rise from 0"
+    assert told(*curve, "values", value=[1] * 9).startswith(f"{where}values: must be ")
+    assert told(*inside, "curves", value=[{}]) == f"{where}must have the field 'roots'"
+    stages = [{"payments": [], "constants": [{"t": "0", "constant": 1}]}]
+    assert told("stages", value=stages) == "stages[0]: t: must be a whole number, not '0'"
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -217,7 +255,7 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
         ({"coverage_version": 99}, f"coverage_version: must be the instance's {COVERAGE_VERSION}"),
         ({"digest": "0"}, "digest: the file is of another scene"),
         ({"instance": "0"}, "instance: the file is of the one of sha256 '0'"),
-        ({"more": 1}, "what is"),
+        ({"more": 1}, "must have no field ['more']; allowed: bound, certificate, "),
         ({"classes": "some"}, "classes: must be alike or single"),
     ],
 )
@@ -293,7 +331,7 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
     spec = {"t": 1, "face": 0, "curves": [curve], "share": 1.0}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cocap_check, "MOST_CORNERS", 100)
-        with pytest.raises(Refused, match="cut: it takes too long to find its constant"):
+        with pytest.raises(Refused, match="it takes too long to find its constant"):
             cocap_check.Cut(instance, spec, instance.members)
 
 

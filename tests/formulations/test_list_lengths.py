@@ -57,7 +57,7 @@ def test_lists_grow_until_searches_may_be_no_longer() -> None:
 
 
 def test_slack_grows_until_enough_states_are_listed_or_it_is_the_most() -> None:
-    """Of 20 steps, 120 states each on the mean are enough; slack is as large as what is open."""
+    """Of 20 steps, 120 states each on the mean are enough; slack is as large as that gap."""
     per_unit = 1000.0  # states per unit of slack
     lengths = ListLengths(20, LISTS)
     slack = lengths.slack(10.0, lambda most: int(most * per_unit))

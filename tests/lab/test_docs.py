@@ -118,11 +118,11 @@ INPUTS = ("scene.toml", "houses.tif", "people.csv", "plan.json")
 # For each message of the page's table: the last of these commands says it when this is wrong.
 WRONG: dict[str, tuple[str, Callable[[], None]]] = {
     "must be metres of a projection, not degrees": (SHOW, told(crs="EPSG:4326")),
-    "must have [earth] of the recipe": (SHOW, walled(13.059, 52.401, 0.0001)),
+    "need [earth] in the recipe": (SHOW, walled(13.059, 52.401, 0.0001)),
     "origin = ": (SHOW, walled(505000, 4790000, 5)),
     "coordinates: must be metres, not US survey foot": (SHOW, told(crs="EPSG:2263")),
     "heights: must be in m, cm, mm, ft, us-ft": (SHOW, told(units=("fathom",))),
-    "unit: must be given, for the file does not state it": (
+    "unit: must be given, as the file does not state it": (
         SHOW, swapped("people.csv", "x [m],y [m]", "x,y"),
     ),
     "must be slower than": (SHOW, swapped("people.csv", "2,0.0,505024.0", "2,0.0,505924.0")),
@@ -137,7 +137,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}",
         straight("endurance = 1200", "endurance = 1200, acceleration = 1"),
     ),
-    "comes nearer than 4.5 m to id 2 (1)": (
+    "comes closer than 4.5 m to id 2 (1)": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
         straight("people = 3 ", "people = 4.5 "),
     ),
@@ -149,7 +149,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         "fly scene.toml plan.json -o bad.plan",
         swapped("scene.toml", "endurance = 1200", "endurance = 20"),
     ),
-    "--smooth: must be left out, for waypoints have straight legs": (
+    "--smooth: must be left out, as waypoints have straight legs": (
         FLY.replace("bad.csv", "bad.plan"), lambda: None,
     ),
 }  # fmt: skip

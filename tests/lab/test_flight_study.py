@@ -58,8 +58,8 @@ def test_a_separation_that_is_too_small_is_called_so() -> None:
     run = FlightRun.read(FLIGHTS)[0]._replace(flight="smooth", wind=3.0, span=0.5, error_most=0.7)
     both = [run, run._replace(flight="straight")]
     told = " ".join(sentences(both))
-    assert "have 0.60 m left of 2 m, which is enough" in told
-    assert "So 2 m are enough up to 3 m/s of wind." in told
+    assert "0.60 m of the 2 m is left, which is enough" in told
+    assert "So 2 m is enough up to 3 m/s of wind." in told
     told = " ".join(sentences([one._replace(error_most=0.8) for one in both]))
     assert "which is too little for vehicles 0.5 m wide; 2.1 m would be needed" in told
 

@@ -42,8 +42,8 @@ def test_options_have_their_defaults_on_the_pages() -> None:
     text = COMMANDS["commands_plan"](app)
     assert "| `--seed` | seed of the scene, >= 0 | `0` |" in text
     assert (
-        "| `--time-limit` | seconds for coverage and search; reading, estimating, compiling and "
-        "checking come on top; inf: no limit | `60.0` |" in text
+        "| `--time-limit` | seconds for coverage and search, excluding reading, estimating, "
+        "compiling and checking; inf: no limit | `60.0` |" in text
     )
     assert "`*`" not in text and "Budget" not in text
 

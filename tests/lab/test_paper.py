@@ -345,7 +345,7 @@ def test_trials_are_read_as_they_were_written(tmp_path: Path) -> None:
     older = [one._replace(fell_back=one.seed in (2, 3)) for one in some]
     assert conditions.read_trials(tmp_path / "c.csv") == older
     (tmp_path / "c.csv").write_text("stage,width\ndrawn,1\n")
-    with pytest.raises(FileError, match="line 2: is no trial"):
+    with pytest.raises(FileError, match="line 2: is not a trial"):
         conditions.read_trials(tmp_path / "c.csv")
 
 

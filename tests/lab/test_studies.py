@@ -217,7 +217,7 @@ def test_stored_prices_are_those_of_the_methods() -> None:
 
 
 def test_a_scene_without_room_for_a_separation_is_refused() -> None:
-    """No drone keeps a start that is too near: the message says which one, and how far."""
+    """No drone keeps a start that is too close: the message says which one, and how far."""
     with pytest.raises(FileError, match=r"tiny-queue: no free cell for drone 1 .* is 500 m from"):
         built("tiny-queue", 0, 0.0, 500.0)
 

@@ -68,7 +68,7 @@ def test_cells_are_divided_where_no_move_fits_a_step(
         assert robot.motion.headings == 8
     assert 0.14 < problem.airspace.people_stray < 0.15
     assert "cells are 0.5 m, not 1, moves are at most" in caplog.text
-    assert '(5 of them, not 9); flown = "straight" leaves that out' in caplog.text
+    assert '(5 of them, not 9); flown = "straight" keeps the moves' in caplog.text
 
 
 def test_recipes_whose_moves_all_fit_stay_as_they_are(

@@ -124,7 +124,7 @@ def test_lines_between_rows_are_told(
     assert far == [[], [pytest.approx(off, rel=0.1)]]
     assert off > 0.01
     told = " ".join(Run(capsys, "fly", "--help").out.split())
-    assert "Wind, deviations from the planned flight, and" in told
+    assert "Wind, deviations from the planned flight, take-off" in told
 
 
 def beside_somebody() -> tuple[co.Problem, co.Plan]:
@@ -152,7 +152,9 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem.replace(airspace=over), plan, smooth=True)
     monkeypatch.setattr(flights, "dangers", lambda flown: [Danger(2, (0,), "falls")])
-    with pytest.raises(ValueError, match=r"neither is the straight flight safe: .* drone 0 falls$"):
+    with pytest.raises(
+        ValueError, match=r"the straight flight is not safe either: .* drone 0 falls$"
+    ):
         co.trajectory(problem, plan, smooth=True)
 
 
@@ -334,13 +336,13 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
     assert run.code == 0
     assert run.json["people_distance"] >= 2.99 - float(margin)
-    note = "--margin lets drones come nearer to people: 2.95 m aside; the scene asks for 2.99 m"
+    note = "--margin lets drones come closer to people: 2.95 m aside; the scene asks for 2.99 m"
     assert note in run.json["notes"]
     run = Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin, "--json")
     assert run.code == 0 and note in run.json["notes"]
     for wrong in (-0.1, 2.99, 2.99 - 1e-9, "nan"):
         run = Run(capsys, "fly", scene, file, "-o", out, "--margin", wrong)
-        assert run.code == 2 and "--margin: must be from 0 m to less than" in run.err
+        assert run.code == 2 and "--margin: must be at least 0 m and less than" in run.err
         assert "people_aside" not in run.err
     over = problem.replace(airspace=co.Airspace(people_aside=2.99, people_above=3.0))
     co.save(scene, over)
@@ -352,7 +354,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     co.save(scene, free)
     co.save(file, plan, free)
     run = Run(capsys, "fly", scene, file, "-o", out, "--margin", 1)
-    assert run.code == 2 and "--margin: the scene asks for no distance to people" in run.err
+    assert run.code == 2 and "--margin: the scene requires no distance to people" in run.err
 
 
 def test_a_margin_of_the_face_is_that_of_the_command(
@@ -371,12 +373,12 @@ def test_a_margin_of_the_face_is_that_of_the_command(
     assert changed.rules[0] == "kept"
     for function in (co.trajectory, co.robustness):
         for wrong in (-0.1, 2.99, float("nan")):
-            with pytest.raises(ValueError, match="margin: must be from 0 m to less than"):
+            with pytest.raises(ValueError, match="margin: must be at least 0 m and less than"):
                 function(problem, plan, margin=wrong)
         with pytest.raises(TypeError, match="margin: must be a number of metres"):
             function(problem, plan, margin="wide")
         free = problem.replace(airspace=co.Airspace())
-        with pytest.raises(ValueError, match="margin: the scene asks for no distance to people"):
+        with pytest.raises(ValueError, match="margin: the scene requires no distance to people"):
             function(free, plan, margin=1)
 
 
@@ -455,7 +457,7 @@ def test_limits_hold_for_scenes_and_for_flights(
     """Moves that no step allows make no scene; accelerations that are too large make no flight."""
     scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
     for limits, words in (
-        ("limits = { speed = 2 }", r"drones\[0\].motion.radius: .* a step of 0.708 s would do"),
+        ("limits = { speed = 2 }", r"drones\[0\].motion.radius: .* use a step of 0.708 s"),
         ('airframe = "px4"', r"drones\[0\].motion.turn: .* a step of 0.75 s"),
         ('airframe = "kite"', "airframe: must be one of px4"),
         ("limits = { wings = 2 }", "wings"),
@@ -510,7 +512,7 @@ def test_the_way_out_of_a_refused_flight_works(
     words = "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--step"
     run = Run(capsys, *words, 1)
     assert run.code == 2
-    found = re.search(r"more than its 2; --step ([0-9.]+) would do$", run.err.strip())
+    found = re.search(r"more than its 2; use --step ([0-9.]+)$", run.err.strip())
     assert found, run.err
     assert Run(capsys, *words, found[1]).code == 0
 
@@ -628,7 +630,7 @@ def test_a_straight_flight_down_a_steep_ground_names_the_ground_and_a_step_for_s
     with pytest.raises(flights.LimitError) as raised:
         flights.Flight.of(problem, co.Plan(paths=(path,)), smooth=False)
     assert "descent 3.5 m/s" in raised.value.words
-    assert "the ground is the cause" in raised.value.way_out
+    assert "the cause is the ground" in raised.value.way_out
     assert raised.value.any_plan == 1.17  # 3.5 m at 3 m/s, not 15/8 of it as smooth flights need
     slower = problem.replace(step=raised.value.any_plan)
     assert flights.Flight.of(slower, co.Plan(paths=(path,)), smooth=False).flown.seconds > 2

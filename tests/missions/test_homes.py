@@ -64,7 +64,7 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert re.search(
         r"in the air +\d+ s at most \(drone \d\); \d+ s of battery left at least", printed
     )
-    assert "people were not considered there" in " ".join(printed.split())
+    assert "people were not considered" in " ".join(printed.split())
     assert "batteries do not last" not in caplog.text + printed
     assert run(["fly", scene, plan, "-o", out, "--verbose"]) == 0
     assert "from take-off to landing" in capsys.readouterr().out
@@ -101,7 +101,7 @@ def test_missions_do_not_hold_the_ways(tmp_path: Path, capsys: pytest.CaptureFix
     capsys.readouterr()
     assert run(["fly", str(path), plan, "-o", str(tmp_path / "f.waypoints")]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert ".waypoints holds no ways from and to home: the sheet (.pdf) and --json have" in printed
+    assert ".waypoints contains no flights from and to home: see the sheet (.pdf) or" in printed
     assert "put drones below their first places, not at home" in printed
 
 
@@ -116,7 +116,7 @@ def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
     for row in rows:
         assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
     assert found["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
-    assert "the ways from and to home are free of people" in [*to_check(flown, True)]
+    assert "the flights from and to home are clear of people" in [*to_check(flown, True)]
     order = running_order(flown, clock).rows
     assert [row[2].split(",")[0] for row in order if row[1].startswith("drone ")] == [
         "takes off", "takes off", "flies home", "flies home"

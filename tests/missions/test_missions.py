@@ -150,8 +150,12 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
             "drones keep 1.9 m from people for any delay or lead of drones and people",
             "unlimited",
         ),
-        (2.05, "delay tolerance to people: drones keep 2.05 m from people while none is ", None),
-        (0.0, "the scene asks for no distance to people, so how near", None),
+        (
+            2.05,
+            "delay tolerance to people: drones keep 2.05 m from people while no drone is ",
+            None,
+        ),
+        (0.0, "the scene requires no distance to people, so how close", None),
     ):
         airspace = co.Airspace(people_aside=aside)
         problem, plan = scene(actors=(co.Actor(poses=walk),), airspace=airspace)
@@ -365,6 +369,6 @@ def test_missions_are_written_whole_or_not_at_all(
     old = tmp_path / "f.px4.no-common-clock.drone2.plan"
     old.write_text("{}")
     run = Run(capsys, "fly", scene, plan, "--hovering", "-o", tmp_path / "f.plan", "--json")
-    (note,) = [words for words in run.json["notes"] if "of another flight" in words]
+    (note,) = [words for words in run.json["notes"] if "files of another flight" in words]
     assert old.name in note
     assert "drone1" not in note

@@ -50,7 +50,7 @@ def test_pictures_are_evenly_apart_from_the_first_step_to_the_last(
         (["-o", "film.webm", "--steps", "3"], "--steps: needs a plan, and a picture: players and"),
         (
             ["-o", "plan.png", "--speed", "3"],
-            "--speed: must be left out for .png, which is no film",
+            "--speed: must be left out for .png, not a film such as .webm",
         ),
         (["-o", "plan.pdf", "--time-limit", "3"], "--time-limit: must be left out for .pdf"),
         (["-o", "plan.html", "--view", "3d", "--time-limit", "3"], "--view, --time-limit: must be"),

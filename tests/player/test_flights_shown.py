@@ -34,7 +34,7 @@ def at(rows: list[list[float]], times: Any) -> Any:
 
 
 def closely() -> list[tuple[Problem, Plan, Smooth]]:
-    """Flights that are cut short as they would come too near to people."""
+    """Flights that are cut short as they would come too close to people."""
     found = []
     for problem, plan, _ in flights():
         near = Nearest.of_people(Trajectory.straight(problem, plan))

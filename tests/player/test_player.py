@@ -261,7 +261,7 @@ def test_terrain_tells_ground_from_what_stands_on_it() -> None:
 
 
 def test_what_only_the_clearance_forbids_blocks() -> None:
-    """A cell blocks if no drone may be in it at the lowest height; one of them may go nearer."""
+    """A cell blocks if no drone may be in it at the lowest height; one of them may go closer."""
     near = hills().replace(meshes=())
     wide = [
         r.replace(motion=r.motion.replace(clearance=c))
@@ -411,7 +411,7 @@ def test_a_player_without_plans_shows_the_starts() -> None:
 
 
 def test_drones_that_wait_at_their_starts_may_have_people_walk_by() -> None:
-    """Starts are shown, with their rewards, also where staying there comes too near to people."""
+    """Starts are shown, with their rewards, also where staying there comes too close to people."""
     problem = hills()
     (wait,) = told(Player(problem).page())["plans"]
     close = problem.replace(airspace=Airspace(people_aside=7.5))

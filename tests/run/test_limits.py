@@ -207,7 +207,7 @@ def test_nothing_is_estimated_while_code_is_compiled(
     assert said == ["coverage 0 %", *before, "compiling", "coverage 30 %"]
 
 
-# -- warnings and what would do ---------------------------------------------------------------
+# -- warnings and remedies --------------------------------------------------------------------
 
 
 def test_seconds_are_said_with_two_digits() -> None:
@@ -309,7 +309,7 @@ def test_python_warns_before_coverage_too(
         assert "time_limit = 850" in caplog.text
         caplog.clear()
         co.plan(problem)
-    assert "coverage takes about 8 min and 0.1 GB; Ctrl-C or time_limit ends it" in caplog.text
+    assert "coverage takes about 8 min and 0.1 GB; stop it early with Ctrl-C or" in caplog.text
 
 
 def test_little_coverage_is_computed_and_not_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -339,7 +339,7 @@ def test_gap_says_how_long_coverage_takes_which_no_limit_ends(
     assert [record.message for record in caplog.records if "coverage" in record.message] == [told]
     caplog.clear()
     forecast.warn_before_limits(load_scene("corridor"), 0, cell_limit=600.0, cores=2)
-    assert "17 min and 0.1 GB; a worker gives up after 10 min; what would do: --cell" in caplog.text
+    assert "17 min and 0.1 GB, but workers are stopped after 10 min; use --cell" in caplog.text
 
 
 @pytest.mark.long(seconds=60)
@@ -354,8 +354,8 @@ def test_advice_that_is_followed_leads_to_a_plan_that_moves(
     limit = 8.0
     plan = town.with_name("plan.json")
     assert run(capsys, "plan", town, "--time-limit", limit, "-o", plan)[0] == 0
-    assert "too much for a limit" in caplog.text
-    told = caplog.text.partition("what would do: ")[2].splitlines()[0].split("; or ")
+    assert "too long for a limit" in caplog.text
+    told = caplog.text.partition("starts; use ")[2].splitlines()[0].split("; or ")
     assert len(told) > 1, caplog.text
     for words in told[1:]:
         changed = town.with_name("changed.toml")
@@ -562,7 +562,7 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """It is ten minutes; `inf` is none. What would do is said before it begins."""
+    """It is ten minutes; `inf` is none. A remedy is named before it begins."""
     assert run(capsys, "verify", "tiny-queue", proof)[0] == 0
     monkeypatch.setattr(
         CoverageTables, "estimate", lambda tables: CoverageEstimate(10, seconds=700.0)
@@ -570,7 +570,7 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
     assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "inf")[0] == 0
     assert "takes about" not in caplog.text
     assert run(capsys, "verify", "tiny-queue", proof)[0] == 0
-    assert "to check takes about 12 min" in caplog.text
+    assert "checking takes about 12 min" in caplog.text
     assert "--time-limit 1200" in caplog.text
     assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "nan")[0] == 2
 

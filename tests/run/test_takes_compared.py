@@ -203,7 +203,7 @@ def test_scenes_without_people_and_zeros_are_refused_by_name(
     co.save(Path(scene), two_takes())
     for option in ("--count", "--draw-seed"):
         assert run(["takes", scene, option, "0"]) == 2
-        assert f"{option}: must be left out, for the scene has takes" in capsys.readouterr().err
+        assert f"{option}: must be left out, as the scene has takes" in capsys.readouterr().err
 
 
 def test_takes_are_not_drawn_where_there_are_some(tmp_path: Path) -> None:

@@ -203,8 +203,8 @@ def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
     assert boxes(walls(tmp_path, plan, nowhere, unit="m"))[0][3] == 20
     assert boxes(walls(tmp_path, plan, nowhere, unit="cm"))[0][3] == 0.2
     assert boxes(walls(tmp_path, plan, nowhere, unit="us-ft"))[0][3] == 6.096
-    for at, words in ((nowhere, r"must have \[earth\]"), (HERE, "must be near the map")):
-        with pytest.raises(ProblemError, match=rf'{words}.*; unit = "m" in \[\[walls\]\] says'):
+    for at, words in ((nowhere, r"need \[earth\]"), (HERE, "must be near the map")):
+        with pytest.raises(ProblemError, match=rf'{words}.*; unit = "m" in \[\[walls\]\] means'):
             walls(tmp_path, plan, at)
     large = {"type": "Polygon", "coordinates": [[[x + 400_000, y] for x, y in square]]}
     with pytest.raises(ProblemError, match=r"longitudes and latitudes, .* \(400010, 10\); unit = "):
@@ -219,7 +219,7 @@ def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
     for degrees in ("urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326"):
         system = {"type": "name", "properties": {"name": degrees}}
         assert boxes(walls(tmp_path, collection(house(10, 10, height=12), crs=system))) == ONE
-        with pytest.raises(ProblemError, match="unit: must be left out, for the coordinates are d"):
+        with pytest.raises(ProblemError, match="unit: must be left out, as the coordinates are d"):
             walls(tmp_path, collection(house(10, 10, height=12), crs=system), unit="m")
 
 
@@ -292,7 +292,7 @@ def test_plans_across_180_degrees_are_read(tmp_path: Path) -> None:
     content = {"type": "MultiPolygon", "coordinates": [[half] for half in halves]}
     both = np.concatenate([part.vertices for part in walls(tmp_path, content, FIJI)])
     np.testing.assert_allclose([*both.min(axis=0), *both.max(axis=0)], box, atol=0.2)
-    with pytest.raises(ProblemError, match=r"must have \[earth\] .* longitude = 17\d\.") as error:
+    with pytest.raises(ProblemError, match=r"need \[earth\] .* longitude = 17\d\.") as error:
         walls(tmp_path, {"type": "Polygon", "coordinates": [whole]}, MapProjection())
     assert "EPSG:32760" in str(error.value)
     pole = [[0, -80], [90, -80], [180, -80], [-90, -80], [0, -80]]

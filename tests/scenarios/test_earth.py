@@ -191,7 +191,7 @@ def test_files_in_degrees_are_read_in_metres(tmp_path: Path) -> None:
     (walls,) = problem.meshes
     np.testing.assert_allclose(walls.vertices.min(axis=0), [1, 2, 0], atol=1e-6)
     np.testing.assert_allclose(walls.vertices.max(axis=0), [6, 5, 2], atol=1e-6)
-    with pytest.raises(ProblemError, match=r"walls\[0\]: .*: must have \[earth\] of the recipe"):
+    with pytest.raises(ProblemError, match=r"walls\[0\]: .*: need \[earth\] in the recipe"):
         recipe(tmp_path, more=files)
     swapped = {"type": "Polygon", "coordinates": [[place[::-1] for place in degrees]]}
     (tmp_path / "walls.geojson").write_text(json.dumps(swapped))

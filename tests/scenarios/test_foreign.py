@@ -100,28 +100,28 @@ KINDS: list[tuple[bytes | Callable[[], bytes], str]] = [
     (lambda: zipped("3D/3dmodel.model"), "a 3MF or USDZ"),
     (b"\0\1\0\0Standard ACE DB\0", "an Access database"),
     (bytes(8) + b"DUCK" + bytes(9), "a DuckDB database"),
-    (b"-- MySQL dump 10.13\n", "a dump of MySQL"),
+    (b"-- MySQL dump 10.13\n", "a MySQL dump"),
     (b"{\\rtf1\\ansi", "rich text"),
-    (lambda: gzip.compress(b"id,frame,x,y\n"), "packed with gzip"),
+    (lambda: gzip.compress(b"id,frame,x,y\n"), "compressed with gzip"),
     (b"\x89HDF\r\n\x1a\n" + bytes(20), "HDF5"),
     (b"CDF\x01" + bytes(20), "NetCDF"),
     (b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MATLAB file"),
     (b"%PDF-1.7\n", "a PDF"),
-    (b"#ROSBAG V2.0\n", "a bag of ROS"),
+    (b"#ROSBAG V2.0\n", "a ROS bag"),
     (b"\x89MCAP0\r\n" + bytes(9), "an MCAP bag"),
-    (b"\xd4\xc3\xb2\xa1" + bytes(20), "a capture of a network"),
+    (b"\xd4\xc3\xb2\xa1" + bytes(20), "a network capture"),
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(9), "an old Excel"),
     (b"LASF" + bytes(20), "a point cloud"),
     (b"\x02\x50" + bytes(20), "C3D"),
     (b"\x80\x04\x95" + bytes(20), "a Python pickle"),
     (b"\x0e\x10\x43\x08\x28\x06\0\0.FIT", "FIT"),
-    (b"ULog\x01\x12\x35\x01" + bytes(9), "a log of PX4"),
-    (b"\0\0\0\x18ftypmp42", "a film"),
+    (b"ULog\x01\x12\x35\x01" + bytes(9), "a PX4 log"),
+    (b"\0\0\0\x18ftypmp42", "a video"),
     (b"Kaydara FBX Binary  \0", "an FBX"),
     (b"ISO-10303-21;\nHEADER;\nFILE_SCHEMA(('IFC4'));", "STEP or IFC"),
     (b"PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\n", "TRC"),
     (b"HIERARCHY\nROOT Hips\n{\n", "BVH"),
-    (b"Format Version,1.23,Take Name,Take 1\n", "a CSV of OptiTrack"),
+    (b"Format Version,1.23,Take Name,Take 1\n", "a CSV file of OptiTrack"),
     (b"$GPGGA,100000,5224.06,N,01303.54,E,1,8,1,35,M,,M,,\n", "NMEA"),
     (b"AXXX\nHFDTE010526\n", "IGC"),
     (b"  0\nSECTION\n  2\nHEADER\n", "a DXF drawing"),
@@ -133,12 +133,12 @@ KINDS: list[tuple[bytes | Callable[[], bytes], str]] = [
     ('\ufeff<?xml version="1.0" encoding="utf-16"?><kml/>'.encode("utf-16-le"), "KML"),
     (b"<TrainingCenterDatabase>", "TCX"),
     (b"<COLLADA version='1.4'>", "COLLADA"),
-    (b"<osm version='0.6'>", "OpenStreetMap's XML"),
+    (b"<osm version='0.6'>", "OpenStreetMap XML"),
     (b'<!DOCTYPE html>\n<html lang="en">', "HTML, a web page"),
     (b"<html><body>404", "HTML, a web page"),
     (b'<?xml version="1.0"?><!DOCTYPE trajectories [<!ENTITY a "b">]><trajectories a="1">', "XML"),
     (b"<dataset name='walk'>\n<frame number='0'>", "XML"),
-    (b"version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "a pointer of Git LFS"),
+    (b"version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "a Git LFS pointer"),
 ]  # fmt: skip
 
 
@@ -166,7 +166,7 @@ def test_a_foreign_file_is_named_wherever_it_stands(
         assert "\n" not in message
     for file in ("f.any", "g.toml", "g.yaml", "g.scen", "g.json"):
         (tmp_path / file).write_bytes(content)
-        with pytest.raises(FileError, match=rf"{file}: is (no scene, but )?{name}"):
+        with pytest.raises(FileError, match=rf"{file}: is (not a scene, but )?{name}"):
             load_scene(str(tmp_path / file))
     (tmp_path / "f.any").unlink()
 
@@ -176,7 +176,7 @@ def test_databases_are_told_apart(tmp_path: Path) -> None:
     for statements, name in (
         (("create table trajectory_data (id, frame)",), SQLITE.name),
         (("pragma application_id = 1196444487", "create table gpkg_contents (a)"), "a GeoPackage"),
-        (("CREATE TABLE topics(id INTEGER)", "CREATE TABLE messages(a)"), "a bag of ROS 2"),
+        (("CREATE TABLE topics(id INTEGER)", "CREATE TABLE messages(a)"), "a ROS 2 bag"),
     ):
         path = tmp_path / "some"
         path.write_bytes(database(tmp_path, *statements))

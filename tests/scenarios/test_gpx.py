@@ -217,7 +217,7 @@ def test_without_earth_its_place_is_proposed(tmp_path: Path) -> None:
     recipe = RECIPE.format(tracks='file = "ada.gpx"\ncount = 1')
     bare = recipe.split("[earth]")[0] + "[[tracks]]" + recipe.split("[[tracks]]")[1]
     (tmp_path / "scene.toml").write_text(bare)
-    with pytest.raises(Exception, match=r'must have \[earth\] .*crs = "EPSG:32633", latitude = 52'):
+    with pytest.raises(Exception, match=r'need \[earth\] .*crs = "EPSG:32633", latitude = 52'):
         load_scene(str(tmp_path / "scene.toml"))
     for field in ('columns = ["id"]', "fps = 1", 'delimiter = ","', 'time_unit = "s"'):
         (tmp_path / "scene.toml").write_text(recipe.replace("count = 1", f"count = 1\n{field}", 1))

@@ -128,5 +128,5 @@ def test_a_recipe_without_ground_is_refused_in_a_line(
 
 def test_a_map_that_does_not_tell_the_ground_is_refused(tmp_path: Path) -> None:
     """Low roofs look like a slope, unless the recipe has the ground."""
-    with pytest.raises(ProblemError, match=r"land: .* where the map does not tell the ground"):
+    with pytest.raises(ProblemError, match=r"land: .* if the height of the ground is unknown"):
         scene(tmp_path, roof=0.2)

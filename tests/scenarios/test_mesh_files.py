@@ -115,7 +115,7 @@ def test_lines_and_points_are_left_out_and_said(
 ) -> None:
     """They are no surfaces; a file of nothing else is refused."""
     shape(saved(tmp_path, "a.obj", OBJ + "p 1 2\nl 1 2\nl 3 4\n"))
-    assert "1 points, 2 lines are no surfaces and are left out" in caplog.text
+    assert "1 points, 2 lines are not surfaces and are left out" in caplog.text
     with pytest.raises(ProblemError, match="must hold at least one triangle"):
         shape(saved(tmp_path, "b.obj", rows(BOX, "v ") + "l 1 2 3\n"))
 
@@ -543,7 +543,7 @@ def test_an_stl_is_the_same_box_however_it_is_written(tmp_path: Path, content: b
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (stl(CORNERS)[:-50], r"must have 684 bytes, for it declares 12 triangles, but has 634"),
+        (stl(CORNERS)[:-50], r"must have 684 bytes, as it declares 12 triangles, but has 634"),
         (stl(CORNERS) + b"x", r"must have 684 bytes"),
         (stl_text(CORNERS)[:-17].encode(), r"ends before its `endsolid`"),
         (stl_text(CORNERS).replace("vertex", "point", 1).encode(), r"line 4: must be a statement"),

@@ -229,8 +229,8 @@ def test_lines_and_points_of_gltf_are_left_out_and_said(
     made.primitive(0, mode=0)
     made.primitive(0, mode=3)
     require_box(shape(tmp_path, made.glb()))
-    assert "1 primitives of points are no surfaces" in caplog.text
-    assert "1 primitives of lines are no surfaces" in caplog.text
+    assert "1 primitives of points are not surfaces" in caplog.text
+    assert "1 primitives of lines are not surfaces" in caplog.text
     del made.json["meshes"][0]["primitives"][0]
     with pytest.raises(ProblemError, match="must hold at least one triangle"):
         shape(tmp_path, made.glb())
@@ -301,10 +301,10 @@ def _first(made: Model, **fields: Any) -> None:
         (lambda m: m.json["bufferViews"][1].update(byteLength=99), r"bufferViews\[1\]: must end"),
         (lambda m: m.json["bufferViews"][0].update(byteStride=8), r"accessors\[0\]: must end"),
         (lambda m: m.json["buffers"][0].update(byteLength=999), r"buffers\[0\]: must have 999 byt"),
-        (lambda m: m.json["buffers"][0].update(uri="no.bin"), r"no\.bin is no file beside it"),
-        (lambda m: m.json["buffers"][0].update(uri="../a.bin"), r"a\.bin is no file beside it"),
-        (lambda m: m.json["buffers"][0].update(uri="a%00b"), r"a%00b is no file beside it"),
-        (lambda m: m.json["buffers"][0].update(uri="a\0b"), r"a.b is no file beside it"),
+        (lambda m: m.json["buffers"][0].update(uri="no.bin"), r"no file no\.bin beside it"),
+        (lambda m: m.json["buffers"][0].update(uri="../a.bin"), r"no file \.\./a\.bin beside it"),
+        (lambda m: m.json["buffers"][0].update(uri="a%00b"), r"no file a%00b beside it"),
+        (lambda m: m.json["buffers"][0].update(uri="a\0b"), r"no file a.b beside it"),
         (lambda m: m.json["buffers"][0].update(uri="a" * 5000), r"cannot be read"),
         (lambda m: m.json["buffers"][0].update(uri="data:x;base64,%"), r"its bytes in base64"),
         (lambda m: m.json["nodes"][0].update(skin=0), r"nodes\[0\]\.skin: bones bend this mesh"),
@@ -382,7 +382,7 @@ def test_buffers_are_regular_files_beside_the_mesh(tmp_path: Path) -> None:
     os.mkfifo(inner / "pipe.bin")
     (tmp_path / "out.bin").write_bytes(made.bytes)
     for uri in ("pipe.bin", "../out.bin", (tmp_path / "out.bin").as_uri(), "%2E%2E/out.bin"):
-        with pytest.raises(ProblemError, match="is no file beside it"):
+        with pytest.raises(ProblemError, match=r"no file .* beside it"):
             shape(inner, made.gltf(uri), "a.gltf")
 
 

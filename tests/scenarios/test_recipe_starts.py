@@ -100,7 +100,7 @@ def test_an_area_needs_a_count_and_room(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     area = "{ area = [[1, 1], [2, 1], [2, 2], [1, 2]] }"
     path.write_text(RECIPE.replace("{starts}", area).replace("count = 2\n", ""))
-    with pytest.raises(ProblemError, match=r"drones\[0\]: must have a count beside the area"):
+    with pytest.raises(ProblemError, match=r"drones\[0\]: must have a count with the area"):
         read(path, seed=0)
     with pytest.raises(ProblemError, match="must have a start for every drone that keeps"):
         recipe(tmp_path, area.replace("}", ", heights = [4] }"))

@@ -1,4 +1,4 @@
-"""Recipes whose people may walk otherwise: takes that are said, and takes that are drawn."""
+"""Recipes whose people may walk differently: takes that are said, and takes that are drawn."""
 
 from pathlib import Path
 
@@ -86,7 +86,7 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
     [
         ('take = "late"', "", r"walk\[0\].take: needs \[\[take\]\], not 'late'$"),
         ('take = "no"', TWO, r"walk\[0\].take: must be one of 'usual', 'late', not 'no'$"),
-        ('take = ["late", "late"]', TWO, r"walk\[0\].take: must be different names$"),
+        ('take = ["late", "late"]', TWO, r"walk\[0\].take: names must be different$"),
         ("", TWO.replace("0.25", "0.3"), r"take: probabilities must sum to 1, not 1\.05$"),
         ("", TWO.replace("0.25", "-1"), r"take\[1\].probability: must be 0\.\.1, not -1\.0$"),
         ("", TWO.replace("late", "usual"), r"take: must have names of their own; two are 'usual'$"),
@@ -94,7 +94,7 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
         ("", "[spread]\naside = -1\n", r"spread.aside: must be 0\.\.100 m, not -1\.0$"),
         ("", "[spread]\naside = 1\ntakes = 1\n", r"spread.takes: must be 2\.\.100, not 1$"),
         ("", "[spread]\naside = 1\nseed = -1\n", r"spread.seed: must be 0 or more, not -1$"),
-        ("", f"{TWO}[spread]\naside = 1\n", r"spread: must be left out where \[\[take\]\] says"),
+        ("", f"{TWO}[spread]\naside = 1\n", r"spread: must be left out if \[\[take\]\] says"),
     ],
 )
 def test_takes_that_do_not_fit_are_refused(

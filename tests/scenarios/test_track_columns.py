@@ -75,17 +75,21 @@ def test_times_since_1970_lose_nothing(tmp_path: Path, unit: Any, per_second: in
     ("rows", "options", "words"),
     [
         # Times since 1970 in a plain column, by their size.
-        ([1532402927647, 1532402928147], {}, 'as ms since 1970 it is 2018-07-24: time_unit = "ms"'),
+        (
+            [1532402927647, 1532402928147],
+            {},
+            'as ms since 1970 it is 2018-07-24; if so, set time_unit = "ms"',
+        ),
         (
             [1532402927647951, 1532402928147951],
             {},
-            "as us since 1970 it is 2018-07-24: time_unit =",
+            "as us since 1970 it is 2018-07-24; if so, set time_unit =",
         ),
-        ([1532402927647951000, 1532402928147951000], {}, "as ns since 1970 it is 2018-07-24: "),
+        ([1532402927647951000, 1532402928147951000], {}, "as ns since 1970 it is 2018-07-24; "),
         # A clock that began when the device did, by how far rows are apart.
-        ([1600000000000, 1600033000000], {}, "in ns rows of a person follow as those of tracks do"),
+        ([1600000000000, 1600033000000], {}, "in ns the rows of a person are as far apart as"),
         # Beyond all units.
-        ([1e30, 2e30], {}, "time_unit in [[tracks]] is one of s, ms, us, ns"),
+        ([1e30, 2e30], {}, "set time_unit in [[tracks]] to one of s, ms, us, ns"),
         ([1532402927647951, 1532402928147951], {"time_unit": "ms"}, "is the unit ms right?"),
     ],
 )
@@ -325,7 +329,7 @@ def test_a_height_that_is_one_is_taken(tmp_path: Path, caplog: pytest.LogCapture
     flat = "id,frame,x,y,z\n1,0,1,2,0.02\n2,0,3,4,1.8\n"
     assert [one.height for one in read(tmp_path, flat, unit="m", fps=1)] == [None, 1.8]
     assert (
-        "0.02 m of id 1: is z a height above the floor? Who is lower has the height" in caplog.text
+        "0.02 m of id 1: is z a height above the floor? People who are lower get the" in caplog.text
     )
 
 

@@ -217,7 +217,7 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         (
             "id,t,lat,lon\n1,0,-34.6,-58.4\n",
             {"fps": None},
-            "latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: "
+            "latitude, longitude: need [earth] in the recipe to be converted to metres: "
             'crs = "EPSG:32721", latitude = -34.6000 and longitude = -58.4000',
         ),
         (
@@ -228,7 +228,7 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         (
             "anna,0.0,6,18\nanna,0.25,6,18\n",
             {"fps": None},
-            "fps: must be given, for the file does "
+            "fps: must be given, as the file does "
             "not state it: write fps = 25 (its frames per second) in [[tracks]]; the file has no "
             "header, so that its columns are read as id, frame, x, y: columns = "
             '["id", "time", "x", "y"]',
@@ -377,11 +377,11 @@ def test_when_step_0_is_is_said_if_tracks_begin_before(
         actors, _ = table.actors(tmp_path, terrain, 1.0, steps, NOWHERE)
         assert [actor.begin for actor in actors] == [begin, begin]
         assert actors[0].poses[0, 0] == begin
-        assert ("step 0 is 7 s into the tracks, because 2 people are there for 9 s only from then "
-                "on; id bob is there from 0 to 3 s and from 7 to 19 s; begin" in caplog.text) == (
+        assert ("step 0 is 7 s into the tracks, because only then 2 people are there for 9 s; id "
+                "bob is there from 0 to 3 s and from 7 to 19 s; set begin" in caplog.text) == (
             steps == 9
         )  # fmt: skip
-    words = r"last 3 s at most from begin = 0 s on; steps = 3 would do, or another begin"
+    words = r"last 3 s at most from begin = 0 s on; set steps = 3, or another begin"
     with pytest.raises(ProblemError, match=words):
         TracksTable(file="walk.csv", count=2, begin=0.0).actors(tmp_path, terrain, 1.0, 9, NOWHERE)
 
@@ -704,7 +704,7 @@ def test_columns_that_fit_both_readings_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"\x89HDF\r\n\x1a\n" + bytes(20), "is HDF5; write its dataset"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(20), "is HDF5; export its trajectories"),
         (b'1 10 20 30 40 5 0 0 0 "Biker"\n', "annotations.txt of the Stanford"),
     ],
 )

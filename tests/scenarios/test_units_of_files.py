@@ -179,7 +179,9 @@ def test_codes_are_looked_up_or_refused(
         require_metres(units)
         assert (units.heights and units.heights.metres) == (answer and pytest.approx(answer, 1e-9))
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    with pytest.raises(ProblemError, match=r"without pyproj, .* pip install 'cocap-opt\[earth\]'"):
+    with pytest.raises(
+        ProblemError, match=r"pyproj, .* not installed: pip install 'cocap-opt\[earth\]'"
+    ):
         units_of(text)
 
 
@@ -190,7 +192,7 @@ def test_proj4_that_is_not_judged_for_certain_is_refused(
 ) -> None:
     """Without pyproj only projections and units that are known are judged."""
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    with pytest.raises(ProblemError, match="without pyproj"):
+    with pytest.raises(ProblemError, match="pyproj, which checks"):
         units_of(text)
 
 
@@ -276,7 +278,7 @@ def test_heights_are_in_the_unit_of_the_file_beside(
     path = beside(map_prj=utm(METRE) + "," + ESRI_LEVEL.format(US_SURVEY))
     assert read_raster(path).values.max() == pytest.approx(20 * US_FOOT, rel=1e-9)
     assert "map.asc: its heights are in " in caplog.text
-    with pytest.raises(ProblemError, match=r'must be metres, not .*; unit = "us-ft" reads them'):
+    with pytest.raises(ProblemError, match=r'must be metres, not .*; set unit = "us-ft"'):
         read_raster(path, unit="m")
 
 
@@ -353,13 +355,17 @@ def test_names_of_lengths(text: str, metres: float | None) -> None:
         ("m above geoid", None, 1.0),
         ("Metre", "m", 1.0),
         ("decimetres", None, 0.1),
-        ("dm", "cm", "must be cm, as the field unit says, not dm; left out, the file's own counts"),
+        (
+            "dm",
+            "cm",
+            "must be cm, as the field unit says, not dm; leave unit out to use the file's",
+        ),
         ("  ", "cm", 0.01),
         (None, "us-ft", US_FOOT),
         (None, None, 1.0),
-        ("us-ft", "m", 'heights: must be metres, not us-ft; unit = "us-ft" reads them'),
-        ("m", "ft", 'must be ft, as the field unit says, not m; unit = "m" reads them'),
-        ("paces", None, "must be in m, cm, mm, ft, us-ft, or .* not in 'paces'; gdal_edit.py"),
+        ("us-ft", "m", 'heights: must be metres, not us-ft; set unit = "us-ft"'),
+        ("m", "ft", 'must be ft, as the field unit says, not m; set unit = "m"'),
+        ("paces", None, "must be in m, cm, mm, ft, us-ft, or .* not in 'paces'; .* gdal_edit.py"),
         ("paces", "m", "not in 'paces'"),
     ],
 )

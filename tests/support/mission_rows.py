@@ -1,4 +1,4 @@
-"""Missions of waypoints as their readers tell them, and what autopilots make of them."""
+"""Waypoint missions as their readers tell them, and what autopilots make of them."""
 
 import json
 import math

@@ -56,7 +56,7 @@ def pruned_product(problem: Problem, robot: int) -> Graph:
 
 
 def _remove_near_people(graph: Graph, problem: Problem, robot: int) -> None:
-    """Remove the nodes and edges at which a robot is too near to somebody."""
+    """Remove the nodes and edges at which a robot is too close to somebody."""
 
     def near(t: int, *states: State) -> bool:
         at = problem.where(problem.robots[robot], states)

@@ -62,7 +62,7 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
 
 
 def random_moves(problem: Problem, rng: np.random.Generator) -> list[Moves]:
-    """Moves of which any two come too near to each other."""
+    """Moves of which any two come too close to each other."""
     pairs = [(a, b) for a, b in product(all_cells(problem), repeat=2) if abs(a.x - b.x) < 2]
     found = []
     for _ in range(3):

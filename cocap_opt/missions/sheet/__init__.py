@@ -148,10 +148,9 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phas
     pages.heading("Map" if len(phases) == 1 else "Maps", _LEGEND + height + _TITLE)
     legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
     pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
-    if any(actor.name for actor in flight.flown.problem.actors):
-        problem = flight.flown.problem
-        names = map(problem.person, range(len(problem.actors)))
-        pages.sentence(f"People: {', '.join(names)}.", SMALL)
+    actors = enumerate(flight.flown.problem.actors)
+    if named := [f"P{number} {actor.name}" for number, actor in actors if actor.name]:
+        pages.sentence(f"People: {', '.join(named)}.", SMALL)
     for phase in phases:
         height = _map_height(pages.room - _TITLE)
         pages.need(height + _TITLE)

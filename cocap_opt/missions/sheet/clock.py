@@ -32,7 +32,7 @@ class Clock(NamedTuple):
     def at(self, t: float, part: int = 0) -> str:
         """Returns the time of a moment, to the second, or to tenths of one where it has some.
 
-        After a pause, nobody knows how long, times count from the moment at which the take goes on.
+        After a pause of unknown length, times count from the moment at which the take goes on.
 
         Parameters
         ----------

@@ -23,7 +23,8 @@ _ROW = 5.0  # mm, of a person's strip
 _HALF = 8.0  # mm, of a time below the strips
 _MOST_STRIPS = 40  # people, in one picture
 _MOST_NAMES, _LETTERS = 20, 40  # people on a drone's card, and letters of each
-STRIP = Inset(12.0, 9.0, 6.0)  # around the strips of a picture
+_TAG = 16  # letters beside a strip; a longer name is left to the map's P and number
+STRIP = Inset(26.0, 9.0, 6.0)  # around the strips of a picture
 
 
 def quality_of(flight: Flight) -> Quality | None:
@@ -155,7 +156,9 @@ def _draw_strips(ax: Axes, found: Quality, people: Sequence[int], clock: Clock) 
     counts = found.counts & np.isin(np.arange(found.counts.shape[1]), people)
     share = found.assumptions.at_least
     draw_strip(ax, found.people, found.views, counts, found.times, share)
-    ax.set_yticks(ax.get_yticks(), [f"P{person}" for person in people])
+    names = {person: found.people[person] for person in people}
+    tags = [name if len(name) <= _TAG else f"P{person}" for person, name in names.items()]
+    ax.set_yticks(ax.get_yticks(), tags)
     first, last = ax.get_xlim()
     millimetres = (INNER - STRIP.left) / (last - first)
     times = [t for t in ax.get_xticks().tolist() if 0 <= t <= last - _HALF / millimetres]

@@ -11,7 +11,7 @@ class Heights(NamedTuple):
 
     Attributes
     ----------
-    datum : what heights of the scene are above; empty where nobody knows
+    datum : what heights of the scene are above; empty if unknown
     base : m, of z = 0 of the map above the datum
     place : where drones take off: "take-off" or "home"; empty for drones that are in the air
     surfaces : [R] z (m) of the surface there

@@ -84,7 +84,7 @@ class Card(NamedTuple):
 
 
 class Inset(NamedTuple):
-    """Millimetres around the axes of a picture, for what stands beside them."""
+    """Millimetres around the axes of a picture, for labels and legends."""
 
     left: float = 11.0
     below: float = 9.0
@@ -134,7 +134,7 @@ class Pages:
     def heading(self, words: str, below: float) -> None:
         """Writes a heading, on a page that has room for so many millimetres below it, too.
 
-        Where no page has, it is on a page of its own.
+        If no page has room, it gets a page of its own.
         """
         look = HEAD
         self.need(min(look.line + 5.0 + below, _WHOLE))
@@ -235,7 +235,7 @@ class Pages:
         self.skip(_AFTER_TABLE)
 
     def cards(self, title: str, cards: Sequence[Card]) -> None:
-        """Draws cards below a heading in two columns, none of them on two pages.
+        """Draws cards below a heading in two columns; no card is split across pages.
 
         They are read line by line: every other one is on the right, if the page has room there.
         """

@@ -68,7 +68,7 @@ def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
     problem = flight.flown.problem
     yield "wind and gusts are within the drones' limits"
     if has_homes:
-        yield "the ways from and to home are free of people"
+        yield "the flights from and to home are clear of people"
     else:
         yield "take-off and landing spots, and the air above them, are clear"
     yield from _CHECKS
@@ -211,7 +211,7 @@ def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
         for zone in zones(flight, flight.geodesy):
             yield f"N{zone.name[1:]}{_corners(zone)}."
     if flight.asked is not None:
-        yield f"The scene requires {flight.asked.told_people}; this flight may come nearer."
+        yield f"The scene requires {flight.asked.told_people}; this flight may come closer."
 
 
 def _corners(zone: Zone) -> str:

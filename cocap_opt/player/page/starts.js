@@ -2,7 +2,7 @@
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const [width, depth] = data.cells, cell = data.cell, [ox, oy] = data.origin;
-const KINDS = ["free", "free, above something", "too near to people at step 0", "no-fly zone or ceiling", "blocked"];
+const KINDS = ["free", "free, above something", "too close to people at step 0", "no-fly zone or ceiling", "blocked"];
 const DRONES = ["#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf", "#8c564b", "#bcbd22", "#e377c2", "#7f7f7f"];
 const RED = "#b00020", PERSON = "#d1495b", RIM = 14;
 const EDGE = 14 + 7 * Math.max(...[oy, oy + depth * cell].map((y) => String(Math.round(y)).length));
@@ -177,7 +177,7 @@ function row(start, k) {
   if (other >= 0) {
     const near = document.createElement("div");
     near.className = "near";
-    near.textContent = `nearer to ${other} than ${shown(data.separation)} m`;
+    near.textContent = `closer to ${other} than ${shown(data.separation)} m`;
     words.append(near);
   }
   const button = document.createElement("button");

@@ -60,7 +60,7 @@ def draw_cells(ax: Axes, problem: Problem) -> None:
 
 
 def _draw_person_beyond(ax: Axes, problem: Problem) -> None:
-    """Draws the person nearer than they are, with their distance from the map."""
+    """Draws the person closer than they are, with their distance from the map."""
     (actor,) = problem.actors
     x, y = actor.poses[0, :2]
     width = problem.height_map.shape[0]

@@ -27,7 +27,7 @@ STUDIES = {
 Reproduce the paper's experiments over many seeds, and answer its claims with bounds.
 
 It writes a verdict in sentences, reward curves, tables, an ablation, a search for CoCap's largest
-gain, the test of giving way, and scaling. Existing results in the folder are not computed again.
+gain, the test of giving way, and scaling. Results already in the folder are not recomputed.
 
 Example: cocap-opt study paper --out paper --seeds 0-9
 """),
@@ -44,9 +44,9 @@ Example: cocap-opt study quote planners_in_short
     "others": Study("others.others:others", """\
 Compare published plans of other projects with ours, with certified bounds.
 
-FOLDER holds scenes of Greedy Perspectives (seq.yaml, starts.csv, peer_paths.csv) or of Hughes et
-al. (NAME_data.json or scene.json, solutions, ppa_evaluation.csv), in folders as they are published.
-One evaluator judges all plans. Existing results in --out are not computed again.
+FOLDER contains scenes of Greedy Perspectives (seq.yaml, starts.csv, peer_paths.csv) or of Hughes et
+al. (NAME_data.json or scene.json, solutions, ppa_evaluation.csv), in the published folders. All
+plans are evaluated by the same code. Results already in the --out folder are not recomputed.
 
 Example: cocap-opt study others greedy_perspectives --limit 30 --out others
 """),
@@ -56,14 +56,14 @@ Measure how column generation grows with drones, steps and cells.
 Example: cocap-opt study growth --seeds 0 --limit 20 --out growth
 """),
     "views": Study("views:views", """\
-Measure planned against rendered coverage.
+Compare planned with rendered coverage.
 
 Example: cocap-opt study views --scene corridor --poses 100 --out views
 """),
     "solvers": Study("solvers.table:solvers", """\
 Compare bounds and exact methods with generic solvers.
 
-Times are processor time on one thread.
+Times are CPU times of one thread.
 
 Example: cocap-opt study solvers --rows corridor cone-program --limit 20
 """),
@@ -77,10 +77,10 @@ of an hour. The notebook solvers_compared draws the stored results.
 Example: cocap-opt study steps --steps 1-4 --seeds 0 --out steps
 """),
     "audit": Study("audit:audit", """\
-Compare the instances of built-in scenes with their scenes, by independent code.
+Check the exported instances of built-in scenes against the scenes, with independent code.
 
-Coverage is enclosed by interval arithmetic (the extra `audit`). If a scene has too many reachable
-states, only those of a greedy plan, those with most pixels, and as many random ones are enclosed.
+Coverage is checked by interval arithmetic (the extra `audit`). If a scene has too many reachable
+states, only those of a greedy plan, those with most pixels, and as many random ones are checked.
 It takes a quarter of an hour.
 
 Example: cocap-opt study audit --scene corridor --out audit
@@ -91,26 +91,26 @@ Measure the cost of coverage on maps of 120 x 120 cells.
 Example: cocap-opt study coverage --robots 2 --steps 10
 """),
     "gamma": Study("gamma:gamma", """\
-Measure the discount of view search: rewards kept and views saved.
+Measure the discount factor of view search: rewards kept and views saved.
 
 Example: cocap-opt study gamma --scene corridor --seeds 0-1
 """),
     "lazy": Study("lazy:lazy", """\
-Measure lazy value iteration: views, rewards and time against all coverage.
+Measure lazy value iteration: views, rewards and time, compared with full coverage.
 
 By default it runs scenes with cheap views and scenes with expensive ones, in a few minutes.
 
 Example: cocap-opt study lazy --scene corridor bridge --seeds 0
 """),
     "starts": Study("starts:starts", """\
-Measure the gain from choosing starts, by proved optima from given starts and from the best ones.
+Measure the gain from choosing starts: proved optima from given starts and from the best ones.
 
 Example: cocap-opt study starts --scene corridor --seeds 0
 """),
     "tripods": Study("tripods.tripods:tripods", """\
 Place fixed cameras on the walls of a room, and compare them with lab-camera-optimizer 1.2.1.
 
-That program runs in a Python of its own, which --theirs names, e.g. venv/bin/python.
+That program runs in its own Python environment: pass its interpreter as --theirs.
 
 Example: cocap-opt study tripods --theirs venv/bin/python --room demo --cameras 2-3
 """),
@@ -120,22 +120,22 @@ Measure how much J a separation at every moment costs, with certified bounds.
 Example: cocap-opt study separation --scene corridor --seeds 0 --metres 1 2 --limit 20
 """),
     "flight": Study("flight.flight:flight", """\
-Fly plans in RotorPy, a simulator by others: errors, distances, and J of the filmed views.
+Fly plans in the simulator RotorPy: errors, distances, and J of the filmed views.
 
-It flies smooth and straight flights, in still air and in wind. It needs the extra `flight`, and by
-default a quarter of an hour. --stored needs neither.
+It flies smooth and straight flights, in still air and in wind. It needs the extra `flight`, and
+takes a quarter of an hour by default; --stored needs neither.
 
 Example: cocap-opt study flight bridge --seeds 0 --wind 0 --out flown
 """),
     "peers": Study("coverage.peers:peers", """\
-Compare coverage with the pixels that Greedy Perspectives' program rendered.
+Compare coverage with the pixels that the program of Greedy Perspectives rendered.
 
 Example: cocap-opt study peers seq.yaml peer_coverage.csv
 """),
     "quality": Study("quality.quality:quality", """\
 Compare the predicted accuracy of plans with triangulated walkers, and quality with J.
 
-Joints of walking figures are projected into the planned cameras with noise, and found again by
+Joints of walking figures are projected into the planned cameras with noise, and triangulated by
 least squares and by a library (the extra `triangulation`). It takes three minutes.
 
 Example: cocap-opt study quality --scene corridor --seeds 0 --out quality
@@ -143,14 +143,14 @@ Example: cocap-opt study quality --scene corridor --seeds 0 --out quality
     "cameras": Study("cameras:cameras", """\
 Measure how much J two cameras on each person cost, and how proofs change.
 
-By default it runs the built-in scenes, some of them for two minutes of processor time.
+By default it runs the built-in scenes, some of them for two minutes of CPU time.
 
 Example: cocap-opt study cameras --scene corridor --seeds 0 --limit 20 --out cameras
 """),
     "library": Study("library:library", """\
-Fill the library: make its instances, and submit a plan and a proof for each one without them.
+Fill the library: make its instances, and submit a plan and a proof for each one that has none.
 
-The folder of --from has a folder for each family of other projects, with the family's name.
+For scenes of other projects, --from names a folder with one folder for each family.
 
 Example: cocap-opt study library bottleneck-0 --limit 5
 """),
@@ -165,21 +165,21 @@ Compare the speed of cocap-check in a browser with the command; needs Chromium a
 Example: cocap-opt study browser --scene corridor --out browser
 """),
     "verified": Study("verified:verified", """\
-Measure the speed of the checker that is verified in Coq, on claims of scenes.
+Measure the speed of the checker that is verified in Coq, on bounds of built-in scenes.
 
-The program is built by formulations/certificates/coq/build.sh. It takes some minutes.
+Build the program with formulations/certificates/coq/build.sh first. The study takes some minutes.
 
 Example: cocap-opt study verified --program build/cocap-check-verified --scene corridor
 """),
     "memory": Study("memory:memory", """\
-Measure the memory of coverage tables while they are made, and of planning with them.
+Measure the memory used to compute coverage tables, and to plan with them.
 
 Example: cocap-opt study memory --scene field-large --out memory
 """),
     "releases": Study("releases:releases", """\
-Make the row of a release for the page of benchmarks, from stored results.
+Make the row of a release for the benchmarks page from stored results.
 
-It takes the place of the row of the development since the last release; all other rows are kept.
+It replaces the row of the development since the last release; all other rows are kept.
 
 Example: cocap-opt study releases 0.2.0 2026-11-26 --out experiments/lab/stored
 """),
@@ -191,14 +191,15 @@ Example: cocap-opt study frames field --planner cocap-lns
     "place": Study("place:place", """\
 Cut the files of the built-in scene delft out of larger ones; needs the extras maps and earth.
 
-FOLDER holds surface.tif, ground.tif and map.geojson, as scenarios/places/delft/README.md says.
+SOURCE contains surface.tif, ground.tif and map.geojson; scenarios/places/delft/README.md says where
+they come from.
 
 Example: cocap-opt study place delft --out scenarios/places/delft
 """),
     "notebooks": Study("notebooks:notebooks", """\
 Run the project's notebooks from start to end and store them with their outputs.
 
-A notebook of which a cell fails is left as it is.
+If a cell fails, its notebook is not changed.
 
 Example: cocap-opt study notebooks first_tour
 """),

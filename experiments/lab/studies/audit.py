@@ -34,7 +34,7 @@ class AuditedScene(NamedTuple):
     different: int  # facts and numbers that are not the scene's
     wide_share: float  # of the widest enclosure of the others, as a share
     wide_pixels: float  # px/m2
-    seconds: float  # of processor time, for the audit alone
+    seconds: float  # of CPU time, for the audit alone
 
     @classmethod
     def of(cls, name: str, views: int, whole: int) -> "AuditedScene":
@@ -66,10 +66,10 @@ def audit(
     *,
     scene: Scenes = None,
     views: Annotated[
-        int, Parameter(help="number of states with most pixels, and of random ones, to enclose")
+        int, Parameter(help="number of states with most pixels, and of random ones, to check")
     ] = 20_000,
     whole: Annotated[
-        int, Parameter(help="largest number of reachable states that are all enclosed")
+        int, Parameter(help="check all states of scenes with up to this many reachable states")
     ] = 400_000,
     out: Out = None,
 ) -> None:

@@ -2,7 +2,7 @@
 
 Each scene is planned three times: for pixels alone, with views at their default weight, and with
 people before all pixels. Each time the recommended planner makes a plan, and branch-and-price goes
-on from there. Seconds and limits are of processor time, coverage not included.
+on from there. Seconds and limits are of CPU time, coverage not included.
 """
 
 import math

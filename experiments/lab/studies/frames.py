@@ -1,6 +1,6 @@
 """The speed of the player: pictures a second while it plays or turns, and what each costs.
 
-The cost is the processor time of the page's main thread, as a share of what there is for 30
+The cost is the CPU time of the page's main thread, as a share of what there is for 30
 pictures a second, so that a busy machine hardly changes it. It needs Chromium, as `pictures` does.
 """
 
@@ -89,12 +89,12 @@ def _measured(page: Path, name: str, keys: str, moving: str) -> Record:
     return {
         "looked at": name,
         "pictures a second": round(count / seconds, 1),
-        "processor time, of 1/30 s": f"{100 * _WANTED * (after[1] - busy) / count:.0f} %",
+        "CPU time, of 1/30 s": f"{100 * _WANTED * (after[1] - busy) / count:.0f} %",
     }
 
 
 def _spent(browser: Any) -> tuple[int, float]:
-    """Returns the number of pictures that were drawn, and the main thread's processor time (s)."""
+    """Returns the number of pictures that were drawn, and the main thread's CPU time (s)."""
     metrics = browser.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
     busy = {metric["name"]: metric["value"] for metric in metrics}["TaskDuration"]
     return browser.execute_script("return window.pictures"), busy

@@ -94,7 +94,7 @@ def lazy(*, scene: Scenes = None, seeds: Seeds = "0", out: Out = None) -> None:
             say(f"{name} seed {seed}: {rows[-1]['views']:.1%} of the views")
             results.save(_TABLE, rows)
     Listing(
-        "lazy value iteration: views evaluated, J and processor time, as shares of those of value "
+        "lazy value iteration: views evaluated, J and CPU time, as shares of those of value "
         "iteration with the coverage of all states",
         means(rows),
     ).print()

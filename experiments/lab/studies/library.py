@@ -33,7 +33,7 @@ def library(
     sources: Annotated[
         Path | None,
         Parameter(
-            name="--from", help="folder with the scenes of other projects, a folder for each family"
+            name="--from", help="folder with scenes of other projects, one folder for each family"
         ),
     ] = None,
     folder: Annotated[

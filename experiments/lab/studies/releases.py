@@ -42,10 +42,10 @@ class Release(NamedTuple):
     gap, worst : its mean distance below the certified bound, and the largest, in %
     cocap : the mean distance of CoCap below the bound, in %
     search : s, its median time of search
-    proof : s, median processor time to the proof of an optimum of the bottleneck
+    proof : s, median CPU time to the proof of an optimum of the bottleneck
     long, large : % left open on field-long after 300 s and on field-large after 120 s, medians
     ratio : CoCap's time over that of sequential planning on the bottleneck, median
-    command : s of processor time, `cocap-opt gap corridor --seeds 0`
+    command : s of CPU time, `cocap-opt gap corridor --seeds 0`
     """
 
     version: str
@@ -114,7 +114,7 @@ class Release(NamedTuple):
 
 
 def releases(
-    version: Annotated[str, Parameter(help=f"such as 0.3.0, or {DEVELOPMENT}")],
+    version: Annotated[str, Parameter(help=f"version, e.g. 0.3.0, or {DEVELOPMENT}")],
     date: Annotated[str, Parameter(help="date of the tag or the results, e.g. 2026-11-26")],
     /,
     *,

@@ -1,6 +1,6 @@
-"""Runs of one method on one instance, with the processor time that they take.
+"""Runs of one method on one instance, with the CPU time that they take.
 
-Processor time hardly changes on a busy machine; limits are of it, too. Plan and bound pass the
+CPU time hardly changes on a busy machine; limits are of it, too. Plan and bound pass the
 referee after the clock has stopped. A `Run` has a process of its own and one thread; imports, first
 solves of tiny instances and the coverage are not counted.
 """
@@ -47,7 +47,7 @@ class TimedRun(NamedTuple):
 
     Attributes
     ----------
-    seconds : of processor time, that of processes that the method has started included
+    seconds : of CPU time, that of processes that the method has started included
     gigabytes : peak memory of the process, imports and coverage included
     """
 
@@ -93,12 +93,12 @@ def _record(method: Measurable) -> Method[Any]:
 
 
 def processor_seconds() -> float:
-    """Returns the processor time of this process, and of those that it has started and awaited."""
+    """Returns the CPU time of this process, and of those that it has started and awaited."""
     return process_time() + childrens_seconds()
 
 
 def childrens_seconds() -> float:
-    """Returns the processor time of the processes that this one has started and awaited."""
+    """Returns the CPU time of the processes that this one has started and awaited."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
@@ -109,9 +109,9 @@ class Run:
 
     Attributes
     ----------
-    moments : one each time that value or bound improved, with seconds of processor time
+    moments : one each time that value or bound improved, with seconds of CPU time
     value : J by the referee; -inf without a plan
-    seconds : of processor time until the method returned, processes that it started included
+    seconds : of CPU time until the method returned, processes that it started included
     elapsed : seconds until then by the method's own clock
     gigabytes : peak memory of the process, imports and coverage included
     solver_bound : bound that a generic solver claims, which nobody can check; else infinite
@@ -148,7 +148,7 @@ class Run:
 
     @staticmethod
     def of(build: Build, method: Measurable, seconds: float) -> "Run":
-        """Runs a method with a limit of processor time in a process of its own.
+        """Runs a method with a limit of CPU time in a process of its own.
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Run:
     def told(self, name: str, seed: int) -> Self:
         """Prints a line about the run on standard error, and returns the run."""
         gap = f"gap {100 * self.gap:.4f} %" if math.isfinite(self.gap) else "no gap"
-        say(f"{name} seed {seed}: {self.reason} after {self.seconds:.2f} s of processor time "
+        say(f"{name} seed {seed}: {self.reason} after {self.seconds:.2f} s of CPU time "
             f"({self.elapsed:.2f} s), {gap}, {self.gigabytes:.2f} GB")  # fmt: skip
         return self
 
@@ -242,7 +242,7 @@ def _warm_up(method: Measurable) -> None:
 
 
 def _measured(build: Build, method: Measurable, seconds: float) -> Run:
-    """Runs a method with a limit of processor time in this process."""
+    """Runs a method with a limit of CPU time in this process."""
     problem = _prepared(build)
     moments: list[Snapshot] = []
     stop = ProcessorLimit(seconds)
@@ -263,7 +263,7 @@ def _measured(build: Build, method: Measurable, seconds: float) -> Run:
 
 
 class ProcessorLimit(Stop):
-    """Reached after so many seconds of processor time of this process and those it has started."""
+    """Reached after so many seconds of CPU time of this process and those it has started."""
 
     def __init__(self, most: float) -> None:
         self._most, self._begin = most, processor_seconds()
@@ -274,12 +274,12 @@ class ProcessorLimit(Stop):
         return processor_seconds() - self._begin
 
     def reached(self) -> Limit | None:
-        """Return `Limit.TIME` once the processor time is up."""
+        """Return `Limit.TIME` once the CPU time is up."""
         return Limit.TIME if self.seconds >= self._most else None
 
     @property
     def seconds_left(self) -> float:
-        """Seconds of processor time until the limit, >= 0, which solvers take for seconds."""
+        """Seconds of CPU time until the limit, >= 0, which solvers take for seconds."""
         return max(0.0, self._most - self.seconds)
 
 

@@ -1,6 +1,6 @@
 """Speed of coverage, of planners and of the command line, beside the targets of the project.
 
-Each figure is a median over repeated runs, in seconds of processor time on one core, those of
+Each figure is a median over repeated runs, in seconds of CPU time on one core, those of
 programs that are started included; only what several cores gain is measured on all of them, as
 time passes. The slowest seed is the greatest of such medians. Ratios compare two things done in the
 same process, so they hold on slow and busy machines; seconds do not.
@@ -81,7 +81,7 @@ def speed(*, out: Out = None) -> None:
     """Measures and prints all figures, and writes the table (speed.csv)."""
     results = Results.into(None if out is None else out.resolve())
     os.chdir(Path(__file__).parents[2])  # for the programs that are started
-    table = Table("figure", "measured", "target", title="speed (processor time; one core)")
+    table = Table("figure", "measured", "target", title="speed (CPU time; one core)")
     figures = list[_Speed]()
     for measure in _MEASURES:
         with nullcontext() if measure is _cores else _one_core():
@@ -95,7 +95,7 @@ def speed(*, out: Out = None) -> None:
 
 
 def speed_in_markdown() -> str:
-    """Returns stored processor times and ratios; their targets are for the project alone."""
+    """Returns stored CPU times and ratios; their targets are for the project alone."""
     return markdown(
         [
             {"figure": row["figure"], "measured": in_unit(row["measured"], row["unit"])}
@@ -257,7 +257,7 @@ _MEASURES = (_joint, _value_iteration, _coverage, _cores, _cocap, _command_line)
 
 
 def _seconds(run: Callable[[], object], repeats: int) -> float:
-    """Returns the median processor time of a call, after one call that is not counted."""
+    """Returns the median CPU time of a call, after one call that is not counted."""
     run()
     times = []
     for _ in range(repeats):

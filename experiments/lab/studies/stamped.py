@@ -1,4 +1,4 @@
-"""Pictures of programs of others, which say in a text what they are made of.
+"""Pictures of other programs, which say in a text what they are made of.
 
 A browser and PDFium draw a little otherwise in each release, so that no test can compare pixels. A
 picture has a digest instead of the scene and of all that draws it here; where that has changed, a

@@ -56,7 +56,7 @@ class VerifiedClaim(NamedTuple):
     leaves, stages : of the file
     rows, cuts : the most of one leaf, or of the multipliers
     paths : 1 if paths of all drones together are explored
-    lowering, check : seconds of processor time
+    lowering, check : seconds of CPU time
     """
 
     scene: str
@@ -75,7 +75,11 @@ def verified(
     program: Annotated[Path, Parameter(help="program cocap-check-verified, built by build.sh")],
     scene: Annotated[
         list[str] | None,
-        Parameter(negative="", consume_multiple=True, help=f"of {', '.join(_CLAIMS)}"),
+        Parameter(
+            negative="",
+            consume_multiple=True,
+            help=f"scenes, of {', '.join(_CLAIMS)} (default: all)",
+        ),
     ] = None,
     out: Out = None,
 ) -> None:
@@ -125,7 +129,7 @@ def checked(program: Path, problem: Problem, claimed: Document, claim: str) -> V
 
 
 def _seconds(command: Sequence[str]) -> float:
-    """Runs a command to its end; returns seconds of processor time."""
+    """Runs a command to its end; returns seconds of CPU time."""
     before = processor_seconds()
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -15,13 +15,13 @@ _PLANNERS = {
     "a good plan in a fraction of the time": "cocap-lns",
     "a plan that no single drone can improve, at once": "sequential-rounds",
     "any plan that obeys the rules, at once": "sequential",
-    "the published planner, to compare with": "cocap",
+    "the published planner, for comparison": "cocap",
     "the optimum of one or two drones": "joint",
     "the reward without collision rules": "greedy-rounds",
 }
 # What somebody wants, the method, and the row and figures of its stored measurements.
 _BOUNDS: tuple[tuple[str, str, str, Sequence[str]], ...] = (
-    ("the optimum, proved, of a team of the paper's size", "`solve` (branch-and-price)",
+    ("the proved optimum for a team of the paper's size", "`solve` (branch-and-price)",
      "bottleneck", ("proved optima", "median seconds to proof")),
     ("the same where space is tight", "`solve` (branch-and-price)",
      "passage", ("proved optima", "median seconds to proof")),

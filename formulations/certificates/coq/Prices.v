@@ -1,5 +1,5 @@
 (** What drones are paid for what they see, and the constants that go with it: whole numbers. *)
-From Coq Require Import ZArith List Bool Reals Lra Lia Psatz.
+From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation Mergesort Orders.
 From CocapCheck Require Import Spec Sums Returns.
 Import ListNotations.
 Open Scope Z_scope.
@@ -23,6 +23,15 @@ Fixpoint curve_in (cs : list (nat * list (Z * Z))) (k : nat) : list (Z * Z) :=
   | [] => []
   | (k', points) :: rest => if Nat.eqb k k' then points else curve_in rest k
   end.
+
+(** More pixels come first; among as many, less that is paid. *)
+Module Better <: TotalLeBool.
+  Definition t := (Z * Z)%type.
+  Definition leb (a b : t) : bool := (fst b <? fst a) || ((fst a =? fst b) && (snd a <=? snd b)).
+  Theorem leb_total : forall a b, leb a b = true \/ leb b a = true.
+  Proof. intros [a p] [b q]. unfold leb. cbn [fst snd]. rewrite !orb_true_iff, !andb_true_iff. lia. Qed.
+End Better.
+Module Sorting := Sort Better.
 
 Section Prices.
 Variables (I : instance) (M : multipliers).
@@ -66,24 +75,91 @@ Definition views_ok (k t : nat) (s : state) : bool :=
 
 Definition size (k : nat) : nat := length (filter (fun d => Nat.eqb k (fst d)) (team I)).
 
-(** Up to n drones of a class stand at its points, all others at (0, 0). *)
-Fixpoint take (n : nat) (points : list (Z * Z)) (q paid : Z) (next : Z -> Z -> bool) : bool :=
+(** At a slope, a point is worth b^2 - 2 x v: of some points the most, or 0, and the value there. *)
+Fixpoint best_at (x : Z) (points : list (Z * Z)) : Z * Z :=
   match points with
-  | [] => next q paid
+  | [] => (0, 0)
   | (b, v) :: rest =>
-      forallb (fun j => take (n - j) rest (q + Z.of_nat j * (b * b)) (paid + Z.of_nat j * v) next)
-              (seq 0 (S n))
+      let (most, value) := best_at x rest in
+      let here := b * b - 2 * x * v in
+      if most <? here then (here, v) else (most, value)
   end.
 
-Fixpoint corners_ok (enough : Z) (cs : list (nat * list (Z * Z))) (q paid : Z) : bool :=
+(** The same of n drones at some points, and of all drones of some classes. *)
+Fixpoint all_best_at (x : Z) (cs : list (nat * list (Z * Z))) : Z * Z :=
   match cs with
-  | [] => (0 <=? enough + paid) && (q <=? (enough + paid) * (enough + paid))
-  | (k, points) :: rest => take (size k) points q paid (corners_ok enough rest)
+  | [] => (0, 0)
+  | (k, points) :: rest =>
+      let (most, value) := best_at x points in
+      let (mosts, values) := all_best_at x rest in
+      (Z.of_nat (size k) * most + mosts, Z.of_nat (size k) * value + values)
+  end.
+
+(** All that follows has q' <= y'^2 for y' = enough + paid', as 2 x y' - x^2 <= y'^2 for each x.
+    An x that shows it is looked for by bisection. *)
+Fixpoint slope_found (fuel : nat) (enough low high : Z) (n : nat) (points : list (Z * Z))
+    (cs : list (nat * list (Z * Z))) (q paid : Z) : bool :=
+  let x := (low + high) / 2 in
+  let (most, value) := best_at x points in
+  let (mosts, values) := all_best_at x cs in
+  ((0 <? x) && (0 <=? q) && (q + (Z.of_nat n * most + mosts) <=? 2 * x * (enough + paid) - x * x))
+  || match fuel with
+     | O => false
+     | S fuel' =>
+         if x <? enough + paid + (Z.of_nat n * value + values)
+         then slope_found fuel' enough x high n points cs q paid
+         else slope_found fuel' enough low x n points cs q paid
+     end.
+
+Definition slopes : nat := 12.
+
+(** No corner with n drones at some points, and those of other classes at theirs, is too high. *)
+Definition none_higher (enough : Z) (cs : list (nat * list (Z * Z))) (n : nat)
+    (points : list (Z * Z)) (q paid : Z) : bool :=
+  let (_, value) := best_at 0 points in
+  let (_, values) := all_best_at 0 cs in
+  let y := enough + paid in
+  slope_found slopes enough y (y + (Z.of_nat n * value + values)) n points cs q paid.
+
+(** Ways to place drones, (pixels, paid), without those after one that is no worse. *)
+Fixpoint undominated (last : Z * Z) (ways : list (Z * Z)) : list (Z * Z) :=
+  match ways with
+  | [] => []
+  | way :: rest =>
+      if (fst way <=? fst last) && (snd last <=? snd way) then undominated last rest
+      else way :: undominated way rest
+  end.
+
+Definition thinned (ways : list (Z * Z)) : list (Z * Z) :=
+  match Sorting.sort ways with
+  | [] => []
+  | best :: rest => best :: undominated best rest
+  end.
+
+(** One more drone stands at one of some points, or at (0, 0); n more are left. *)
+Definition one_more (enough : Z) (cs : list (nat * list (Z * Z))) (n : nat)
+    (points ways : list (Z * Z)) : list (Z * Z) :=
+  thinned (filter (fun way => negb (none_higher enough cs n points (fst way) (snd way)))
+    (flat_map (fun way => way :: map (fun c => (fst way + fst c * fst c, snd way + snd c)) points)
+              ways)).
+
+Fixpoint with_class (enough : Z) (cs : list (nat * list (Z * Z))) (n : nat)
+    (points ways : list (Z * Z)) : list (Z * Z) :=
+  match n with
+  | O => ways
+  | S n' => with_class enough cs n' points (one_more enough cs n' points ways)
+  end.
+
+Fixpoint corners_ok (enough : Z) (cs : list (nat * list (Z * Z))) (ways : list (Z * Z)) : bool :=
+  match cs with
+  | [] => forallb (fun way => (0 <=? enough + snd way)
+                              && (fst way <=? (enough + snd way) * (enough + snd way))) ways
+  | (k, points) :: rest => corners_ok enough rest (with_class enough rest (size k) points ways)
   end.
 
 Definition cut_ok (c : cut) : bool :=
   (0 <=? share c) && (0 <=? constant c)
-  && forallb (fun kp => rising 0 (snd kp)) (curves c) && corners_ok (constant c) (curves c) 0 0.
+  && forallb (fun kp => rising 0 (snd kp)) (curves c) && corners_ok (constant c) (curves c) [(0, 0)].
 
 Definition group_ok (g : group) : bool :=
   let p := prices M g in
@@ -166,80 +242,191 @@ Proof.
   intros H. split; apply sumZ_zero; intros x Hx; rewrite (H x Hx); reflexivity.
 Qed.
 
-Definition same (x y : Z * Z) : bool := (fst x =? fst y) && (snd x =? snd y).
+Lemma squares_nonneg l : 0 <= squares l.
+Proof. unfold squares. apply sumZ_nonneg. intros x _. apply Z.square_nonneg. Qed.
 
-Lemma same_eq x y : same x y = true -> y = x.
-Proof. destruct x, y. unfold same. simpl. intros H. split_andb. to_Z. congruence. Qed.
-
-Lemma sum_of_same f x l : sumZ (map f (filter (same x) l)) = Z.of_nat (length (filter (same x) l)) * f x.
+Lemma best_at_ok x points : forall p, In p ((0, 0) :: points) ->
+  fst p * fst p - 2 * x * snd p <= fst (best_at x points) /\ 0 <= fst (best_at x points).
 Proof.
-  induction l as [|y l IH]; [reflexivity|]. cbn [filter].
-  destruct (same x y) eqn:E; [|exact IH]. apply same_eq in E. subst y.
-  cbn [map sumZ length]. rewrite IH, Nat2Z.inj_succ. lia.
+  induction points as [|[b v] points IH]; intros p Hp.
+  - destruct Hp as [<- | []]. simpl. lia.
+  - cbn [best_at]. pose proof (IH (0, 0) (or_introl eq_refl)) as [_ H0].
+    destruct (best_at x points) as [most value] eqn:E. cbn [fst] in *.
+    destruct (Z.ltb_spec most (b * b - 2 * x * v)); cbn [fst];
+      (destruct Hp as [<- | [<- | Hp]]; [cbn [fst snd]; lia | cbn [fst snd]; lia |
+        pose proof (IH p (or_intror Hp)); lia]).
 Qed.
 
-Lemma filter_lengths {A} (b : A -> bool) l :
-  (length (filter b l) + length (filter (fun x => negb (b x)) l) = length l)%nat.
-Proof. induction l as [|x l IH]; simpl; [reflexivity|]. destruct (b x); simpl; lia. Qed.
-
-Lemma take_sound points : forall n q p next l,
-  take n points q p next = true -> (length l <= n)%nat ->
-  (forall x, In x l -> In x ((0, 0) :: points)) -> next (q + squares l) (p + values l) = true.
+Lemma some_best_at x points : forall l n, (length l <= n)%nat ->
+  (forall p, In p l -> In p ((0, 0) :: points)) ->
+  squares l - 2 * x * values l <= Z.of_nat n * fst (best_at x points).
 Proof.
-  induction points as [|[b v] points IH]; intros n q p next l H Hlen Hl.
-  - simpl in H. destruct (zeros l) as [-> ->].
-    + intros x Hx. destruct (Hl x Hx) as [E | []]. auto.
-    + rewrite !Z.add_0_r. exact H.
-  - cbn [take] in H. rewrite forallb_forall in H.
-    set (same_ones := filter (same (b, v)) l). set (others := filter (fun x => negb (same (b, v) x)) l).
-    pose proof (filter_lengths (same (b, v)) l) as HL. fold same_ones others in HL.
-    specialize (H (length same_ones)). rewrite in_seq in H.
-    specialize (IH _ _ _ _ others (H ltac:(lia))).
-    replace (q + squares l) with (q + Z.of_nat (length same_ones) * (b * b) + squares others).
-    2:{ unfold squares. rewrite (sumZ_filter (same (b, v)) _ l). fold same_ones others.
-        unfold same_ones at 2. rewrite sum_of_same. fold same_ones. cbn [fst]. lia. }
-    replace (p + values l) with (p + Z.of_nat (length same_ones) * v + values others).
-    2:{ unfold values. rewrite (sumZ_filter (same (b, v)) _ l). fold same_ones others.
-        unfold same_ones at 2. rewrite sum_of_same. fold same_ones. cbn [snd]. lia. }
-    apply IH; [lia|]. intros x Hx. apply filter_In in Hx. destruct Hx as [Hx E].
-    destruct (Hl x Hx) as [D | [D | D]]; [left; exact D | | right; exact D].
-    exfalso. subst x. unfold same in E. simpl in E. rewrite !Z.eqb_refl in E. discriminate.
+  induction l as [|p l IH]; intros n Hn Hl.
+  - unfold squares, values. cbn [map sumZ].
+    pose proof (best_at_ok x points (0, 0) (or_introl eq_refl)) as [_ H].
+    pose proof (Z.mul_nonneg_nonneg (Z.of_nat n) _ (Nat2Z.is_nonneg n) H). lia.
+  - destruct n as [|n]; [simpl in Hn; lia|]. simpl in Hn.
+    specialize (IH n ltac:(lia) (fun y Hy => Hl y (or_intror Hy))).
+    pose proof (best_at_ok x points p (Hl p (or_introl eq_refl))) as [H _].
+    unfold squares, values in *. cbn [map sumZ] in *. rewrite Nat2Z.inj_succ. lia.
 Qed.
 
-Lemma corners_sound enough cs : forall q p (l : list (nat * (Z * Z))),
-  corners_ok enough cs q p = true ->
-  (forall x, In x l -> In (snd x) ((0, 0) :: curve_in cs (fst x))) ->
-  (forall k, (length (filter (fun x => Nat.eqb k (fst x)) l) <= size k)%nat) ->
-  0 <= enough + (p + values (map snd l))
-  /\ q + squares (map snd l) <= (enough + (p + values (map snd l))) * (enough + (p + values (map snd l))).
+(** Drones with their classes, each at a point of its class, no more of a class than there are. *)
+Definition at_corners (cs : list (nat * list (Z * Z))) (l : list (nat * (Z * Z))) : Prop :=
+  (forall x, In x l -> In (snd x) ((0, 0) :: curve_in cs (fst x)))
+  /\ (forall k, (length (filter (fun x => Nat.eqb k (fst x)) l) <= size k)%nat).
+
+Definition of_class (k : nat) (l : list (nat * (Z * Z))) := filter (fun x => Nat.eqb k (fst x)) l.
+Definition of_others (k : nat) (l : list (nat * (Z * Z))) :=
+  filter (fun x => negb (Nat.eqb k (fst x))) l.
+
+Lemma of_classes k points cs l : at_corners ((k, points) :: cs) l ->
+  (length (map snd (of_class k l)) <= size k)%nat
+  /\ (forall x, In x (map snd (of_class k l)) -> In x ((0, 0) :: points))
+  /\ at_corners cs (of_others k l)
+  /\ squares (map snd l) = squares (map snd (of_class k l)) + squares (map snd (of_others k l))
+  /\ values (map snd l) = values (map snd (of_class k l)) + values (map snd (of_others k l)).
 Proof.
-  induction cs as [|[k points] cs IH]; intros q p l H Hl Hn.
-  - simpl in H. split_andb. to_Z. destruct (zeros (map snd l)) as [-> ->].
-    + intros x Hx. apply in_map_iff in Hx. destruct Hx as [y [<- Hy]].
-      destruct (Hl y Hy) as [E | []]. auto.
-    + rewrite !Z.add_0_r. auto.
-  - cbn [corners_ok] in H.
-    set (mine := filter (fun x => Nat.eqb k (fst x)) l).
-    set (others := filter (fun x => negb (Nat.eqb k (fst x))) l).
-    apply (take_sound points _ _ _ _ (map snd mine)) in H.
-    + apply (IH _ _ others) in H.
-      * replace (q + squares (map snd l)) with (q + squares (map snd mine) + squares (map snd others)).
-        2:{ unfold squares. rewrite !map_map, (sumZ_filter (fun x => Nat.eqb k (fst x)) _ l).
-            fold mine others. lia. }
-        replace (p + values (map snd l)) with (p + values (map snd mine) + values (map snd others)).
-        2:{ unfold values. rewrite !map_map, (sumZ_filter (fun x => Nat.eqb k (fst x)) _ l).
-            fold mine others. lia. }
-        exact H.
-      * intros x Hx. apply filter_In in Hx. destruct Hx as [Hx E]. specialize (Hl x Hx).
-        cbn [curve_in] in Hl. destruct (Nat.eqb_spec (fst x) k) as [He | Hne]; [|exact Hl].
-        exfalso. rewrite He, Nat.eqb_refl in E. discriminate.
-      * intros k'. eapply Nat.le_trans; [|apply (Hn k')]. unfold others. clear.
-        induction l as [|x l IH]; simpl; [lia|].
-        destruct (Nat.eqb k (fst x)), (Nat.eqb k' (fst x)) eqn:E; simpl; rewrite ?E; simpl; lia.
-    + rewrite map_length. apply Hn.
-    + intros x Hx. apply in_map_iff in Hx. destruct Hx as [y [<- Hy]].
-      apply filter_In in Hy. destruct Hy as [Hy E]. specialize (Hl y Hy).
-      apply Nat.eqb_eq in E. cbn [curve_in] in Hl. rewrite <- E, Nat.eqb_refl in Hl. exact Hl.
+  intros [Hl Hn]. unfold of_class, of_others. split; [|split; [|split; [split|split]]].
+  - rewrite map_length. apply Hn.
+  - intros x Hx. apply in_map_iff in Hx. destruct Hx as [y [<- Hy]].
+    apply filter_In in Hy. destruct Hy as [Hy E]. specialize (Hl y Hy).
+    apply Nat.eqb_eq in E. cbn [curve_in] in Hl. rewrite <- E, Nat.eqb_refl in Hl. exact Hl.
+  - intros x Hx. apply filter_In in Hx. destruct Hx as [Hx E]. specialize (Hl x Hx).
+    cbn [curve_in] in Hl. destruct (Nat.eqb_spec (fst x) k) as [He | Hne]; [|exact Hl].
+    exfalso. rewrite He, Nat.eqb_refl in E. discriminate.
+  - intros k'. eapply Nat.le_trans; [|apply (Hn k')]. clear.
+    induction l as [|x l IH]; simpl; [lia|].
+    destruct (Nat.eqb k (fst x)), (Nat.eqb k' (fst x)) eqn:E; simpl; rewrite ?E; simpl; lia.
+  - unfold squares. rewrite !map_map, (sumZ_filter (fun x => Nat.eqb k (fst x)) _ l). lia.
+  - unfold values. rewrite !map_map, (sumZ_filter (fun x => Nat.eqb k (fst x)) _ l). lia.
+Qed.
+
+Lemma all_best_at_ok x cs : forall l, at_corners cs l ->
+  squares (map snd l) - 2 * x * values (map snd l) <= fst (all_best_at x cs).
+Proof.
+  induction cs as [|[k points] cs IH]; intros l Hl.
+  - destruct (zeros (map snd l)) as [-> ->]; [|simpl; lia].
+    intros y Hy. apply in_map_iff in Hy. destruct Hy as [z [<- Hz]].
+    destruct (proj1 Hl z Hz) as [E | []]. auto.
+  - destruct (of_classes _ _ _ _ Hl) as [H1 [H2 [H3 [-> ->]]]]. specialize (IH _ H3).
+    pose proof (some_best_at x points _ _ H1 H2) as H4. cbn [all_best_at].
+    destruct (best_at x points) as [most value], (all_best_at x cs) as [mosts vs].
+    cbn [fst] in *. lia.
+Qed.
+
+(** What a corner must obey, whose drones show q and are paid p. *)
+Definition not_higher (enough q p : Z) : Prop := 0 <= enough + p /\ q <= (enough + p) * (enough + p).
+
+Lemma slope_found_sound enough n points cs q p ls l : (length ls <= n)%nat ->
+  (forall x, In x ls -> In x ((0, 0) :: points)) -> at_corners cs l ->
+  forall fuel low high, slope_found fuel enough low high n points cs q p = true ->
+  not_higher enough (q + squares ls + squares (map snd l)) (p + values ls + values (map snd l)).
+Proof.
+  intros Hn Hls Hl. induction fuel as [|fuel IH]; intros low high H; cbn [slope_found] in H;
+    set (x := (low + high) / 2) in H;
+    pose proof (some_best_at x points ls n Hn Hls) as H1;
+    pose proof (all_best_at_ok x cs l Hl) as H2;
+    destruct (best_at x points) as [most value], (all_best_at x cs) as [mosts vs];
+    cbn [fst] in H1, H2; apply orb_true_iff in H; destruct H as [H | H].
+  1, 3: split_andb; to_Z; unfold not_higher;
+    set (y := enough + (p + values ls + values (map snd l)));
+    pose proof (squares_nonneg (map snd l)); pose proof (squares_nonneg ls);
+    pose proof (Z.square_nonneg (y - x));
+    assert (Hy : q + squares ls + squares (map snd l) <= 2 * x * y - x * x) by (unfold y; lia);
+    split; nia.
+  - discriminate.
+  - destruct (x <? _); eapply IH; exact H.
+Qed.
+
+Definition no_worse (y x : Z * Z) : Prop := fst x <= fst y /\ snd y <= snd x.
+
+Lemma no_worse_stays enough y x q p : no_worse y x ->
+  not_higher enough (fst y + q) (snd y + p) -> not_higher enough (fst x + q) (snd x + p).
+Proof. intros [H1 H2] [H3 H4]. split; [lia|]. nia. Qed.
+
+Lemma undominated_ok last ways : forall x, In x ways ->
+  exists y, In y (last :: undominated last ways) /\ no_worse y x.
+Proof.
+  revert last. induction ways as [|way ways IH]; intros last x Hx; [destruct Hx|].
+  cbn [undominated]. destruct ((fst way <=? fst last) && (snd last <=? snd way)) eqn:E.
+  - destruct Hx as [<- | Hx]; [|exact (IH last x Hx)].
+    split_andb. to_Z. exists last. split; [left; reflexivity | split; assumption].
+  - destruct Hx as [<- | Hx].
+    + exists way. split; [right; left; reflexivity | split; lia].
+    + destruct (IH way x Hx) as [y [Hy Hb]]. exists y. split; [right; exact Hy | exact Hb].
+Qed.
+
+Lemma thinned_ok ways x : In x ways -> exists y, In y (thinned ways) /\ no_worse y x.
+Proof.
+  intros Hx. apply (Permutation_in _ (Sorting.Permuted_sort ways)) in Hx. unfold thinned.
+  destruct (Sorting.sort ways) as [|best rest]; [destruct Hx|].
+  destruct Hx as [<- | Hx]; [exists best; split; [left; reflexivity | split; lia]|].
+  exact (undominated_ok best rest x Hx).
+Qed.
+
+(** Whatever n drones at some points, and those of other classes, add to a way. *)
+Definition fine (enough : Z) (n : nat) (points : list (Z * Z)) (l : list (nat * (Z * Z)))
+    (way : Z * Z) : Prop :=
+  forall ls, (length ls <= n)%nat -> (forall x, In x ls -> In x ((0, 0) :: points)) ->
+  not_higher enough (fst way + (squares ls + squares (map snd l)))
+                    (snd way + (values ls + values (map snd l))).
+
+Lemma one_more_sound enough cs n points ways l : at_corners cs l ->
+  (forall y, In y (one_more enough cs n points ways) -> fine enough n points l y) ->
+  forall x, In x ways -> fine enough (S n) points l x.
+Proof.
+  intros Hl Hy x Hx ls Hn Hls.
+  assert (He : forall e, In e (flat_map (fun way => way ::
+      map (fun c => (fst way + fst c * fst c, snd way + snd c)) points) ways) ->
+    fine enough n points l e).
+  { intros e He. destruct (none_higher enough cs n points (fst e) (snd e)) eqn:E.
+    - intros ls' Hn' Hls'. rewrite !Z.add_assoc. unfold none_higher in E.
+      destruct (best_at 0 points) as [m1 v1], (all_best_at 0 cs) as [m2 v2].
+      exact (slope_found_sound _ _ _ _ _ _ _ _ Hn' Hls' Hl _ _ _ E).
+    - destruct (thinned_ok (filter (fun way => negb (none_higher enough cs n points (fst way) (snd way)))
+        (flat_map (fun way => way :: map (fun c => (fst way + fst c * fst c, snd way + snd c)) points) ways)) e)
+        as [y [H1 H2]]; [apply filter_In; split; [exact He | rewrite E; reflexivity]|].
+      intros ls' Hn' Hls'. exact (no_worse_stays _ _ _ _ _ H2 (Hy y H1 ls' Hn' Hls')). }
+  destruct ls as [|c ls].
+  - apply (He x); [|simpl; lia | intros y []].
+    apply in_flat_map. exists x. split; [exact Hx | left; reflexivity].
+  - simpl in Hn. pose proof (Hls c (or_introl eq_refl)) as Hc.
+    assert (Hls' : forall y, In y ls -> In y ((0, 0) :: points)) by (intros y Hin; apply Hls; right; exact Hin).
+    unfold squares, values in *. cbn [map sumZ].
+    assert (Hin : In (fst x + fst c * fst c, snd x + snd c) (flat_map (fun way => way ::
+      map (fun c => (fst way + fst c * fst c, snd way + snd c)) points) ways)).
+    { apply in_flat_map. exists x. split; [exact Hx|]. destruct Hc as [<- | Hc].
+      - left. destruct x as [q p]. cbn [fst snd]. f_equal; lia.
+      - right. apply in_map_iff. exists c. split; [reflexivity | exact Hc]. }
+    pose proof (He _ Hin ls ltac:(lia) Hls') as H. unfold squares, values in H. cbn [fst snd] in H.
+    rewrite <- !Z.add_assoc in *. exact H.
+Qed.
+
+Lemma with_class_sound enough cs points l : at_corners cs l -> forall n ways,
+  (forall y, In y (with_class enough cs n points ways) -> fine enough 0 points l y) ->
+  forall x, In x ways -> fine enough n points l x.
+Proof.
+  intros Hl. induction n as [|n IH]; intros ways Hy x Hx; cbn [with_class] in Hy.
+  - exact (Hy x Hx).
+  - apply (one_more_sound _ cs _ _ ways _ Hl); [|exact Hx]. exact (IH _ Hy).
+Qed.
+
+Lemma corners_sound enough cs : forall ways l, corners_ok enough cs ways = true ->
+  at_corners cs l -> forall x, In x ways ->
+  not_higher enough (fst x + squares (map snd l)) (snd x + values (map snd l)).
+Proof.
+  induction cs as [|[k points] cs IH]; intros ways l H Hl x Hx; cbn [corners_ok] in H.
+  - rewrite forallb_forall in H. specialize (H x Hx). split_andb. to_Z.
+    destruct (zeros (map snd l)) as [-> ->].
+    + intros y Hy. apply in_map_iff in Hy. destruct Hy as [z [<- Hz]].
+      destruct (proj1 Hl z Hz) as [E | []]. auto.
+    + rewrite !Z.add_0_r. split; assumption.
+  - destruct (of_classes _ _ _ _ Hl) as [H1 [H2 [H3 [-> ->]]]].
+    apply (with_class_sound enough cs points (of_others k l) H3 (size k) ways); try assumption.
+    intros y Hy ls Hn _. destruct ls; [|simpl in Hn; lia].
+    unfold squares at 1, values at 1. cbn [map sumZ]. rewrite !Z.add_0_l.
+    exact (IH _ _ H H3 y Hy).
 Qed.
 
 (** What a group is seen of by some drones: class and amount. *)
@@ -305,9 +492,9 @@ Proof.
     { clear. intros A m. induction m as [|x m IH]; simpl; [reflexivity|].
       destruct (Nat.eqb k (fst x)); simpl; congruence. }
     rewrite !E, Efst. reflexivity. }
-  assert (C3 : corners_ok (constant c) (curves c) 0 0 = true) by assumption.
-  destruct (corners_sound _ _ _ _ l C3 C1 C2) as [C4 C5].
-  rewrite Esnd, !Z.add_0_l in C4, C5.
+  assert (C3 : corners_ok (constant c) (curves c) [(0, 0)] = true) by assumption.
+  destruct (corners_sound _ _ _ l C3 (conj C1 C2) (0, 0) (or_introl eq_refl)) as [C4 C5].
+  cbn [fst snd] in C4, C5. rewrite Esnd, !Z.add_0_l in C4, C5.
   apply IZR_le in C5. rewrite mult_IZR in C5. apply IZR_nonneg in C4.
   assert (HS : (sqrt (0 + IZR (squares cs)) <= IZR (constant c + values cs))%R).
   { rewrite Rplus_0_l. rewrite <- (sqrt_square (IZR (constant c + values cs))) by exact C4.

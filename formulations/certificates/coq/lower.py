@@ -43,6 +43,12 @@ def up(value: Fraction) -> int:
     return -(-value.numerator // value.denominator)
 
 
+def root_up(square: int) -> int:
+    """Returns the root of a number >= 0, rounded up."""
+    root = math.isqrt(square)
+    return root + (root * root < square)
+
+
 def listed(items: Iterable[Words]) -> Words:
     """Returns the words of a list: how many items, and theirs."""
     found = [*items]
@@ -160,23 +166,14 @@ class Lowering:
         }
         key = str(sorted(curves.items()))
         if key not in self._constants:
-            self._constants[key] = self._most([*curves.items()], 0, 0)
+            drones = [
+                [(r * r, v) for r, v in points]
+                for k, points in curves.items()
+                for _ in range(self.sizes[k])
+            ]
+            self._constants[key] = check.highest_corner(drones, root_up)
         words = listed([k, *listed([r, v] for r, v in points)] for k, points in curves.items())
         return share, self._constants[key], words
-
-    def _most(self, curves: list[tuple[int, list[tuple[int, int]]]], square: int, paid: int) -> int:
-        """Returns the most that a root exceeds its credits, at any corner."""
-        if not curves:
-            root = math.isqrt(square)
-            return max(root + (root * root < square) - paid, 0)
-        (k, points), *rest = curves
-        stays = itertools.combinations_with_replacement([(0, 0), *points], self.sizes[k])
-        return max(
-            self._most(
-                rest, square + sum(r * r for r, _ in corner), paid + sum(v for _, v in corner)
-            )
-            for corner in stays
-        )
 
     # -- resources --------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """The states of a step in which two robots may not be at once.
 
-They conflict where their places are too near, and many states have one place: the table is one of
+They conflict where their places are too close, and many states have one place: the table is one of
 places.
 """
 

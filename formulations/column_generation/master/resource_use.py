@@ -22,8 +22,8 @@ from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
 
-INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral
-_LEAST_SEEN = 1e-7  # of a robot, from which on a column counts in what a mixture sees
+INTEGRAL = 1e-4  # amounts closer than this to an integer count as integral
+_LEAST_SEEN = 1e-7  # of a robot; smaller amounts of a column see nothing
 
 
 def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:
@@ -187,7 +187,7 @@ class ResourceUse(NamedTuple):
 
         Parameters
         ----------
-        tolerance : amounts nearer than this to an integer count as integral
+        tolerance : amounts closer than this to an integer count as integral
         """
         for part in self:
             found = {r: a for r, a in part.items() if _is_fractional(a, tolerance)}

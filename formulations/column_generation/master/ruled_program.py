@@ -30,7 +30,7 @@ class RuledProgram:
     uses : [n, rows] of resources by columns
     charges : [rows] multipliers at a use of 1
     steepness : by how much they rise with each robot too many
-    least_share : of a root's multiplier, from which on pixels have one of their own
+    least_share : of a root's multiplier, above which pixels have a multiplier of their own
     """
 
     def __init__(

@@ -23,7 +23,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 
-_GAIN = 1e-9  # relative, from which on a path counts as better
+_GAIN = 1e-9  # relative; a path that gains less is no better
 
 
 class ArcSearch:

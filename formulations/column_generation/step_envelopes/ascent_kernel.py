@@ -10,7 +10,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.returns import return_of
 
 _MOST_SWEEPS = 50  # over all robots, of one start
-_GAIN = 1e-9  # relative, from which on a height counts as higher
+_GAIN = 1e-9  # relative; smaller rises do not count
 
 
 class AscentViews(NamedTuple):

@@ -23,7 +23,7 @@ KERNEL = Kernel(
     "cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel", "local search",
     compiling=3.0,
 )  # fmt: skip
-_GAIN = 1e-9  # relative, from which on a height counts as higher
+_GAIN = 1e-9  # relative; smaller rises do not count
 
 _JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
 

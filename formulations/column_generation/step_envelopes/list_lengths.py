@@ -20,7 +20,7 @@ class ListLengths:
     steps : number of steps that have a list
     parameters : how long lists are
     widening : times as much slack as the first lists': that of the present ones
-    long_search : number of nodes from which on a search is long
+    long_search : number of nodes above which a search is long
     """
 
     steps: int
@@ -54,7 +54,7 @@ class ListLengths:
 
         Parameters
         ----------
-        open_ : what is open of the bound, in units of J
+        open_ : the remaining gap of the bound, in units of J
         count : returns the number of states up to a slack, at all steps
         """
         per_step = self.parameters.slack * open_ / self.steps

@@ -109,7 +109,7 @@ class PathTrials:
 
         Parameters
         ----------
-        share : of what is open, by which the target is above the best plan
+        share : of the remaining gap, by which the target is above the best plan
         """
         if not self.is_on or not may_be_used(narrowing.model):
             return False

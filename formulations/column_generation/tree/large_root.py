@@ -182,7 +182,7 @@ class LargeRoot:
     def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
         self.search, self.ascent = search, _RuledAscent(search, mixture, best)
         self.found: dict[tuple[int, Path], Column] = {}
-        self._turns = 0  # of the ascent, from which on cuts are looked for
+        self._turns = 0  # of the ascent, after which cuts are looked for
 
     @property
     def _parameters(self) -> LargeRootParameters:

@@ -35,7 +35,7 @@ from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.stop import LimitReached
 
-_LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
+_LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with more are kept
 
 
 @dataclass
@@ -77,8 +77,8 @@ class Relaxation:
 
         Parameters
         ----------
-        cutoff : bound from which on the node is pruned; it may rise meanwhile
-        rough : share of what is open to the cutoff that convergence may leave
+        cutoff : bound at or below which the node is pruned; it may rise meanwhile
+        rough : share of the gap to the cutoff that convergence may leave
         others, nodes : largest bound of the other nodes and how many have been solved, for
             the report
         rounds : most rounds of cuts; None: as the parameters say

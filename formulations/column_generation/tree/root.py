@@ -24,7 +24,7 @@ class Root:
     ----------
     relaxation : the relaxation of which the bound is taken; `solve` may replace it
     gap : relative gap at which nothing is open, as in `Search.cutoff`
-    rough : share of what is open that convergence may leave, as in `Relaxation.solve`
+    rough : share of the remaining gap that convergence may leave, as in `Relaxation.solve`
     at_once : try the paths of better plans as soon as there is a plan: the soonest proof, of
         multipliers that explain less
     tried : what was open when the paths of all better plans were last tried

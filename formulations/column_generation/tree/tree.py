@@ -129,7 +129,7 @@ class Tree:
         return Relaxation(self.search, master, priced, node.decisions)
 
     def look_for_plans(self, relaxation: Relaxation) -> None:
-        """Offers plans made of a node's mixture; by diving at nodes 1, 2, 4, 8, .."""
+        """Offers plans built from a node's mixture; by diving at nodes 1, 2, 4, 8, .."""
         if relaxation.solution is None:
             return
         mixture, search = relaxation.solution.mixture, self.search

@@ -45,7 +45,7 @@ class BrowserRow(NamedTuple):
 
     Attributes
     ----------
-    command_seconds, page_seconds : medians of processor time
+    command_seconds, page_seconds : medians of CPU time
     python : version of the command's Python
     pyodide, megabytes : version of the page's, and what a browser loads of it
     """
@@ -118,7 +118,7 @@ def printed(paths: Sequence[Path]) -> list[str]:
 
 
 def _of_browser(page: "CheckPage") -> float:
-    """Returns the processor time (s) of all processes of the browser."""
+    """Returns the CPU time (s) of all processes of the browser."""
     driver = page.browser.service.process
     assert driver is not None
     processes = psutil.Process(driver.pid).children(recursive=True)
@@ -131,7 +131,7 @@ def browser_in_markdown() -> str:
     ratios = [row.page_seconds / row.command_seconds for row in rows]
     words = (
         f"It takes {min(ratios):.1f} to {max(ratios):.1f} times as long as the command: medians of "
-        f"{_REPEATS} measurements of processor time, in Chromium with Pyodide {rows[0].pyodide}, "
+        f"{_REPEATS} measurements of CPU time, in Chromium with Pyodide {rows[0].pyodide}, "
         f"and with CPython {rows[0].python} on the same machine. Of each scene with seed 0 an "
         "instance, a plan and a staged certificate that proves it optimal are checked."
     )

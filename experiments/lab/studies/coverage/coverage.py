@@ -97,13 +97,13 @@ def coverage(
 
 
 def coverage_in_markdown() -> str:
-    """Returns the stored cost of wide maps: processor time, memory, and number of states."""
+    """Returns the stored cost of wide maps: CPU time, memory, and number of states."""
     return markdown([
         {
             "map": row["scene"],
             "drones": row["robots"],
             "states": f"{int(row['states']):,}",
-            "processor time": in_unit(row["processor (s)"], "s"),
+            "CPU time": in_unit(row["processor (s)"], "s"),
             "memory, the whole process": f"{float(row['peak (GB)']):.2f} GB",
             "us a state": f"{float(row['us']):.1f}",
         }

@@ -35,7 +35,7 @@ class _Difference(NamedTuple):
 
 def peers(
     scene: Annotated[Path, Parameter(help="their seq.yaml")],
-    coverage: Annotated[Path, Parameter(help="their CSV of pixels")],
+    coverage: Annotated[Path, Parameter(help="their CSV file of pixels")],
     /,
     *,
     states: Annotated[int, Parameter(help="number of random states to compare")] = 500,

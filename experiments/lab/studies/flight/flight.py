@@ -1,4 +1,4 @@
-"""Plans flown in a simulator by others, and what is left of distances and of J."""
+"""Plans flown in a third-party simulator, and what is left of distances and of J."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -32,7 +32,7 @@ def flight(
     step: Annotated[
         float | None,
         positive_seconds(
-            help="seconds of a step, if the scene defines none; otherwise from PX4's limits"
+            help="seconds of a step, if the scene defines none (default: from PX4's limits)"
         ),
     ] = None,
     out: Out = None,
@@ -47,7 +47,7 @@ def flight(
     numbers = Option("--seeds").numbers(seeds)
     if stored and scenes:
         raise UsageError(
-            "--stored: must be given without scenes, for it takes those that are stored"
+            "--stored: must be given without scenes, as it prints those that are stored"
         )
     chosen = scenes or _SCENES
     tell(stored_flights() if stored else _simulated(chosen, numbers, winds, step, out), out)

@@ -1,4 +1,4 @@
-"""Flights in RotorPy, a simulator of multirotors by others, imported only here.
+"""Flights in RotorPy, a third-party simulator of multirotors, imported only here.
 
 The vehicle is RotorPy's AscTec Hummingbird, a research quadrotor of half a kilogram, with drag of
 frame and rotors; its controller is RotorPy's geometric one (Lee, Leok, McClamroch 2010), which

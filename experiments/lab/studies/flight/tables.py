@@ -11,10 +11,10 @@ from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import SEPARATION
 
 _NOTE = (
-    "error: how far drones are from where they should be, mean and largest; late: the same along "
-    "the way, in time, as it fits best and at most; drones, walls: least distance between two, "
-    "and to obstacles and ground, as the flight has it and as flown; J: of what was filmed, at the "
-    "steps and between them, too, in % of the plan's and the flight's"
+    "error: mean and largest distance of drones from their planned positions; late: best-fitting "
+    "and largest delay along the path; drones, walls: smallest distance between two drones, and to "
+    "obstacles and ground, planned and flown; J: of the filmed views, at the steps (in % of the "
+    "plan's J) and including the time between them (in % of the flight's)"
 )
 
 
@@ -115,9 +115,9 @@ def _on_wind(runs: Sequence[FlightRun], wind: float) -> str:
     smooth, straight = found[SMOOTH], found[STRAIGHT]
     near = f"{smooth.clear[1]:.2f} m from walls" if smooth.clear[1] else "into walls"
     return (
-        f"in {_air(wind)} smooth flights are off by {smooth.error_most:.2f} m at most and come "
-        f"{near}, straight ones are off by {straight.error_most:.2f} m, and "
-        f"{100 * smooth.kept_between:.1f} and {100 * straight.kept_between:.1f} % of J are filmed"
+        f"in {_air(wind)} smooth flights deviate by at most {smooth.error_most:.2f} m and come "
+        f"{near}, straight ones deviate by at most {straight.error_most:.2f} m; they film "
+        f"{100 * smooth.kept_between:.1f} and {100 * straight.kept_between:.1f} % of J"
     )
 
 
@@ -133,14 +133,14 @@ def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
         fits = left >= width
         enough += [wind] if fits else []
         yield (
-            f"In {_air(wind)} the largest error of smooth flights is {most:.2f} m: two drones that "
-            f"err so far towards each other have {_left(left)} left of {SEPARATION:g} m, which "
-            f"is {'enough' if fits else 'too little'} for vehicles {width:g} m wide; "
-            f"{_up(width + 2 * most):g} m would {'do' if fits else 'be needed'}. "
-            f"The least distance of a team fell by {max([*lost, 0.0]):.2f} m at most."
+            f"In {_air(wind)} the largest error of smooth flights is {most:.2f} m. If two drones "
+            f"err by this much towards each other, {_left(left)} of the {SEPARATION:g} m is left, "
+            f"which is {'enough' if fits else 'too little'} for vehicles {width:g} m wide; "
+            f"{_up(width + 2 * most):g} m would {'suffice' if fits else 'be needed'}. "
+            f"The smallest distance in a team fell by at most {max([*lost, 0.0]):.2f} m."
         )
     winds = f"{'up to' if any(enough) else 'in'} {_air(max(enough))}" if enough else "in none"
-    yield f"So {SEPARATION:g} m are enough {winds}."
+    yield f"So {SEPARATION:g} m is enough {winds}."
 
 
 def _summaries(runs: Sequence[FlightRun]) -> Iterator[tuple[tuple[str, str, float], _Summary]]:

@@ -60,7 +60,9 @@ def others(
     planner: Annotated[
         list[str] | None,
         Parameter(
-            negative="", consume_multiple=True, help=f"ours; {' and '.join(_PLANNERS)} if none"
+            negative="",
+            consume_multiple=True,
+            help=f"planners of this project (default: {' '.join(_PLANNERS)})",
         ),
     ] = None,
     sets: Annotated[

@@ -54,7 +54,7 @@ class Scene(NamedTuple):
         Raises
         ------
         FileError
-            If it is no folder, or there are none.
+            If it is not a folder, or there are none.
         """
         if not folder.is_dir():
             raise FileError(f"{folder}: must be a folder of scenes of other projects")

@@ -34,7 +34,7 @@ def reported_rewards(
     Raises
     ------
     ProblemError
-        If a value is no number, or the rows are not those of the steps in order; one line,
+        If a value is not a number, or the rows are not those of the steps in order; one line,
         naming the file.
     """
     reported, by_own_tilts = "reported_view_reward", "own_tilt_view_reward"
@@ -108,7 +108,7 @@ def stored_rewards(path: Path, problem: Problem) -> dict[str, tuple[float, ...]]
     Raises
     ------
     ProblemError
-        If a value is no number, or the rows are not the frames in order; one line, naming the
+        If a value is not a number, or the rows are not the frames in order; one line, naming the
         file.
     """
     frames = problem.horizon + 1

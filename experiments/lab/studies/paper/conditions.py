@@ -266,7 +266,7 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
 
 def read_trials(path: Path) -> list[Trial]:
     """Reads the trials of a file; raises FileError for what is no such table."""
-    words = "is no trial of the search; without the file it is searched again"
+    words = "is not a trial of the search; without the file it is searched again"
     return read_csv(path, Trial.of, words)
 
 

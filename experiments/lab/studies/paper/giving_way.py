@@ -15,7 +15,7 @@ from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
-_GIVES = 1e-6  # share of its own reward from which on a drone counts as giving some up
+_GIVES = 1e-6  # share of its own reward; a drone that loses more gives some up
 
 
 class Encounter(NamedTuple):

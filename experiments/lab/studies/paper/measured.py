@@ -1,7 +1,7 @@
 """The rows of the paper's study: those of its sweep, and measurements that no sweep makes.
 
 Searches take milliseconds, and the first one on a scene also makes what all later ones use. So
-times are taken again, after that, as processor time, the least of three. Some compositions that
+times are taken again, after that, as CPU time, the least of three. Some compositions that
 are no planners of their own are measured beside the planners: they leave a part out, or add one.
 """
 
@@ -161,7 +161,7 @@ class _Measurements(NamedTuple):
 
 
 def _coverage_seconds(problem: Problem) -> float:
-    """Returns the processor time of the coverage of all states."""
+    """Returns the CPU time of the coverage of all states."""
     model, begin = Model(problem, use_cache=False), processor_seconds()
     model.prepare_all()
     return processor_seconds() - begin

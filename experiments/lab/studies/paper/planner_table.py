@@ -122,12 +122,12 @@ def numbers_in_markdown() -> str:
     return (
         f"- **{proved} of {len(best)} optima proved**, each within {limit:g} s: "
         f"{len({row.scene for row in best})} scenes of the paper's size, "
-        f"{len({row.seed for row in best})} seeds of each.\n"
+        f"{len({row.seed for row in best})} seeds each.\n"
         f"- Plans of the recommended planner are **{fmean(gaps[RECOMMENDED]):.3f} % below the "
         f"bound** on average, {max(gaps[RECOMMENDED]):.2f} % at worst; CoCap's are "
         f"{fmean(gaps['cocap']):.2f} % below.\n"
-        f"- Half of its plans take less than **{median(GapRow.values(best, 'seconds')):.1f} s** of "
-        "search."
+        "- Half of the recommended planner's searches take less than "
+        f"**{median(GapRow.values(best, 'seconds')):.1f} s**."
     )
 
 

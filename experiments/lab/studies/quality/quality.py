@@ -42,7 +42,7 @@ def quality(
     *,
     scene: Scenes = None,
     seeds: Seeds = "0-2",
-    draws: Annotated[int, Parameter(help="number of draws of noise for each joint")] = 20,
+    draws: Annotated[int, Parameter(help="number of noise samples for each joint")] = 20,
     limit: Seconds = 10.0,
     out: Out = None,
     stored: Annotated[
@@ -70,7 +70,7 @@ def quality(
             problem = load_scene(name, seed)
             if not _has_pictures(problem):
                 if scene:
-                    say(f"{name}: left out, for it has not two drones with pinhole cameras")
+                    say(f"{name}: left out, as it has fewer than two drones with pinhole cameras")
                 continue
             new_steps, new_plans = _measured(problem, seed, trials, limit)
             say(f"{name} seed {seed}: {len(new_plans)} plans, {len(new_steps)} person-steps")

@@ -80,7 +80,7 @@ class _Films(NamedTuple):
 
         Parameters
         ----------
-        sees : [S, J, C] true where a camera has the joint; all of them if not given
+        sees : [S, J, C] true where a camera has the joint (default: all of them)
         """
         seen = self.cameras.seen(self.joints)
         by_point = jacobians(seen, np.broadcast_to(self.cameras.focal, seen.shape[:-1]))

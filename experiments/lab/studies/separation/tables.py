@@ -37,7 +37,7 @@ def separation_in_markdown(points: Sequence[SeparationPoint]) -> str:
         f"{_table(prices)}\n\n"
         f"Means over {counted(seeds, 'seed')}, as a range where a proof was stopped.\n\n"
         f"{_table(times)}\n\n"
-        "Processor time without a separation (median), and at each separation as a multiple of "
+        "CPU time without a separation (median), and at each separation as a multiple of "
         f"it (geometric mean; **bold** above {_MUCH}); \\* where the limit stopped "
         "some, so that the multiple says little. The gap to the certified bound is the mean over "
         "all of them.\n\n"

@@ -30,7 +30,7 @@ def solvers(
         Parameter(
             consume_multiple=True,
             negative="",
-            help=f"which of {', '.join(ROWS)}; without it, all: hours",
+            help=f"rows to measure, of {', '.join(ROWS)} (default: all, which takes hours)",
         ),
     ] = None,
     seeds: Annotated[
@@ -38,7 +38,7 @@ def solvers(
     ] = None,
     limit: Annotated[
         float | None,
-        positive_seconds(help="seconds: largest limit of the rows, and limit of the comparisons"),
+        positive_seconds(help="seconds for each run, at most"),
     ] = None,
     large: Annotated[
         Path | None, Parameter(help="seq.yaml of Greedy Perspectives' scene `large`")

@@ -16,7 +16,7 @@ _SEED = 0
 
 
 class Placed(NamedTuple):
-    """Cameras that the program has placed, their score by it, and the seconds of processor time."""
+    """Cameras that the program has placed, their score by it, and the seconds of CPU time."""
 
     cameras: list[Mounted]
     score: float

@@ -177,7 +177,7 @@ class Cells(NamedTuple):
     def _map(self) -> HeightMap:
         """A level map whose outermost cells have their middles on the walls."""
         x, y = (round(size / _CELL) + 1 for size in self.room.size)
-        # Walls are no solid matter: in a room without corners that stick out they hide nobody.
+        # Walls are not solid matter: in a room without corners that stick out they hide nobody.
         return HeightMap(
             heights=np.zeros((x, y)), resolution=_CELL, origin=(-_CELL / 2, -_CELL / 2)
         )

@@ -37,7 +37,7 @@ from cocap_opt.run.options import Option
 
 _TABLE = "tripods.csv"
 _APART = 30.0  # degrees
-_ALL = 1 - 1e-9  # share from which on it is all, rounding aside
+_ALL = 1 - 1e-9  # share that counts as all, rounding aside
 
 
 class Value(NamedTuple):
@@ -76,7 +76,7 @@ class Best(NamedTuple):
     cameras : those found
     value : of them
     bound : share of points, by weight, that so many of these cameras see at most
-    seconds : of processor time, of all searches
+    seconds : of CPU time, of all searches
     is_proved : True if the views of no other placement are more
     """
 
@@ -106,7 +106,7 @@ class TripodRow(NamedTuple):
     proved: bool
     theirs_score: float  # its score of its placement
     ours_score: float  # its score of ours
-    theirs_seconds: float  # of processor time
+    theirs_seconds: float  # of CPU time
     ours_seconds: float
     heading_rounding: float  # degrees, the largest of its cameras
     tilt_rounding: float  # degrees
@@ -115,13 +115,13 @@ class TripodRow(NamedTuple):
 def tripods(
     *,
     theirs: Annotated[
-        Path, Parameter(help="Python in which lab-camera-optimizer 1.2.1 is installed")
+        Path, Parameter(help="Python interpreter with lab-camera-optimizer 1.2.1 installed")
     ],
     room: Annotated[
         list[str] | None, Parameter(negative="", consume_multiple=True, help="rooms")
     ] = None,
     cameras: Annotated[str, Parameter(help="numbers of cameras")] = "2-8",
-    seen_by: Annotated[int, Parameter(help="number of cameras to see each point")] = 2,
+    seen_by: Annotated[int, Parameter(help="number of cameras that must see each point")] = 2,
     limit: Seconds = 20.0,
     out: Out = None,
 ) -> None:
@@ -145,7 +145,7 @@ def compared(
 
     Parameters
     ----------
-    seconds : of processor time, for each of our searches, of which there is one for each number of
+    seconds : of CPU time, for each of our searches, of which there is one for each number of
         cameras in landscape, until all points are seen
     """
     for number in numbers:
