@@ -515,7 +515,7 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
 
 
 def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], int]) -> int:
-    """Returns the most that a root, rounded up, exceeds what is paid: it does so at breakpoints.
+    """Returns by how much a root, rounded up, exceeds payments at most: it does at breakpoints.
 
     Drones are placed one by one. A way to place some ends if another shows as many pixels for no
     more. A root gains the less, the more is seen: a way ends, too, if what each later drone would
