@@ -12,7 +12,6 @@ argument of another kind than a function takes is a TypeError that names it.
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -154,6 +153,8 @@ if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers
     def __getattr__(name: str) -> Any:
         """Import a name when it is first used."""
         if name == "__version__":  # which pyproject.toml states
+            from importlib.metadata import version  # slow to import
+
             return version("cocap-opt")
         if name == "PAPER_RULES":  # a former name, which did not say that swaps are allowed
             raise AttributeError(

@@ -27,6 +27,7 @@ _TALLEST = 830.0  # m, of buildings
 _USUAL = 150.0  # m, of half of the built-up cells; no town of towers is higher
 _STEEPEST = 2.0  # of half of the land; cliffs are steeper
 _SMALLEST = 0.1  # m, of what hides anybody
+_NOTHING = "has no triangle that is no line or point, so that nothing is there"
 _WANTED = "cells near people at the last step"
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _LEVEL = math.pi / 2  # deg; in radians, tilts are at most that
@@ -45,12 +46,12 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
     """Returns the likely mistakes that show before the robots have places, or are there."""
     found = [*_about_heights(problem.height_map)]
     found += [
-        f"meshes[{k}] {_not_closed(mesh)}"
+        f"meshes[{k}] {_not_closed(mesh) if len(mesh.surface) else _NOTHING}"
         for k, mesh in enumerate(problem.meshes)
-        if not mesh.is_solid
+        if not (mesh.is_solid and len(mesh.surface))
     ]
     found += [
-        f"meshes[{k}] is wholly below the ground: its top is at {mesh.vertices[:, 2].max():.4g} m"
+        f"meshes[{k}] is wholly below the ground: its top is at {mesh.corners[..., 2].max():.4g} m"
         for k, mesh in enumerate(problem.meshes)
         if _below_ground(problem, mesh)
     ]
@@ -129,13 +130,16 @@ def _about_cameras(problem: SceneData) -> Iterator[str]:
 
 def _about_mesh(problem: SceneData, mesh: Mesh) -> Iterator[str]:
     """Yields the warnings about the size of a mesh, and about how high above the map it is."""
-    low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
+    if not len(mesh.surface):
+        return
+    corners = mesh.corners.reshape(-1, 3)  # vertices that no triangle uses do not count
+    low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
     above = low - float(problem.height_map.heights.max())
     if above > _HOVERING:
         yield f"is {above:.4g} m above all of the map: is its altitude right?"
     if high - low > _TALLEST:
         yield f"is {high - low:.4g} m high: is its unit or height right?"
-    largest = float(np.ptp(mesh.vertices, axis=0).max())
+    largest = float(np.ptp(corners, axis=0).max())
     if largest < _SMALLEST:
         yield f"is {largest:.2g} m long, wide and high: is its unit right?"
 

@@ -44,7 +44,7 @@ class _Files(NamedTuple):
         if path.suffix.lower() not in self.suffixes:
             return False
         try:
-            if not self.words or not path.is_file():
+            if not self.words or not os.path.isfile(path):
                 return not self.words
             content = path.read_bytes()
             return any(words in content for words in self.words)
@@ -81,6 +81,14 @@ class _Format(NamedTuple):
     def read_plan(self, path: Path, problem: Problem) -> Plan:
         """Reads a plan file of this format."""
         return Plan(paths=self._module().read_plan(path, problem))
+
+    def parts(self, path: Path) -> list[Path]:
+        """Returns the further files of a scene, if its format knows any and the file is right."""
+        named: Callable[[Path], list[Path]] | None = getattr(self._module(), "parts", None)
+        try:
+            return [] if named is None else named(path)
+        except (ProblemError, OSError):  # who reads the scene says why it cannot be read
+            return []
 
     def _module(self) -> Any:
         return import_module(f"{__name__}.{self.reader}")
@@ -194,6 +202,17 @@ def load_site(name_or_path: str, seed: int = 0) -> Site | None:
         return site(path, seed)
     except ProblemError as error:
         raise FileError(str(error)) from error
+
+
+def files_of(name_or_path: str) -> list[Path]:
+    """Returns the files that a scene is read from; none if it is built in or there is no such."""
+    if name_or_path in SCENES:
+        return []
+    try:
+        path, kind = _find_file(name_or_path)
+    except FileError:
+        return []
+    return [path, *kind.parts(path)]
 
 
 def has_seed(name_or_path: str) -> bool:

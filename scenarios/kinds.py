@@ -8,6 +8,7 @@ A file's name may say anything; its first bytes do not. The reader of a file tha
 Source of the bytes: the specification of each format, or its own writers' files.
 """
 
+import os
 import re
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -238,7 +239,7 @@ def kind_of(path: Path) -> Kind | None:
     A file that cannot be opened has none, and its reader says why; nor has a pipe, whose
     other end might never write.
     """
-    if not path.is_file():
+    if not os.path.isfile(path):  # unlike Path.is_file, false, too, for an impossible name
         return None
     try:
         with path.open("rb") as file:

@@ -420,6 +420,10 @@ def _yard() -> co.Problem:
     return co.load("tiny-queue")
 
 
+def _flown() -> co.Result:
+    return co.plan(_yard(), "sequential")
+
+
 MISUSES = {
     "a scene's name for a problem": (lambda: co.plan("corridor"), TypeError, "problem: must be"),
     "a file for a claim": (lambda: co.verify(_yard(), "cert.json"), TypeError, "claims: must be"),
@@ -430,7 +434,50 @@ MISUSES = {
     "no planner": (lambda: co.plan(_yard(), None), ValueError, "planner: must be one of"),
     "text for a seed": (lambda: co.load("corridor", seed="1"), TypeError, "seed: must be"),
     "a file for a plan": (lambda: co.check(_yard(), "plan.json"), TypeError, "plan: must be"),
-    "text for a start": (lambda: co.solve(_yard(), start="x"), TypeError, "plan: must be"),
+    "text for a start": (lambda: co.solve(_yard(), start="x"), TypeError, "start: must be"),
+    "a number for a path": (lambda: co.save(1, _yard()), TypeError, "path: must be"),
+    "bytes for a path": (lambda: co.read(b"a.json"), TypeError, "path: must be"),
+    "a list for a kind": (lambda: co.read("a.json", []), TypeError, "kind: must be one of"),
+    "a long name": (lambda: co.read("x" * 300 + ".json"), co.FileError, "too long"),
+    "a number for a folder": (lambda: co.gap("corridor", out=1), TypeError, "out: must be"),
+    "NUL in a folder": (lambda: co.team(_yard(), 1, out="\0"), ValueError, "out: must be"),
+    "text for a plan flown": (
+        lambda: co.plan(_yard(), follow="x", from_step=1), TypeError, "follow: must be",
+    ),
+    "no plan to go on from": (lambda: co.rest(_yard(), None, 1), ValueError, "plan: must be"),
+    "a number for lost drones": (
+        lambda: co.plan(_yard(), without=1), TypeError, "without: must be",
+    ),
+    "half a team": (lambda: co.team(_yard(), 1.5), TypeError, "drones: must be"),
+    "no team": (lambda: co.team(_yard(), iter([])), ValueError, "drones: must be one number"),
+    "no camera": (lambda: co.team(_yard(), 1, camera=[]), ValueError, "camera: must be one name"),
+    "a number for a camera": (lambda: co.team(_yard(), 1, camera=[1]), TypeError, "camera: must"),
+    "no height": (lambda: co.team(_yard(), 1, heights=[]), ValueError, "heights: must be one num"),
+    "a height alone": (lambda: co.team(_yard(), 1, heights=5.0), TypeError, "heights: must be"),
+    "a chance alone": (
+        lambda: co.takes(_yard(), 2, probabilities=1), TypeError, "probabilities: must be",
+    ),
+    "people in text": (lambda: co.takes(_yard(), 2, people="all"), TypeError, "people: must"),
+    "half a drone": (lambda: co.coverage(_yard(), 0.5), TypeError, "robot: must be"),
+    "a problem for a front": (
+        lambda: co.front(_yard(), so_far=_yard()), TypeError, "so_far: must be",
+    ),
+    "a delay alone": (
+        lambda: co.robustness(_yard(), _flown(), step=1.0, late=1), TypeError, "late: must be",
+    ),
+    "text for smooth": (
+        lambda: co.trajectory(_yard(), _flown(), step=1.0, smooth="no"), TypeError, "smooth: must",
+    ),
+    "rows that never come": (
+        lambda: co.trajectory(_yard(), _flown(), step=1.0, every=float("inf")), ValueError,
+        "every: must be",
+    ),
+    "text for a second opinion": (
+        lambda: co.verify(_yard(), _flown(), second_opinion="no"), TypeError, "second_opinion: m",
+    ),
+    "numbers for plans shown": (
+        lambda: co.show(_yard(), np.array([1, 2])), TypeError, "plan.*: must be",
+    ),
     "units that are none": (lambda: co.WorkLimit(float("nan")), TypeError, "units: must be"),
     "text for a limit": (lambda: co.TimeLimit("5"), TypeError, "seconds: must be"),
     "criteria that are none": (lambda: co.FirstOf("a"), TypeError, "criteria: must be"),
@@ -457,6 +504,17 @@ def test_misuse_is_said_in_words(misuse: str) -> None:
     call, error, words = MISUSES[misuse]
     with pytest.raises(error, match=words):
         call()
+
+
+def test_numbers_may_come_in_arrays() -> None:
+    """Arrays and numbers of NumPy are as good as lists and numbers of Python."""
+    rows = co.robustness(_yard(), _flown(), step=1.0, late=np.array([1.0]), lag=np.array([0.5]))
+    assert rows.equals(co.robustness(_yard(), _flown(), step=1.0, late=[1.0], lag=[0.5]))
+    planners = np.array(["greedy", "sequential"])
+    assert list(co.gap("tiny-queue", planners, time_limit=5.0).planner) == [*planners]
+    left = co.rest(_yard(), _flown(), 1, np.array([1]))
+    assert left.name == co.rest(_yard(), _flown(), 1, [1]).name
+    assert co.team(_yard(), np.int64(1), time_limit=1.0).table.drones.tolist() == [1]
 
 
 def test_a_plan_of_another_problem_is_not_shown_or_written(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Checks of the public functions' arguments, with the messages that refuse wrong ones."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +29,40 @@ def require(value: object, name: str, allowed: str, *kinds: type) -> None:
 def require_number(value: object, name: str) -> None:
     """Raises TypeError, with a readable message, unless the value is a Python or NumPy number."""
     require(value, name, "a number", int, float, np.number)
+
+
+def require_path(value: object, name: str) -> Path:
+    """Returns a path; raises TypeError, with a readable message, for what is none."""
+    require(value, name, "the name of a file or folder", str, Path)
+    if "\0" in str(value):
+        raise ValueError(f"{name}: must be a name in which no character is NUL, not {value!r}")
+    return Path(str(value))
+
+
+def require_flag(value: object, name: str) -> None:
+    """Raises TypeError, with a readable message, unless the value is True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name}: must be True or False, not {value!r}")
+
+
+def listed(value: object, name: str, allowed: str) -> list[Any]:
+    """Returns several values, such as those of a list or an array of NumPy.
+
+    Raises TypeError, with a readable message, for what is a single value, text included.
+    """
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        raise TypeError(f"{name}: must be {allowed}, not {value!r}")
+    return list(value)
+
+
+def listed_numbers(value: object, name: str, allowed: str) -> list[float]:
+    """Returns several numbers; raises TypeError, with a readable message, for all else."""
+    numbers = listed(value, name, allowed)
+    for number in numbers:
+        require(number, name, allowed, int, float, np.number)
+    return numbers
 
 
 def require_problem(problem: object) -> None:
@@ -69,11 +105,11 @@ def require_flown(name: str, verdict: Verdict) -> None:
         raise ValueError(f"{name}: {verdict.violations[0]}")
 
 
-def plan_of(given: Plan | Result | None) -> Plan | None:
+def plan_of(given: Plan | Result | None, name: str = "plan") -> Plan | None:
     """Returns the given plan, or the plan of a given result; its states may be plain tuples."""
     if given is None or isinstance(given, Result):
         return None if given is None else given.plan
-    require(given, "plan", "a Plan or a Result; `read` reads files of plans", Plan)
+    require(given, name, "a Plan or a Result; `read` reads files of plans", Plan)
     return plain_plan(given)
 
 
@@ -95,7 +131,7 @@ def plan_for(
     """
     require_problem(problem)
     require_made_for(name, given, problem)
-    plan = plan_of(given)
+    plan = plan_of(given, name)
     if plan is None:
         raise ValueError(f"{name}: the result has no plan that could be {purpose}")
     return plan
@@ -112,7 +148,7 @@ def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
     ValueError
         If it cannot be flown in this problem.
     """
-    plan = plan_of(given)
+    plan = plan_of(given, "start")
     if plan is not None and (violations := check(problem, plan).violations):
         made_for = _made_for(given, problem)
         words = "it" if made_for is None else f"it was made for {made_for}, and"
@@ -120,17 +156,21 @@ def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
     return plan
 
 
-def followed(follow: Plan | Result | None) -> Plan:
+def followed(follow: Plan | Result | None, name: str = "follow") -> Plan:
     """Returns the plan that is flown up to a step, whichever scene it was made for.
+
+    Parameters
+    ----------
+    name : of the argument
 
     Raises
     ------
     ValueError
         If there is none.
     """
-    plan = plan_of(follow)
+    plan = plan_of(follow, name)
     if plan is None:
-        raise ValueError("follow: must be the plan that is flown, or a result that has one")
+        raise ValueError(f"{name}: must be the plan that is flown, or a result that has one")
     return plan
 
 
@@ -139,8 +179,13 @@ def rest_of(
     follow: Plan | Result | None,
     from_step: int | None,
     without: Sequence[int],
+    name: str = "follow",
 ) -> Rest:
     """Returns the rest of a mission from a step on.
+
+    Parameters
+    ----------
+    name : of the argument that is the plan
 
     Raises
     ------
@@ -149,19 +194,19 @@ def rest_of(
         one line.
     """
     require_problem(problem)
-    plan = followed(follow)
+    plan = followed(follow, name)
     if from_step is None:
         raise ValueError("from_step: must be given, the step up to which the plan is flown")
     require(from_step, "from_step", "a whole number", int, np.integer)
-    require(without, "without", "a list of numbers of drones", list, tuple, set, frozenset)
-    for drone in without:
+    lost = listed(without, "without", "a list of numbers of drones")
+    for drone in lost:
         require(drone, "without", "numbers of drones", int, np.integer)
     try:
-        return Rest.of(problem, plan, int(from_step), [int(drone) for drone in without])
+        return Rest.of(problem, plan, int(from_step), [int(drone) for drone in lost])
     except FieldError:
         raise
     except ProblemError as error:
-        raise ValueError(f"follow: {error}") from error
+        raise ValueError(f"{name}: {error}") from error
 
 
 def bound_in(claim: Plan | Result | Bound) -> Bound | None:

@@ -11,6 +11,7 @@ from cocap_opt.api.arguments import (
     plan_for,
     require,
     require_flown,
+    require_path,
 )
 from cocap_opt.files.documents import (
     Document,
@@ -88,6 +89,7 @@ def save(
     >>> co.save("plan.json", result)
     >>> co.save("certificate.json", best.certificate)
     """
+    file = require_path(path, "path")
     if content is None:
         raise ValueError("content: must not be None; the result has no plan or certificate")
     words = "a problem, a plan, a result, a certificate or a proof"
@@ -99,7 +101,7 @@ def save(
         else content if isinstance(content, CertificateFile | ProofFile)
         else _plan_file(content, problem)
     )  # fmt: skip
-    document.save(_named_json(Path(path)))
+    document.save(_named_json(file))
 
 
 def _named_json(path: Path) -> Path:
@@ -146,9 +148,9 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
     >>> plan = co.read("plan.json", co.Plan)
     >>> co.check(problem, plan).reward
     """
-    name, kinds = Path(path), list(_DOCUMENTS.values())
+    name, kinds = require_path(path, "path"), list(_DOCUMENTS.values())
     if kind is not None:
-        if kind not in _DOCUMENTS:
+        if not isinstance(kind, type) or kind not in _DOCUMENTS:
             words = ", ".join(known.__name__ for known in _DOCUMENTS)
             raise TypeError(f"kind: must be one of {words}, not {kind!r}")
         kinds = [_DOCUMENTS[kind]]

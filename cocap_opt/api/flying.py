@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cocap_opt.api.arguments import plan_for, require
+from cocap_opt.api.arguments import (
+    listed,
+    listed_numbers,
+    plan_for,
+    require,
+    require_flag,
+    require_number,
+)
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 
@@ -74,6 +81,10 @@ def trajectory(
     from cocap_opt.flight.ways import has_homes, parts_of_take, records_of
 
     flown = plan_for(problem, plan, "flown")
+    require_flag(smooth, "smooth")
+    require_flag(hovering, "hovering")
+    if every is not None:
+        require_number(every, "every")
     if flown.stays and not hovering:
         why = ("" if plan is None else plan.cut_short) or "all drones stay at their starts"
         raise ValueError(f"plan: no drone moves ({why}); hovering=True flies it so")
@@ -155,10 +166,17 @@ def robustness(
     from cocap_opt.footage.losses import what_if
 
     flown = plan_for(problem, plan, "flown")
+    require_flag(smooth, "smooth")
     flight = _flight_scene(problem, step, margin).without_earth.flight(flown, smooth)
-    for step in lost or ():
-        require(step, "lost", "whole numbers of steps", int, np.integer)
-    table = DataFrame(what_if(flight, Changes(late, aside, lag), lost).records())
+    changes = Changes(
+        listed_numbers(late, "late", "numbers of seconds"),
+        listed_numbers(aside, "aside", "numbers of metres"),
+        listed_numbers(lag, "lag", "numbers of seconds"),
+    )
+    steps = None if lost is None else listed(lost, "lost", "whole numbers of steps")
+    for each in steps or ():
+        require(each, "lost", "whole numbers of steps", int, np.integer)
+    table = DataFrame(what_if(flight, changes, steps).records())
     table.attrs = {
         "delay_tolerance": tolerated_delay(flight),
         "delay_tolerance_to_people": tolerated_delay_of_people(flight),

@@ -79,6 +79,8 @@ def front(
         require_number(time_limit, "time_limit")
         limit = TimeLimit(Option("time_limit").require_limit(time_limit))
     known = problem
+    if so_far is not None:
+        require(so_far, "so_far", "a Front, which `front` returns", Front)
     if so_far is not None:  # what is not said stays as it is there
         known = problem.replace(objective=problem.objective.replace(views=so_far.views))
     begun = Front.of(known, cameras, at_least, share)

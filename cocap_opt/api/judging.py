@@ -9,6 +9,7 @@ from cocap_opt.api.arguments import (
     plan_for,
     plan_of,
     require,
+    require_flag,
     require_made_for,
     require_number,
     require_problem,
@@ -95,6 +96,8 @@ def verify(
     >>> co.verify(problem, result.plan, best.certificate).gap
     """
     require_problem(problem)
+    require_flag(second_opinion, "second_opinion")
+    require_flag(plain, "plain")
     given = [_claim(claim, problem) for claim in claims]
     plans = [p for p in map(_plan_in, given) if p is not None]
     bounds = [b for b in map(bound_in, given) if b is not None]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cocap_opt.api.arguments import name_of, require, require_number
+from cocap_opt.api.arguments import name_of, require, require_number, require_path
 from cocap_opt.planners import Planner
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import SCENES, load_scene
@@ -95,11 +95,14 @@ def gap(
 
     # Before anything is computed; numbers of NumPy become plain ones.
     require_number(time_limit, "time_limit")
+    folder = None if out is None else require_path(out, "out")
     kept = out is not None or workers is not None
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
-    foreign = _foreign(planners or (), out is not None, workers is not None)
+    if isinstance(planners, Iterable) and not isinstance(planners, str):
+        planners = list(planners)  # an array has no truth value, and others may be read but once
+    foreign = _foreign(() if planners is None else planners, out is not None, workers is not None)
     names = None if planners is None else [name_of(planner) for planner in planners]
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
@@ -116,7 +119,6 @@ def gap(
     instances = [
         Instance(problem, seed, names, settings, foreign=foreign) for problem, seed in problems
     ]
-    folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     for row in rows:
         if row.has_error:

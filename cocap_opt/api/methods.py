@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar, overload
 
 from cocap_opt.api.arguments import (
     followed,
+    listed,
     name_of,
     require,
     require_number,
@@ -127,8 +128,9 @@ def plan(
     """
     require_problem(problem)
     method, name = _planner(planner), name_of(planner)
-    if follow is not None or from_step is not None or without:
-        rest = rest_of(problem, follow, from_step, without)
+    lost = listed(without, "without", "a list of numbers of drones")
+    if follow is not None or from_step is not None or lost:
+        rest = rest_of(problem, follow, from_step, lost)
         replanning = Replanning(rest, followed(follow))
         seconds = _bound_seconds(bound_limit)
         limits = _limits(rest.scene, method, time_limit, stop)

@@ -59,7 +59,7 @@ def show(
     require_problem(problem)
     for n, given in enumerate(plans, 1):
         require_made_for(f"plan {n}", given, problem)
-    known = [(given, p) for given in plans if given and (p := plan_of(given)) is not None]
+    known = [(given, p) for given in plans if given is not None and (p := plan_of(given))]
     for n, (_, found) in enumerate(known, 1):
         require_flown(f"plan {n}", judge_plan(problem, found))
     gaps = []

@@ -4,7 +4,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cocap_opt.api.arguments import require_number, require_problem
+import numpy as np
+
+from cocap_opt.api.arguments import (
+    listed,
+    listed_numbers,
+    require,
+    require_number,
+    require_path,
+    require_problem,
+)
 from cocap_opt.problem import Problem
 
 if TYPE_CHECKING:
@@ -78,13 +87,22 @@ def team(
 
     require_problem(problem)
     names = [camera] if isinstance(camera, str) else camera
-    numbers = [drones] if isinstance(drones, int) else drones
+    if names is not None:
+        names = listed(names, "camera", "a name of a camera or several")
+        for name in names:
+            require(name, "camera", "a name of a camera or several", str)
+    if isinstance(drones, int | np.integer) and not isinstance(drones, bool):
+        numbers = [int(drones)]
+    else:
+        numbers = listed(drones, "drones", "a number of drones or several")
+    if heights is not None:
+        heights = listed_numbers(heights, "heights", "numbers of metres")
     asked = Asked.of(numbers, names, heights, cameras, at_least)
     require_number(share, "share")
     require_number(time_limit, "time_limit")
     wanted = Option("share").require_part(share)
     settings = team_settings(time_limit, work_limit, out is not None or workers is not None)
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
-    folder = None if out is None else Path(out)
+    folder = None if out is None else require_path(out, "out")
     rows = compare_teams(problem, 0, asked, settings, folder, hired, quiet=True)
     return Teams(tuple(rows), wanted)

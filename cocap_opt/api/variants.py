@@ -5,7 +5,14 @@ from typing import Literal
 
 import numpy as np
 
-from cocap_opt.api.arguments import require, require_number, require_problem, rest_of
+from cocap_opt.api.arguments import (
+    listed,
+    listed_numbers,
+    require,
+    require_number,
+    require_problem,
+    rest_of,
+)
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 from cocap_opt.run import start_sets
@@ -13,6 +20,8 @@ from cocap_opt.run.drawn_takes import with_drawn_takes
 from cocap_opt.run.options import Option
 from cocap_opt.scenarios.spread import Spread
 from cocap_opt.vision import default_weights
+
+_PROBABILITIES = "probabilities", "a number for each take"
 
 
 def with_views(
@@ -147,7 +156,7 @@ def rest(
     >>> left = co.rest(problem, result, 1, without=[1])
     >>> co.bound(left, time_limit=10).bound
     """
-    return rest_of(problem, plan, from_step, without).scene
+    return rest_of(problem, plan, from_step, without, "plan").scene
 
 
 def takes(
@@ -204,8 +213,8 @@ def takes(
         int(count),
         Spread(float(delay), float(aside), float(speed)),
         Option("seed").require_whole(seed),
-        None if probabilities is None else tuple(probabilities),
-        None if people is None else tuple(people),
+        None if probabilities is None else listed_numbers(probabilities, *_PROBABILITIES),
+        None if people is None else listed(people, "people", "numbers of people"),
     )
 
 

@@ -177,6 +177,8 @@ def _reworded(error: Exception) -> str:
         return f"{given}: must be left out, as the command does not take it"
     if not isinstance(error, CoercionError) or error.token is None:
         return ""
+    if isinstance(error.__cause__, UsageError):  # of our own converter, which says more
+        return str(error.__cause__)
     given, choices = error.token.value, [*map(str, get_args(error.target_type))]
     name = error.token.keyword or (error.argument.name if error.argument is not None else "")
     if name and get_origin(error.target_type) is Literal:

@@ -1,5 +1,6 @@
 """The commands of `cocap-opt figure`: charts for papers, as PNG, PDF or SVG."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -127,7 +128,7 @@ def _progress(*trace: _Trace, output: Output, json: Json = False) -> int:
 
 def _traces(path: Path) -> list[Path]:
     """Returns the traces of a sweep's folder, or the file itself."""
-    if not path.is_dir():
+    if not os.path.isdir(path):
         return [path]
     found = sorted((path / TRACES).glob("*.csv"))
     if not found:

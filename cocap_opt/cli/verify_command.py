@@ -1,6 +1,7 @@
 """The command `verify`, which checks what plans and certificates in files claim of a scene."""
 
 import math
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -104,7 +105,7 @@ def _verify(
     """
     files = file or plan_with_scene(scene)
     if not files:
-        if not Path(scene).exists():
+        if not os.path.exists(scene):
             load_planned(scene, seed)  # there may be no such file
         _require_scene(scene)
         raise UsageError("FILE: name a plan, a certificate or a proof")
@@ -163,7 +164,7 @@ def _data(explained: Explained) -> Record:
 def _require_scene(scene: str) -> None:
     """Refuses the file of a plan or a bound where a scene is to be named."""
     path = Path(scene)
-    if not path.is_file():
+    if not os.path.isfile(path):  # unlike Path.is_file, false, too, for an impossible name
         return
     with suppress(FileError):  # it may be a scene
         found = read_claim(path)

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
 
-from cocap_opt.text import printable
+from cocap_opt.text import printable, shortened
+
+_LONGEST_WORD = 400  # characters; names of files with their folders are words, too
 
 
 def discard(stream: TextIO) -> None:
@@ -18,9 +20,10 @@ def discard(stream: TextIO) -> None:
 def one_line(message: str) -> str:
     """Returns a message on one line.
 
-    Some of it may come from files: what is not text, or would steer a terminal, is escaped.
+    Some of it may come from files: what is not text, or would steer a terminal, is escaped, and the
+    middle of very long words is left out.
     """
-    return printable(" ".join(message.split()))
+    return printable(" ".join(shortened(word, _LONGEST_WORD) for word in message.split()))
 
 
 def say(message: str) -> None:

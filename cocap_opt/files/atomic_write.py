@@ -49,9 +49,12 @@ def write_atomically(
             os.umask(umask)
             os.chmod(name, 0o666 & ~umask)
         _rename(written, ", ".join(map(str, contents)))
-    except BaseException:
+    except BaseException as error:
         for name, _ in written:
             Path(name).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno is not None:
+            # That of a full disk names no file, others the temporary one.
+            raise OSError(error.errno, error.strerror, ", ".join(map(str, contents))) from error
         raise
 
 

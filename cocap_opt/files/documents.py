@@ -4,6 +4,7 @@ They are JSON with a format and a version, read strictly, and written whole or n
 """
 
 import hashlib
+import os
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_type_hints
@@ -237,7 +238,8 @@ def unreadable(path: Path) -> str:
     """Says that a path is not a name, or a pipe or a device, which may not end, if it is so."""
     if "\0" in str(path):
         return "must be the name of a file, in which no character is NUL"
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    # Unlike Path.exists, os.path.exists is false, too, for names that no file can have.
+    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
         return "must be a regular file, no pipe or device"
     return ""
 

@@ -165,7 +165,7 @@ def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
         types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
         words = _allowed(inspect.type_info(kind), path)  # else any text is
         fields = _fields(inspect.type_info(kind), path) if "object" in types else []
-        of_fields = f", {', '.join(fields)}" if 0 < len(fields) <= _FEW_FIELDS else ""
+        of_fields = f" ({', '.join(fields)})" if 0 < len(fields) <= _FEW_FIELDS else ""
         either = " or ".join(
             f'"{words[0]}"'
             if word == "str" and len(words) == 1

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FieldError, FloatArray, ProblemError
+from cocap_opt.data import LARGEST, FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
 from cocap_opt.flight.notes import Kind, Note
@@ -302,8 +302,9 @@ class Flight(NamedTuple):
 
 def _moments(flown: Trajectory, every: float) -> FloatArray:
     """Returns times (s) from 0 to the end, so far apart; the end is among them."""
-    if not every > 0:  # true for nan, too
-        raise FieldError("every", f"must be a number of seconds > 0, not {every!r}")
+    if not 0 < every <= LARGEST:  # false for nan, too
+        words = f"must be a number of seconds > 0 and at most {LARGEST:,.0f}, not {every!r}"
+        raise FieldError("every", words)
     rows = flown.seconds / every * len(flown.pieces)
     if rows > MOST_ROWS:
         raise FieldError("every", f"must make at most {MOST_ROWS} rows, not {rows:.3g}")

@@ -22,7 +22,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
-from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
+from cocap_opt.scenarios import files_of, read_foreign_plan, scene_of_plan
 from cocap_opt.text import OTHERWISE, other_scene, printable, shortened
 
 log = logging.getLogger(__name__)
@@ -60,12 +60,14 @@ def check_output(path: Path | None, *inputs: str | Path | None) -> None:
 
     Parameters
     ----------
-    inputs : files that are read, none of which is overwritten
+    inputs : files that are read, none of which is overwritten, nor any that such a scene names
     """
     if path is None:
         return
+    target = os.path.realpath(path)
     for given in inputs:
-        if given is not None and os.path.realpath(path) == os.path.realpath(given):
+        read = [] if given is None else [given, *files_of(str(given))]
+        if target in map(os.path.realpath, read):
             raise FileError(f"{path}: must be another file than what is read")
     try:
         folder = file_to_write(path).parent

@@ -32,7 +32,7 @@ from cocap_opt.files.documents import (
     read_bytes,
 )
 from cocap_opt.files.users_folder import users_folder
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.model import compiled
 from cocap_opt.output.files import read_text
@@ -297,7 +297,9 @@ class Library:
         entry = self._of_digest(str(told.get("digest")), path)
         found = proved(self.instance(entry, folder), content, str(path), time_limit)
         # Fields on which nothing depends must be readable, too, by those who get the file.
-        decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
+        file = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
+        if isinstance(file, CertificateFile | ProofFile):
+            self._require_own_objective(entry, file, path, folder)
         packed = gzip.compress(content, 9, mtime=0)
         if len(packed) > MOST_BYTES:
             raise FileError(f"{path}: must be at most {MOST_BYTES:,} bytes, compressed")
@@ -341,6 +343,20 @@ class Library:
             if row.digest == digest:
                 return self.entry(name)
         raise FileError(f"{path}: digest: is of no instance of the library")
+
+    def _require_own_objective(
+        self, entry: Entry, file: CertificateFile | ProofFile, path: Path, folder: Path | None
+    ) -> None:
+        """Refuses the bound of another objective, which `verify` would not find in the scene."""
+        if file.objective is msgspec.UNSET:
+            return
+        try:
+            problem = file.problem_of(self.problem(entry, folder))
+            alike = problem_digest(problem) == file.digest
+        except CertificateError:
+            alike = False
+        if not alike:
+            raise FileError(f"{path}: refused: objective: must be that of {entry.name}")
 
     def _require_better(self, entry: Entry, found: Proved, path: Path) -> None:
         standing = self.standing(entry.name)

@@ -70,8 +70,10 @@ class Asked(NamedTuple):
             If something is out of range; it is named.
         """
         option = Option(name("drones"))
-        if not drones:
-            raise UsageError(f"{option.name}: must be one number or more, such as 2")
+        for field, several in ("drones", drones), ("camera", cameras), ("heights", heights):
+            if several is not None and not several:
+                example = "name" if field == "camera" else "number"
+                raise UsageError(f"{name(field)}: must be one {example} or more, not none")
         numbers = [option.require_whole(number, 1, MOST_DRONES) for number in drones]
         names: list[str | None] = [None] if cameras is None else list(dict.fromkeys(cameras))
         for camera in names:

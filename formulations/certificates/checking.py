@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from cocap_opt.files.documents import other_coverage, problem_digest
 from cocap_opt.formulations.certificates.format import (
     Certificate,
@@ -89,5 +91,6 @@ def priced(
         # So plain certificates are checked without any search.
         from cocap_opt.formulations.certificates.staged import price_staged
 
-        return price_staged(model, certificate, stop, progress, plain)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
+            return price_staged(model, certificate, stop, progress, plain)
     return Pricing.of(model, certificate, stop=stop)

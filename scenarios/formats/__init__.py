@@ -2,7 +2,8 @@
 
 A reader has `read(path, seed)`, which returns the Problem; `read(path, seed, options)` where its
 format has options; and `read_plan(path, problem)`, which returns one path of states per robot,
-where plans of its format can be read. Readers raise a ProblemError of one line that names the file.
+where plans of its format can be read. `parts(path)` returns the further files of a scene, none of
+which may be overwritten. Readers raise a ProblemError of one line that names the file.
 They are listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them. Options are
 words such as {"triangles": "no"}; `Options` has the values that they stand for.
 """

@@ -174,6 +174,11 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
         )
 
 
+def parts(path: Path) -> list[Path]:
+    """Returns the table of start sets; nothing is written whose name ends as that of the map."""
+    return [path.parent / "starts.csv"]
+
+
 def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     """Reads the paths that Greedy Perspectives' planner found for a problem made by `read`.
 

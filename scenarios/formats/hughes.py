@@ -31,6 +31,7 @@ of their evaluation; they are part of the objective only with the option `bonus`
 
 import logging
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -195,6 +196,12 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
         )
 
 
+def parts(path: Path) -> list[Path]:
+    """Returns the scene and its solutions, given either."""
+    scene, solutions = _scene_and_solutions(path)
+    return [scene, *solutions]
+
+
 def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     """Reads the paths of a solution, one per robot; the referee says if they can be flown.
 
@@ -257,7 +264,7 @@ def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_Stat
 
 def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
     """Returns the file of a scene and those of its solutions, given either."""
-    if path.is_file() and SOLUTION in path.read_bytes():
+    if os.path.isfile(path) and SOLUTION in path.read_bytes():
         for folder in (path.parent, path.parent.parent):
             files = [file for file in sorted(folder.glob("*.json")) if file.is_file()]
             scenes = [file for file in files if SCENE in file.read_bytes()]

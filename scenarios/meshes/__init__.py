@@ -67,7 +67,13 @@ class MeshTable(Table):
             if (self.up or up) == "y":
                 vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
             turn = math.radians(self.turn)
-            return Mesh(vertices=_placed(vertices, turn, self.at), triangles=triangles)
+            mesh = Mesh(vertices=_placed(vertices, turn, self.at), triangles=triangles)
+            if not len(mesh.surface):  # the corners of all triangles are in a line
+                raise ProblemError(_NOTHING)
+            return mesh
+
+
+_NOTHING = "must hold at least one triangle that is not a line or point"
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
@@ -105,7 +111,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
     welded = faces.welded()
     triangles = welded.triangles()
     if not len(triangles):
-        raise ProblemError("must hold at least one triangle that is not a line or point")
+        raise ProblemError(_NOTHING)
     used, corners = np.unique(triangles, return_inverse=True)
     return welded.vertices[used], corners.reshape(-1, 3)
 

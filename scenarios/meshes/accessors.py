@@ -6,6 +6,7 @@ KHR_mesh_quantization.
 
 import base64
 import binascii
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -235,7 +236,7 @@ class Accessors:
             return _of_text(uri, index)
         path = self._folder / unquote(uri)
         is_name = "\0" not in str(path)  # which no system looks up
-        if not (is_name and path.resolve().is_relative_to(self._folder) and path.is_file()):
+        if not (is_name and path.resolve().is_relative_to(self._folder) and os.path.isfile(path)):
             raise ProblemError(f"buffers[{index}]: cannot be read: no file {uri[:60]} beside it")
         return path.read_bytes()
 

@@ -9,7 +9,7 @@ what costs less to plan.
 """
 
 from cocap_opt.scenarios.recipe.example import EXAMPLE
-from cocap_opt.scenarios.recipe.scenes import read, site
+from cocap_opt.scenarios.recipe.scenes import parts, read, site
 from cocap_opt.scenarios.recipe.schema import Recipe, decoded, without_limits
 
-__all__ = ["EXAMPLE", "Recipe", "decoded", "read", "site", "without_limits"]
+__all__ = ["EXAMPLE", "Recipe", "decoded", "parts", "read", "site", "without_limits"]

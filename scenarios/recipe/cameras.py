@@ -132,11 +132,15 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
     Raises
     ------
     ProblemError
-        If there is no camera of that name, numbers do not fit together, or a tilt is out of range.
+        If there is no camera of that name, numbers do not fit together, or tilts are out of range
+        or out of order.
     """
     for angle in tilts:
         if not abs(angle) <= 90:
             raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
+    if [*tilts] not in (sorted(set(tilts)), sorted(set(tilts), reverse=True)):
+        words = "must increase or decrease, for pitch_turn counts them in their order"
+        raise ProblemError(f"tilts: {words}, not {', '.join(f'{angle:g}' for angle in tilts)}")
     radians = tuple(math.radians(angle) for angle in tilts)
     if isinstance(given, CameraTable):
         with naming("camera"):

@@ -78,6 +78,24 @@ def _naming_examples() -> Iterator[None]:
         ) from error
 
 
+def parts(path: Path) -> list[Path]:
+    """Returns the files that the tables of a recipe name, whether or not they are there."""
+    tables = msgspec.to_builtins(decoded(path))
+    return [path.parent / name for name in _named(tables)]
+
+
+def _named(value: Any, key: str = "") -> Iterator[str]:
+    """Yields the names of files in tables."""
+    if isinstance(value, dict):
+        for inner, held in value.items():
+            yield from _named(held, inner)
+    elif isinstance(value, list | tuple):
+        for held in value:
+            yield from _named(held, key)
+    elif key in ("file", "ground") and isinstance(value, str):
+        yield value
+
+
 def site(path: Path, seed: int = 0) -> Site:
     """Reads a recipe whose drones need not have places yet, nor be there at all.
 

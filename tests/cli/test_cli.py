@@ -1566,6 +1566,60 @@ def test_a_scene_is_not_overwritten(
     assert scene.read_bytes() == before
 
 
+WALLS = """
+steps = 2
+[map]
+size = [9, 9]
+[[walls]]
+file = "w.json"
+unit = "m"
+height = 2
+polygons = "obstacles"
+[[drones]]
+count = 1
+camera = "px4-gimbal"
+"""
+SQUARE = {"type": "Polygon", "coordinates": [[[4, 4], [5, 4], [5, 5], [4, 5], [4, 4]]]}
+
+
+@pytest.mark.parametrize("words", [("plan", "-o"), ("bound", "-o"), ("export", "-o")])
+def test_a_file_that_a_recipe_names_is_not_overwritten(
+    words: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Maps, walls and tracks are no place for what is made of them, however they are named."""
+    scene, walls = tmp_path / "scene.toml", tmp_path / "w.json"
+    scene.write_text(WALLS)
+    walls.write_text(json.dumps(SQUARE))
+    before = walls.read_bytes()
+    run = Run(capsys, words[0], scene, words[1], tmp_path / ".." / tmp_path.name / "w.json")
+    assert run.code == 2 and "must be another file than what is read" in run.err
+    assert walls.read_bytes() == before
+    assert Run(capsys, "export", scene, "-o", tmp_path / "other.json").code == 0
+
+
+def test_long_words_do_not_fill_the_screen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a wrong value of thousands of characters a message shows both ends."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(f'flown = "{"a" * 5000}"' + WALLS)
+    run = Run(capsys, "plan", scene)
+    assert run.code == 2 and "flown: must be one of" in run.err
+    assert len(run.err) < 1000
+
+
+def test_names_that_no_file_can_have_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A name that is too long is refused as any other that is not there, where it is written."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(WALLS.replace("w.json", "x" * 300 + ".json"))
+    run = Run(capsys, "plan", scene)
+    assert run.code == 2 and "scene.toml: walls[0]: " in run.err and "too long" in run.err
+    run = Run(capsys, "verify", "tiny-share", "x" * 300 + ".json")
+    assert run.code == 2 and "too long" in run.err
+
+
 @pytest.mark.slow
 def test_python_runs_the_module_as_the_command() -> None:
     """`python -m` of its module does what `cocap-opt` does, and does not end in silence."""

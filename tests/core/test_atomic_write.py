@@ -61,6 +61,19 @@ def test_a_failed_write_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.Monk
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system names no file where there is no room; whoever reads the message needs it."""
+
+    def full(_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / "file"
+    with pytest.raises(OSError, match="No space") as caught:
+        write_atomically({path: full})
+    assert caught.value.filename == str(path) and caught.value.errno == 28
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_files_that_belong_together_are_all_new_or_all_old(tmp_path: Path) -> None:
     """Where the second of two cannot be written, the first keeps what it had."""
     path, folder = tmp_path / "plan", tmp_path / "proof"

@@ -128,6 +128,11 @@ FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
     "state": (GOOD[0], lambda f: f["plan"]["paths"][0][-1].__setitem__(0, 1), "refused"),
     "heading": (GOOD[0], lambda f: f["plan"]["paths"][0][0].__setitem__(3, 0), "refused"),
     "drone": (GOOD[0], lambda f: f["plan"]["paths"].pop(), "refused"),
+    "objective": (
+        GOOD[1],
+        lambda f: f.update(objective={"pixels": 0.5}),
+        "objective: must be that of trap-0",
+    ),
     "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "is of no instance"),
     "version": (
         GOOD[1],

@@ -39,8 +39,9 @@ from cocap_opt.formulations.certificates import (
     UnfinishedError,
     verify,
 )
+from cocap_opt.formulations.certificates.checking import priced
 from cocap_opt.formulations.certificates.format import Stage, StepConstant
-from cocap_opt.formulations.certificates.resources import Cells
+from cocap_opt.formulations.certificates.resources import Cells, Moves
 from cocap_opt.formulations.certificates.staged import (
     JointStates,
     Narrowing,
@@ -1137,6 +1138,19 @@ def test_numbers_too_large_prove_nothing(paths_above: float | None) -> None:
         for stages in ((), (Stage(),)):
             with pytest.raises(CertificateError, match="infinite"):
                 price_staged(model, Staged(multipliers, 1.0, stages, paths_above))
+
+
+def test_sums_that_overflow_prove_nothing_without_a_warning() -> None:
+    """Prices whose sums along a path are infinite are refused in the file's words alone."""
+    problem = tiny()
+    model, shape = compiled(problem), (problem.view_sum_steps, len(problem.face_weights))
+    start = problem.cell(0, problem.robots[0].start)
+    moves = [(start, start._replace(x=x)) for x in range(3)]
+    rows = [Row(Moves(t, (move,)), 8e307) for t in range(problem.horizon) for move in moves] * 2
+    ones = as_rows(np.ones(shape))
+    multipliers = Multipliers(ones, ones, rows=tuple(rows))
+    with pytest.raises(CertificateError, match="infinite"):
+        priced(model, Staged(multipliers, 1.0, (Stage(),)))
 
 
 @pytest.mark.slow

@@ -415,7 +415,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective = { pixels = true }"),
          "objective.pixels: must be a number, not true"),
         (("steps = 4", "steps = 4\nobjective.views = 2"),
-         "objective.views: must be .first. or an object with fields, cameras, weight, at_least, s"),
+         "objective.views: must be .first. or an object with fields .cameras, weight, at_least, s"),
         (("steps = 4", "steps = 4\nobjective.views = { camera = 2 }"),
          "objective.views: .* `camera`; did you mean cameras.; known are cameras, w"),
         (("steps = 4", "steps = 4\nobjective.views = { cameras = 0 }"),
@@ -1231,6 +1231,37 @@ def test_meshes_of_odd_sizes_are_doubted(
     found = warnings(problem.replace(meshes=(*problem.meshes, mesh)))
     expected = [] if words is None else [f"meshes[1] {words}"]
     assert [warning for warning in found if warning.startswith("meshes[1]")] == expected
+
+
+def test_vertices_that_no_triangle_has_are_no_part_of_a_mesh() -> None:
+    """Files list vertices that they do not use; heights in warnings are those of triangles."""
+    corners = np.array([[5, 5, 0], [6, 5, 0], [6, 6, 0], [5, 5, 5000]])
+    mesh = Mesh(vertices=corners, triangles=np.array([[0, 1, 2]]))
+    problem = load_scene("bridge", 0)
+    found = warnings(problem.replace(meshes=(*problem.meshes, mesh)))
+    assert "meshes[1] is wholly below the ground: its top is at 0 m" in found
+    assert not any("high: is its unit" in warning for warning in found)
+
+
+@pytest.mark.parametrize("corners", [[0, 0, 1], [0, 1, 2]])
+def test_a_mesh_of_lines_is_doubted(corners: list[int]) -> None:
+    """Lines and points are no matter: nothing is there, and no drone or view minds."""
+    line = np.array([[5, 5, 0], [6, 5, 0], [7, 5, 0]])
+    bridge = load_scene("bridge", 0)
+    lines = Mesh(vertices=line, triangles=np.array([corners]))
+    problem = bridge.replace(meshes=(*bridge.meshes, lines))
+    words = "meshes[1] has no triangle that is no line or point, so that nothing is there"
+    assert [found for found in warnings(problem) if found.startswith("meshes[1]")] == [words]
+    assert (problem.workspace.columns.high == bridge.workspace.columns.high).all()
+
+
+def test_a_mesh_file_of_lines_is_refused(tmp_path: Path) -> None:
+    """Corners that are in a line are as little as corners that are one."""
+    (tmp_path / "line.obj").write_text("v 1 1 0\nv 2 1 0\nv 3 1 0\nf 1 2 3\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text('steps = 1\n[map]\nsize = [9, 9]\n[[mesh]]\nfile = "line.obj"\n')
+    with pytest.raises(co.FileError, match=r"line\.obj: must hold at least one triangle that is"):
+        load_scene(str(scene), 0)
 
 
 def test_a_scene_without_people_is_doubted() -> None:

@@ -107,6 +107,15 @@ def test_film_comes_first_and_is_as_wide_as_photos(caplog: pytest.LogCaptureFixt
             assert camera_name(film) == name
 
 
+@pytest.mark.parametrize("tilts", [[10, 10], [10, 60, 30], [60, 10, 30]])
+def test_tilts_are_in_order(tmp_path: Path, tilts: list[float]) -> None:
+    """Drones turn their cameras by so many tilts of the list; each must be beside the next."""
+    with pytest.raises(ProblemError, match="tilts: must increase or decrease"):
+        camera(tmp_path, f'"px4-gimbal"\ntilts = {tilts}')
+    assert len(camera(tmp_path, f'"px4-gimbal"\ntilts = {sorted({*tilts})}').tilts) > 0
+    assert camera(tmp_path, '"px4-gimbal"\ntilts = [60, 10]').tilts[0] > 1.0
+
+
 def test_photos_are_pointed_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """One line says which name films, and nothing is said of cameras that have no other."""
     camera(tmp_path, '"skydio-2"')
