@@ -1,5 +1,6 @@
 import gzip
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -379,10 +380,16 @@ def test_small_stored_records_are_accepted_again(name: str) -> None:
         library.recheck(record)
 
 
+# Checks of these take six minutes of CPU time or more.
+HARD = {"field-1", "field-1000", "field-1001", "field-long-0"}
+
+
 @pytest.mark.long(seconds=10)
 @pytest.mark.parametrize("name", [entry.name for entry in Library().entries])
 def test_all_stored_records_are_accepted_again(name: str) -> None:
     """The same of all; those by reference where their files are there."""
+    if name in HARD and os.environ.get("COCAP_OPT_RECORDS") != "all":
+        pytest.skip("takes minutes (COCAP_OPT_RECORDS=all)")
     library = Library()
     entry = library.entry(name)
     folder = folder_of(entry.family.name) if entry.is_by_reference else None
