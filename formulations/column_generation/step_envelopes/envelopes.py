@@ -300,12 +300,11 @@ class _Envelopes:
             prices = bundle.run(cutoff, self.report)
             if bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if (
-                prices is None
-                or Heights(
-                    bundle, prices, self.proved, self.searches, self.lengths, self._keep
-                ).adopt()
-            ):
+            if prices is None:
+                return
+            heights = Heights(bundle, prices, self.proved, self.searches, self.lengths, self._keep)
+            # If no search has ended, nothing is known that could correct the bundle.
+            if heights.adopt() or not heights.waiting:
                 return
 
     def _keep(self, proved: Stages) -> None:
