@@ -255,7 +255,7 @@ def test_the_study_of_a_tiny_scene(
     assert study("quality", *words) == 0
     out, err = capsys.readouterr()
     assert "aniposelib is not installed: pip install -e '.[triangulation]'" in err
-    assert "tiny-hover: left out, for it has not two drones with pinhole cameras" in err
+    assert "tiny-hover: left out, as it has fewer than two drones with pinhole cameras" in err
     assert "\n tiny " in out
     steps = PersonStep.read(tmp_path / "quality.csv")
     assert {step.cameras for step in steps} == {2}

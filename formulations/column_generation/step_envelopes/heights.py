@@ -85,13 +85,15 @@ class Heights:
     def _limits_of_nodes(self) -> Iterable[tuple[int, float]]:
         """Yields the nodes that searches may have, first few and then more, up to the most.
 
-        With each comes the number of searches that may fail before all get more.
+        With each comes the number of searches that may fail before all get more, or are given up:
+        where none has ended with fewer nodes, none is likely to.
         """
         most, limit = self.searches.many_nodes(), self._parameters.first_nodes
         while limit < most:
             yield limit, max(self._parameters.patience, self._parameters.most_in_vain / limit)
             limit = max(limit * self._parameters.next_times, limit + 1)
-        yield most, math.inf
+        has_ended = self.adopted or self.waiting
+        yield most, math.inf if has_ended else self._parameters.patience
 
     def _left_after(self, steps: Sequence[int], most_nodes: int, patience: float) -> list[int]:
         """Returns the steps that have no height after searches of so many nodes each."""
