@@ -10,6 +10,7 @@ opinion was (verify).
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
@@ -27,10 +28,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.environ.setdefault(name, count)
     _open_streams()
     try:
-        with _leave_at_once():
-            from cocap_opt.cli.commands import run  # half a second
-        code = run(arguments)
-        sys.stdout.flush()
+        with _told_to_end():
+            with _leave_at_once():
+                from cocap_opt.cli.commands import run  # half a second
+            code = run(arguments)
+            sys.stdout.flush()
     except BrokenPipeError:
         # The reader of our output has gone, as with `| head`.
         discard(sys.stdout)
@@ -56,6 +58,30 @@ def _open_streams() -> None:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):  # a file's name need not be text
         sys.stdout.reconfigure(errors="backslashreplace")
+
+
+@contextmanager
+def _told_to_end() -> Iterator[None]:
+    """Treats SIGTERM, which batch systems send before they kill a job, as Ctrl-C."""
+    before = signal.getsignal(signal.SIGTERM)
+    is_main = threading.current_thread() is threading.main_thread()
+    if before is not signal.SIG_DFL or not is_main:  # the caller has other plans with it
+        yield
+        return
+    process = os.getpid()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        if os.getpid() == process:
+            signal.raise_signal(signal.SIGINT)
+        else:  # a child, which has inherited this
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            signal.raise_signal(signal.SIGTERM)
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -1408,10 +1408,14 @@ def test_narrow_ways_are_said_where_they_help(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    number: signal.Signals,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """An interrupted solver is a result: exit code 0, both files written, and they hold."""
+    """A solver told to end has a result: exit code 0, both files are written, and they hold."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path / "cache"))
     process = start_command("solve", "bottleneck", "--seed", 2, "--time-limit", 600, "-o", plan,
@@ -1419,7 +1423,7 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     assert process.stderr is not None
     has_both = re.compile(r"cocap-opt: bottleneck seed 2, .* J [\d,.]+, bound [\d,.]+, gap ")
     assert any(has_both.match(line) for line in process.stderr)  # it waits for such a line
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0
     assert all(line.startswith("cocap-opt: bottleneck") for line in err.splitlines()[1:])
