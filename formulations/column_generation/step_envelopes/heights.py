@@ -62,7 +62,7 @@ class Heights:
         Returns
         -------
         bool
-            False if there is no stage; the bundle knows why, then.
+            False if there is no stage; if any search has ended, the bundle knows why, then.
 
         Raises
         ------
@@ -74,9 +74,9 @@ class Heights:
             left = self._left_after(left, most, patience)
         for t in left:
             self.lengths.note(t, len(self.bundle.joints[t].states), None)
-        if self.waiting or not self.adopted:
+        if self.waiting:
             total = self._total()
-            if self.waiting and total < self._narrowing.bound:
+            if total < self._narrowing.bound:
                 self._add()
             elif not self.adopted:
                 self.bundle.correct(total)
