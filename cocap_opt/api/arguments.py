@@ -31,6 +31,11 @@ def require_number(value: object, name: str) -> None:
     require(value, name, "a number", int, float, np.number)
 
 
+def require_whole(value: object, name: str, allowed: str = "a whole number") -> None:
+    """Raises TypeError, with a readable message, unless the value is a whole number."""
+    require(value, name, allowed, int, np.integer)
+
+
 def require_path(value: object, name: str) -> Path:
     """Returns a path; raises TypeError, with a readable message, for what is none."""
     require(value, name, "the name of a file or folder", str, Path)
@@ -197,10 +202,10 @@ def rest_of(
     plan = followed(follow, name)
     if from_step is None:
         raise ValueError("from_step: must be given, the step up to which the plan is flown")
-    require(from_step, "from_step", "a whole number", int, np.integer)
+    require_whole(from_step, "from_step")
     lost = listed(without, "without", "a list of numbers of drones")
     for drone in lost:
-        require(drone, "without", "numbers of drones", int, np.integer)
+        require_whole(drone, "without", "numbers of drones")
     try:
         return Rest.of(problem, plan, int(from_step), [int(drone) for drone in lost])
     except FieldError:

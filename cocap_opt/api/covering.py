@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.api.arguments import require, require_problem
+from cocap_opt.api.arguments import require_problem, require_whole
 from cocap_opt.data import IntArray
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.problem import Problem
@@ -50,7 +50,7 @@ def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
     from pandas import DataFrame
 
     require_problem(problem)
-    require(robot, "robot", "a whole number", int, np.integer)
+    require_whole(robot, "robot")
     if robot not in range(len(problem.robots)):
         last = len(problem.robots) - 1
         raise ValueError(f"robot: must be a number from 0 to {last}, not {robot!r}")

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TypeVar, overload
 
 import msgspec
-import numpy as np
 
 from cocap_opt.api.arguments import (
     Bound,
@@ -12,6 +11,7 @@ from cocap_opt.api.arguments import (
     require,
     require_flown,
     require_path,
+    require_whole,
 )
 from cocap_opt.files.documents import (
     Document,
@@ -58,7 +58,7 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     """
     words = {name.replace("_", "-"): word for name, word in options.items()}
     require(scene, "scene", "a name or a file", str, Path)
-    require(seed, "seed", "a whole number", int, np.integer)
+    require_whole(seed, "seed")
     return load_scene(str(scene), int(seed), words)
 
 

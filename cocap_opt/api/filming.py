@@ -1,13 +1,11 @@
 """Public functions that measure how well plans film people, and bound it for all plans."""
 
-import numpy as np
-
 from cocap_opt.api.arguments import (
     plan_for,
-    require,
     require_flown,
     require_number,
     require_problem,
+    require_whole,
     start_for,
 )
 from cocap_opt.footage.quality import Assumptions, Quality
@@ -130,7 +128,7 @@ def quality_bound(
     """
     require_problem(problem)
     if cameras is not None:
-        require(cameras, "cameras", "a whole number", int, np.integer)
+        require_whole(cameras, "cameras")
     if at_least is not None:
         require_number(at_least, "at_least")
     limit = never

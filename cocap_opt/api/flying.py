@@ -12,6 +12,7 @@ from cocap_opt.api.arguments import (
     require,
     require_flag,
     require_number,
+    require_whole,
 )
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
@@ -175,7 +176,7 @@ def robustness(
     )
     steps = None if lost is None else listed(lost, "lost", "whole numbers of steps")
     for each in steps or ():
-        require(each, "lost", "whole numbers of steps", int, np.integer)
+        require_whole(each, "lost", "whole numbers of steps")
     table = DataFrame(what_if(flight, changes, steps).records())
     table.attrs = {
         "delay_tolerance": tolerated_delay(flight),

@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from cocap_opt.api.arguments import require, require_number, require_problem
+from cocap_opt.api.arguments import require, require_number, require_problem, require_whole
 from cocap_opt.problem import Problem
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored
@@ -66,11 +64,11 @@ def front(
     """
     require_problem(problem)
     if cameras is not None:
-        require(cameras, "cameras", "a whole number", int, np.integer)
+        require_whole(cameras, "cameras")
     for name, value in (("at_least", at_least), ("share", share)):
         if value is not None:
             require_number(value, name)
-    require(directions, "directions", "a whole number", int, np.integer)
+    require_whole(directions, "directions")
     Option("directions").require_whole(int(directions))
     require_number(seconds, "seconds")
     Option("seconds").require_limit(seconds)

@@ -11,6 +11,7 @@ from cocap_opt.api.arguments import (
     require,
     require_number,
     require_problem,
+    require_whole,
     rest_of,
 )
 from cocap_opt.problem import Plan, Problem
@@ -68,7 +69,7 @@ def with_views(
     >>> co.plan(twice, "cocap", time_limit=10).value
     """
     require_problem(problem)
-    require(cameras, "cameras", "a whole number", int, np.integer)
+    require_whole(cameras, "cameras")
     require_number(at_least, "at_least")
     if share is not None:
         require_number(share, "share")
@@ -207,7 +208,7 @@ def takes(
     require_problem(problem)
     for name, value in (("delay", delay), ("aside", aside), ("speed", speed)):
         require_number(value, name)
-    require(count, "count", "a whole number", int, np.integer)
+    require_whole(count, "count")
     return with_drawn_takes(
         problem,
         int(count),
