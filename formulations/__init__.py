@@ -50,12 +50,14 @@ _INTEGER = "an integer program, refined until its plan's true J meets the bound,
 
 BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
-        "alone": _bound("simple_bounds:alone", (
-            "sum over drones of what each could achieve alone"
-        ), _ANY),
-        "online": _bound("simple_bounds:online", (
-            "J of a plan plus the most that each drone could add to it"
-        ), _ANY),
+        "alone": _bound(
+            "simple_bounds:alone", ("sum over drones of what each could achieve alone"), _ANY
+        ),
+        "online": _bound(
+            "simple_bounds:online",
+            ("J of a plan plus the most that each drone could add to it"),
+            _ANY,
+        ),
         "concave": _bound(
             "relaxations.cone_program:concave", "concave relaxation over the aggregated flow", _FEW
         ),

@@ -163,9 +163,9 @@ def explain(
         If the file claims that there is no plan.
     """
     if not math.isfinite(file.proved):
-        raise ValueError((
-            "certificate: it proves that no plan exists, so there is no gap to explain"
-        ))
+        raise ValueError(
+            ("certificate: it proves that no plan exists, so there is no gap to explain")
+        )
     model = model.disaggregated() if file.classes == "single" else model
     paths = model.paths(plan)
     passed = [PathCells.of(model, robot, path) for robot, path in enumerate(paths)]

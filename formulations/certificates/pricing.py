@@ -159,8 +159,7 @@ class Pricing(NamedTuple):
 
 
 class CertificatePrices(NamedTuple):
-    """The prices that a certificate puts on pixels and resources, from which its bound is computed.
-    """
+    """The prices that a certificate puts on pixels and resources, from which its bound is computed."""
 
     model: Model
     pixels: "_PixelPrices"

@@ -103,9 +103,9 @@ class Auditor:
             if key is None:
                 continue  # a kind without drones, which the comparison of facts reports
             if key in known:
-                found.append((
-                    f"{told_state(*key[1:])}: given once by the scene, twice by the instance"
-                ))
+                found.append(
+                    (f"{told_state(*key[1:])}: given once by the scene, twice by the instance")
+                )
             known.add(key)
             kind = self._scene.kinds[key[0]]
             found += of_sight(sight, self._scene, kind, self._first_step)

@@ -91,9 +91,9 @@ class Lowering:
     def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a leaf; `decisions` are those on the way from the root."""
         nus = [check.number_of(nu) for nu in numbers.get("decisions", ())]
-        check.require(len(nus) == len(decisions), (
-            "decisions: must contain one multiplier per decision"
-        ))
+        check.require(
+            len(nus) == len(decisions), ("decisions: must contain one multiplier per decision")
+        )
         # A closed resource: its charge is so high that no path that uses it gains anything.
         others = [check.number_of(row["multiplier"]) for row in numbers.get("rows", ())]
         charged = sum([abs(self.bound or Fraction(0)), *others, *nus], Fraction(1))
@@ -280,9 +280,9 @@ class Lowering:
     def tree(self, nodes: list[Spec], number: int = 0, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a tree of decisions."""
         check.require(len(decisions) < len(nodes), "nodes: form a cycle")
-        check.require(0 <= check.whole(number) < len(nodes), (
-            "nodes: names a node that does not exist"
-        ))
+        check.require(
+            0 <= check.whole(number) < len(nodes), ("nodes: names a node that does not exist")
+        )
         node = nodes[number]
         if node["type"] == "leaf":
             check.only(node, {"certificate"})
@@ -306,9 +306,9 @@ def require_known(instance: check.Instance, file: Spec) -> None:
     check.require(is_known, "not a certificate or proof of a known version")
     check.require(file.get("digest") == instance.digest, "digest: belongs to another instance")
     version = file.get("coverage_version")
-    check.require(version in (None, instance.coverage), (
-        "coverage_version: does not match the instance"
-    ))
+    check.require(
+        version in (None, instance.coverage), ("coverage_version: does not match the instance")
+    )
     classes = file.get("classes", "alike")
     check.require(classes in ("alike", "single"), "classes: must be alike or single")
     is_proof = kind == "cocap-opt proof"
@@ -348,9 +348,9 @@ def main() -> int:
     parser.add_argument("certificate", type=Path)
     parser.add_argument("-o", "--output", type=Path, help="output file (default: standard output)")
     parser.add_argument(
-        "--multipliers", action="store_true", help=(
-            "lower only the initial multipliers of a staged certificate"
-        )
+        "--multipliers",
+        action="store_true",
+        help=("lower only the initial multipliers of a staged certificate"),
     )
     given = parser.parse_args()
     instance = check.Instance(given.instance.read_text("utf-8"))
