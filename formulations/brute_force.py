@@ -1,4 +1,6 @@
-"""Finds the exact optimum of a tiny instance by enumerating all plans; tests use it as an oracle."""
+"""Finds the exact optimum of a tiny instance by enumerating all plans; tests use it as an
+oracle.
+"""
 
 import math
 from collections.abc import Iterator
@@ -53,7 +55,7 @@ def brute_force(
         plans *= _count_paths(model, robot)
         if plans > MOST_PLANS:
             raise UnsupportedError(
-                (f"brute force tries at most {MOST_PLANS} plans; this problem has more")
+                f"brute force tries at most {MOST_PLANS} plans; this problem has more"
             )
     best: Plan | None = None
     value = -math.inf
@@ -95,7 +97,9 @@ def _better_and_better(model: Model, stop: Stop) -> Iterator[tuple[Plan, float]]
 
 
 def _choices(model: Model, robot: int, stop: Stop) -> list[tuple[Path, FloatArray, float]]:
-    """Returns all paths of a robot that end in a goal, with their pixels [Z] and rewards for moves."""
+    """Returns all paths of a robot that end in a goal, with their pixels [Z] and rewards for
+    moves.
+    """
     found = []
     bonuses = Bonuses.of(model.problem.objective)
     shape = model.class_of[robot].graph.shape
@@ -119,7 +123,9 @@ def _count_paths(model: Model, robot: int) -> int:
 
 
 def _all_paths(model: Model, robot: int) -> list[Path]:
-    """Returns all paths of a robot that end in its goal, or in one of its goals if it has several."""
+    """Returns all paths of a robot that end in its goal, or in one of its goals if it has
+    several.
+    """
     robot_class = model.class_of[robot]
     paths: list[Path] = [(start,) for start in model.starts(robot).tolist()]
     for t in range(model.problem.horizon):

@@ -164,7 +164,7 @@ def explain(
     """
     if not math.isfinite(file.proved):
         raise ValueError(
-            ("certificate: it proves that no plan exists, so there is no gap to explain")
+            "certificate: it proves that no plan exists, so there is no gap to explain"
         )
     model = model.disaggregated() if file.classes == "single" else model
     paths = model.paths(plan)

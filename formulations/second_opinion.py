@@ -71,7 +71,9 @@ class TooLargeError(ValueError):
 
 
 class SecondOpinion(NamedTuple):
-    """The bound that a certificate or a proof proves, computed by code other than that of `verify`."""
+    """The bound that a certificate or a proof proves, computed by code other than that of
+    `verify`.
+    """
 
     bound: float
     magnitude: float  # sum of the absolute values of the bound's terms
@@ -292,7 +294,9 @@ class _Prices:
     def _constants(
         self, certificate: Certificate, decisions: Sequence[Decision]
     ) -> Iterator[float]:
-        """Yields the amounts to add for cuts, rows and decisions, which do not depend on the plan."""
+        """Yields the amounts to add for cuts, rows and decisions, which do not depend on the
+        plan.
+        """
         if isinstance(certificate, ReferencePixels):
             for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
                 yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
@@ -364,7 +368,9 @@ class _Prices:
 
 
 def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:
-    """Returns phi of a class at a root: linear between breakpoints, with slope 1 beyond the last."""
+    """Returns phi of a class at a root: linear between breakpoints, with slope 1 beyond the
+    last.
+    """
     for curve in curves:
         if curve.class_number == number:
             before, height = 0.0, 0.0

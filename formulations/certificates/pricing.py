@@ -159,7 +159,9 @@ class Pricing(NamedTuple):
 
 
 class CertificatePrices(NamedTuple):
-    """The prices that a certificate puts on pixels and resources, from which its bound is computed."""
+    """The prices that a certificate puts on pixels and resources, from which its bound is
+    computed.
+    """
 
     model: Model
     pixels: "_PixelPrices"
@@ -335,7 +337,7 @@ def _array(model: Model, faces: Table, people: Table, field: str) -> FloatArray:
 def _checked(values: Table, shape: tuple[int, int], field: str) -> FloatArray:
     """Checks the shape and the values of a table; returns all its numbers, row by row."""
     if len(values) != shape[0] or any(len(row) != shape[1] for row in values):
-        raise CertificateError(f"{field}: must contain {shape[0]} rows of {shape[1]} numbers")
+        raise CertificateError(f"{field}: must hold {shape[0]} rows of {shape[1]} numbers")
     array = np.array(values, dtype=np.float64).reshape(-1)
     if not np.isfinite(array).all() or (array < 0).any():
         wrong = array[~(np.isfinite(array) & (array >= 0))]
@@ -361,7 +363,7 @@ def _resource_prices(
     _check_rows(model, certificate.rows)
     if len(certificate.decisions) != len(decisions):
         raise CertificateError(
-            f"certificate.decisions: must contain {len(decisions)} multipliers, one per decision"
+            f"certificate.decisions: must hold {len(decisions)} multipliers, one per decision"
         )
     terms = [row.multiplier for row in certificate.rows]
     costs = [(row.resource, row.multiplier) for row in certificate.rows]

@@ -42,7 +42,9 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         raise NotImplementedError
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the part of the graph of class `number` that the resource covers; may be empty."""
+        """Returns the part of the graph of class `number` that the resource covers; may be
+        empty.
+        """
         raise NotImplementedError
 
     def why_absent(self, model: Model) -> str:
@@ -82,7 +84,9 @@ class Cells(_Resource, frozen=True, tag="cells"):
         return is_about and path.cells[self.t] in self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the places of the cells; empty for classes to which the resource does not apply."""
+        """Returns the places of the cells; empty for classes to which the resource does not
+        apply.
+        """
         if self.class_number not in (None, number):
             return _Footprint()
         return _Footprint(places=_places(model, number, self.cells))
@@ -270,7 +274,9 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
 
 
 def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]:
-    """Returns the places of cells in the graph of class `number`, without cells outside the graph."""
+    """Returns the places of cells in the graph of class `number`, without cells outside the
+    graph.
+    """
     found = [model.places.place_of(model.classes[number], cell) for cell in cells]
     return tuple(place for place in found if place is not None)
 

@@ -117,7 +117,9 @@ class Search:
             self.spare = file
 
     def is_proved(self, cutoff: float) -> bool:
-        """Returns True if the spare file proves a bound for all plans that is at most the cutoff."""
+        """Returns True if the spare file proves a bound for all plans that is at most the
+        cutoff.
+        """
         return self.spare is not None and self.spare.proved <= cutoff
 
     def use_start(self, start: Plan | None) -> str:

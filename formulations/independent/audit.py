@@ -104,7 +104,7 @@ class Auditor:
                 continue  # a kind without drones, which the comparison of facts reports
             if key in known:
                 found.append(
-                    (f"{told_state(*key[1:])}: given once by the scene, twice by the instance")
+                    f"{told_state(*key[1:])}: given once by the scene, twice by the instance"
                 )
             known.add(key)
             kind = self._scene.kinds[key[0]]

@@ -280,7 +280,7 @@ class Instance:
         if word == "scene":  # nothing depends on the scene's name
             return
         known = ", ".join(LINES)
-        words = f"must begin with a known word ({known}), not {word!r:.40}"
+        words = f"must begin with a known word, not {word!r:.40}; known are scene, {known}"
         require(word in LINES, words)
         kinds, kind_after = LINES[word]
         middle = rest.index(":") if ":" in rest else len(rest)
@@ -405,7 +405,7 @@ class Instance:
             )
         for n, (heading, after) in enumerate(zip(kind.headings, kind.turns, strict=True)):
             is_new = heading not in kind.headings[:n]
-            fits(is_new, "orientation", "must be given only once in a kind", n, number)
+            fits(is_new, "orientation", "must be given once in a kind", n, number)
             fits(all(turn < n_turns for turn in after), "orientation", turns, n, number)
         for n, (t, *places) in enumerate(kind.closed):
             fits(t <= horizon, "closed", f"must be at a step up to {horizon}", n, number)
@@ -651,7 +651,7 @@ def only(spec: object, names: set[str]) -> None:
     if not isinstance(spec, dict):
         raise Refused(f"must be an object, not {spec!r:.40}")
     unknown = [name for name in spec if name not in names | {"type"}]
-    require(not unknown, f"has an unknown field {unknown[:1]}; allowed: {', '.join(sorted(names))}")
+    require(not unknown, f"must have no field {unknown[:1]}; allowed: {', '.join(sorted(names))}")
 
 
 class Bound:
@@ -681,7 +681,9 @@ class Bound:
         self.charged: Charged = ({}, {}, {})
 
     def of(self, numbers: Spec, decisions: Decisions = ()) -> int | None:
-        """Returns an upper bound on J of plans that obey the decisions, rounded up; None: no plan."""
+        """Returns an upper bound on J of plans that obey the decisions, rounded up; None: no
+        plan.
+        """
         if numbers.get("type") == "reference":
             return self._of_reference(numbers)
         self.take(numbers)
@@ -1207,7 +1209,9 @@ class Search:
     def _slopes(
         self, seen: dict[int, float], mixture: "_Mixture"
     ) -> tuple[tuple[dict[int, tuple[float, float]], float], list[float]]:
-        """Returns alpha and weighted beta of groups, their kappas, and the values of the mixture."""
+        """Returns alpha and weighted beta of groups, their kappas, and the values of the
+        mixture.
+        """
         slopes, kappas, worth = {}, 0.0, 0.0
         for g, gain in mixture.gains.items():
             before, weight, cap = seen.get(g, 0.0), self.weight[g] / ONE, self.instance.caps.get(g)
@@ -1911,7 +1915,7 @@ def without_twins(pairs: list[tuple[str, Any]]) -> Spec:
 
 def no_constant(name: str) -> None:
     """Rejects NaN and infinity, which are not JSON numbers."""
-    raise Refused(f"must contain finite numbers only, not {name}")
+    raise Refused(f"must hold finite numbers only, not {name}")
 
 
 def run() -> None:

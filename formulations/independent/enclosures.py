@@ -344,7 +344,9 @@ class Enclosures:
     def _measured(
         self, visible: "_Visible", inside: "_Inside", measure: Any, most: arb
     ) -> tuple[arb, arb]:
-        """Returns the smallest and the largest measure of the visible part of a face in the image."""
+        """Returns the smallest and the largest measure of the visible part of a face in the
+        image.
+        """
         least = largest = arb(0)
         sure = visible.sure if visible.is_sure else ()
         for piece in sure:

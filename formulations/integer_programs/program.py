@@ -184,7 +184,9 @@ class Program:
         return np.concatenate([x, y, pixels, seen, self.roots_at(x)])
 
     def refine(self, x: FloatArray) -> int:
-        """Adds tangents where roots are overestimated at an integral x, and returns their number."""
+        """Adds tangents where roots are overestimated at an integral x, and returns their
+        number.
+        """
         n = self.roots.returns.n_roots
         pixels, allowed = (self.roots.pixels @ x)[:n], self.roots_at(x)[:n]
         wrong = np.flatnonzero(

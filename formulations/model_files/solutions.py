@@ -44,7 +44,7 @@ def plan_of_solution(problem: Problem, text: str) -> Plan:
     x = np.array([_value(values, f"x_{name}", k) for k, name in enumerate(names)])
     if float(np.abs(x - np.rint(x)).max(initial=0.0)) > _WHOLE:
         raise ProblemError(
-            ("contains fractional drones: it solves a relaxation, not the integer program")
+            "contains fractional drones: it solves a relaxation, not the integer program"
         )
     y = np.array(
         [_value(values, name, flow.n_nodes + k) for k, name in enumerate(edge_names(flow))]
@@ -59,10 +59,8 @@ def plan_of_solution(problem: Problem, text: str) -> Plan:
         return model.plan(flow.paths(y, np.rint(x)))
     except (ValueError, IndexError):
         raise ProblemError(
-            (
-                f"has no paths for the drones of {problem.name}: the solution belongs to another "
-                "scene, or is incomplete"
-            )
+            f"has no paths for the drones of {problem.name}: the solution belongs to another "
+            "scene, or is incomplete"
         ) from None
 
 

@@ -113,7 +113,9 @@ def _all_sums(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _distinct(values: FloatArray) -> FloatArray:
-    """Returns the positive values in increasing order, merging values that differ only by rounding."""
+    """Returns the positive values in increasing order, merging values that differ only by
+    rounding.
+    """
     ordered: FloatArray = np.unique(values[values > 0])
     if len(ordered) < 2:
         return ordered
@@ -140,7 +142,9 @@ def _reach(error: float) -> float:
 
 
 def _near(sums: FloatArray, error: float) -> FloatArray:
-    """Returns the fewest points of contact whose tangents keep the error at each of some sums [n]."""
+    """Returns the fewest points of contact whose tangents keep the error at each of some sums
+    [n].
+    """
     width, first, found = _reach(error) ** 2, 0, list[float]()
     while first < len(sums):
         last = int(np.searchsorted(sums, sums[first] * width, side="right")) - 1

@@ -255,7 +255,9 @@ def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
 
 
 def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns the slots, and all pairs of slots of a step that are too close; works on any terrain."""
+    """Returns the slots, and all pairs of slots of a step that are too close; works on any
+    terrain.
+    """
     layer, x, y = slots.at
     altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
     # Steps are placed so far apart that no two slots of different steps are close.
@@ -353,7 +355,9 @@ def _clique(
 
 
 def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
-    """Returns rows of 0 and 1 without duplicates, which are identified by sums of random numbers."""
+    """Returns rows of 0 and 1 without duplicates, which are identified by sums of random
+    numbers.
+    """
     marks = np.random.default_rng(0).random((rows.shape[1], 2))
     _, first = np.unique(np.round(rows @ marks, 9), axis=0, return_index=True)
     return sparse.csr_array(rows[np.sort(first)])
@@ -375,7 +379,9 @@ def _passing_moves(flow: Flow) -> _MoveRows:
 
 
 def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntArray]:
-    """Returns cliques of moves, by number, that contain all pairs that conflict between the steps."""
+    """Returns cliques of moves, by number, that contain all pairs that conflict between the
+    steps.
+    """
     cliques, problem = CliquesOfMoves(model), model.problem
     ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
     left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()

@@ -353,7 +353,9 @@ def _class_part(
 
 
 def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
-    """Returns True for states [T+1, S] on a path from one of the starts to the end (or the goal)."""
+    """Returns True for states [T+1, S] on a path from one of the starts to the end (or the
+    goal).
+    """
     graph, horizon = robot_class.graph, model.problem.horizon
     to_go = backward_sweep(graph, graph.no_reward(horizon), goal=robot_class.goal)
     found: BoolArray = graph.reachable(robot_class.all_starts, horizon) & (to_go > CLOSED)

@@ -206,7 +206,7 @@ REFUSED = [
     (("--root-error", -1, "-o", "x.lp"), "--root-error: must be at least 0 and less than 1"),
     (("-o", "seen.csv"), "-o: name a table: drones.csv, goals.csv, coverage.csv, views.csv"),
     (("-o", "views.csv"), "-o: views.csv is for a scene with --views"),
-    (("--over-time", "--root-error", 0, "-o", "x.lp"), "error must be more than 0"),
+    (("--over-time", "--root-error", 0, "-o", "x.lp"), "error above 0"),
 ]  # fmt: skip
 
 
@@ -241,7 +241,7 @@ def test_solutions_that_are_none_are_told_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A file without a variable of ours, or that is no text, is refused with its name."""
-    for content, words in ((b"infeasible\n", "has no variables"), (b"\xff\xfe", "text in UTF-8")):
+    for content, words in ((b"infeasible\n", "contains no variables"), (b"\xff\xfe", "text in UTF-8")):
         file = tmp_path / "answer.sol"
         file.write_bytes(content)
         run = Run(capsys, "verify", "tiny-doorway", file)

@@ -16,7 +16,9 @@ KERNEL = Kernel(
 
 
 def is_loaded() -> bool:
-    """Returns True if the compiled search has been used in this process, and is therefore loaded."""
+    """Returns True if the compiled search has been used in this process, and is therefore
+    loaded.
+    """
     return KERNEL.is_loaded
 
 

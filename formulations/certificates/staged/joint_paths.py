@@ -189,7 +189,9 @@ class _Following:
         return collected
 
     def _spend(self, nodes: int, moves: int) -> None:
-        """Subtracts the nodes and moves of a search; raises NotEndedError if they exceed the limit."""
+        """Subtracts the nodes and moves of a search; raises NotEndedError if they exceed the
+        limit.
+        """
         self.spend(nodes + NODES_OF_MOVE * self._times * moves)
 
     def spend(self, nodes: int) -> None:
@@ -275,7 +277,7 @@ def best_plan(
     """
     if not may_be_used(narrowing.model):
         raise ValueError(
-            ("joint paths: not possible if moves are rewarded or views do not count at step 1")
+            "joint paths: not possible if moves are rewarded or views do not count at step 1"
         )
     team = _Team(narrowing)
     following = _Following(most_nodes, plain)
@@ -294,7 +296,9 @@ def best_plan(
 
 
 def may_be_used(model: Model) -> bool:
-    """Returns True if joint states determine J: no move is rewarded, and views count from step 1."""
+    """Returns True if joint states determine J: no move is rewarded, and views count from step
+    1.
+    """
     objective = model.problem.objective
     rewarded = objective.stationarity or objective.keep_cell or objective.keep_heading
     return not (rewarded or objective.balanced) and model.problem.first_step <= 1
@@ -475,7 +479,9 @@ class _Team:
         return _Reached(before.values[tails] + _worths(joint, heads), placed, tails)
 
     def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
-        """Returns an array [M], True for moves of the team that have a conflict between the steps."""
+        """Returns an array [M], True for moves of the team that have a conflict between the
+        steps.
+        """
         rules, model = self._model.problem.rules, self._model
         found = np.zeros(len(tails), dtype=np.bool_)
         if not rules.hold_between_steps:
@@ -591,7 +597,9 @@ class _StartWays:
         return []
 
     def _may_start(self, first: int, head: int, second: int, other_head: int) -> BoolArray:
-        """Returns an array [n, m], True if the ways of two robots from their starts keep the rules."""
+        """Returns an array [n, m], True if the ways of two robots from their starts keep the
+        rules.
+        """
         # Robots with the same class and the same choices share a table of tails.
         key = id(self._tails[first]), head, id(self._tails[second]), other_head
         if key not in self._able:

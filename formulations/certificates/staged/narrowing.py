@@ -77,7 +77,9 @@ Search = Callable[[int, JointStates], float]
 
 
 class _Closing(NamedTuple):
-    """The values that decide which joint states count, from the last time that states were closed."""
+    """The values that decide which joint states count, from the last time that states were
+    closed.
+    """
 
     constants: FloatArray  # [T+1]
     floors: FloatArray  # [T+1] least worth less charges of a joint state that counts
@@ -170,12 +172,7 @@ class Narrowing:
             If a limit is reached.
         """
         if model.problem.objective.over_time:
-            raise CertificateError(
-                (
-                    "certificate: staged certificates need pixels that count step by step, but here "
-                    "pixels add up over time"
-                )
-            )
+            raise CertificateError("certificate: must not be staged if pixels add up over time")
         if not math.isfinite(target):
             raise CertificateError(f"certificate.target: must be finite, not {target!r}")
         prices = CertificatePrices.of(model, multipliers, stop=stop)

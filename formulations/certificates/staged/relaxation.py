@@ -189,7 +189,9 @@ class Relaxation:
     def _prices(
         self, shares: FloatArray, slopes: tuple[FloatArray, FloatArray], kappa: float
     ) -> _Prices:
-        """Returns the right-hand side for shares [P] of the conditions, which need not add up to 1."""
+        """Returns the right-hand side for shares [P] of the conditions, which need not add up to
+        1.
+        """
         shares = shares / shares.sum()
         gaining, taken = float(shares[:2].sum()), shares > 0
         worth = gaining * (self._gains @ slopes[0] + self._amounts @ slopes[1])

@@ -269,7 +269,9 @@ def _drop(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, bound: flo
 def relax(
     data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, least: float, floor: float
 ) -> None:
-    """Drops the states that the relaxation rules out, or all states if no completion is relevant."""
+    """Drops the states that the relaxation rules out, or all states if no completion is
+    relevant.
+    """
     conditions, numbers = relaxed.conditions, memory.numbers
     conditions[CONSTANTS, PRICED] = memory.profits[PRICED, depth] - least
     conditions[CONSTANTS, CHARGED] = memory.profits[CHARGED, depth] - floor

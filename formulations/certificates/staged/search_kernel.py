@@ -35,7 +35,9 @@ from cocap_opt.returns import Returns, return_of
 
 
 class _MoveLists(NamedTuple):
-    """The states that may be taken after each of L joint states of the step before, robot by robot."""
+    """The states that may be taken after each of L joint states of the step before, robot by
+    robot.
+    """
 
     first: IntArray  # [K+1] first entry of each list of states
     positions: IntArray  # positions of the states of all lists

@@ -64,10 +64,8 @@ def price_staged(
         return narrowing.pricing._replace(nodes=nodes)
     if not may_be_used(model):
         raise CertificateError(
-            (
-                "certificate.paths_above: not allowed if moves are rewarded or views do not "
-                "count at step 1"
-            )
+            "certificate.paths_above: not allowed if moves are rewarded or views do not "
+            "count at step 1"
         )
     higher = narrowing.above(certificate.paths_above)
     try:
@@ -140,7 +138,7 @@ def _check(model: Model, stage: Stage, field: str) -> None:
                 f"{name}.robot_class: must be 0..{len(model.classes) - 1}, not {step.class_number}"
             )
         if len(step.prices) != len(step.states):
-            raise CertificateError(f"{name}.payments: must contain one number per state")
+            raise CertificateError(f"{name}.payments: must hold a number for each state")
         if not all(abs(price) <= LARGEST_PRICE for price in step.prices):
             raise CertificateError(
                 f"{name}.payments: must be -{LARGEST_PRICE:g}..{LARGEST_PRICE:g}"

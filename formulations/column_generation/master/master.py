@@ -111,7 +111,9 @@ class Master:
         ]
 
     def solve(self, stop: Stop = never, accuracy: float = BEST_ACCURACY) -> Solution:
-        """Solves to a relative accuracy of the value, or as far as the stopping criterion allows."""
+        """Solves to a relative accuracy of the value, or as far as the stopping criterion
+        allows.
+        """
         program = MasterProgram(
             self.model, [*self._idle], self.rows, self.decisions, self.cuts, self.penalty
         )

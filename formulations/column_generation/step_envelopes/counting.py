@@ -1,4 +1,6 @@
-"""Counts the states and joint states that a narrowing leaves, which determine the choice of stages."""
+"""Counts the states and joint states that a narrowing leaves, which determine the choice of
+stages.
+"""
 
 import math
 

@@ -99,7 +99,9 @@ class Heights:
         yield most, math.inf if has_ended else self._parameters.patience
 
     def _left_after(self, steps: Sequence[int], most_nodes: int, patience: float) -> list[int]:
-        """Returns the steps that have no height after searches with the given number of nodes each."""
+        """Returns the steps that have no height after searches with the given number of nodes
+        each.
+        """
         left: list[int] = []
         for k, t in enumerate(steps):
             if len(left) >= patience:

@@ -134,7 +134,9 @@ class PathTrials:
         return self.search.parameters.trials
 
     def _times_nodes(self) -> float:
-        """Returns the limit on the nodes of all trials, as a multiple of the nodes of the stages."""
+        """Returns the limit on the nodes of all trials, as a multiple of the nodes of the
+        stages.
+        """
         is_fast = searches_are_fast(self.search.stop)
         return self._parameters.times_nodes if is_fast else self._parameters.plain_times_nodes
 

@@ -304,7 +304,9 @@ class PriceBundle:
                     yield [(column, -1.0), (node, 1.0)], 0.0
 
     def _height_rows(self, heights: Sequence[_Height], columns: _Columns) -> Iterator[_MasterRow]:
-        """Yields a row per joint state: its step's constant is at least its worth less its prices."""
+        """Yields a row per joint state: its step's constant is at least its worth less its
+        prices.
+        """
         for t, positions, worth in heights:
             prices = [(columns.price_of[position], -1.0) for position in positions]
             yield [(columns.constant_of[t], -1.0), *prices], -worth

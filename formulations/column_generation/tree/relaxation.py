@@ -273,7 +273,9 @@ class Relaxation:
     # -- diving --------------------------------------------------------------------------
 
     def dive(self) -> Incumbent | None:
-        """Returns a plan to which the last mixture leads; None if it has conflicts or is stopped."""
+        """Returns a plan to which the last mixture leads; None if it has conflicts or is
+        stopped.
+        """
         search, master, solution = self.search, self.master, self.solution
         if solution is None:
             return None
