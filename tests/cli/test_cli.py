@@ -347,7 +347,7 @@ def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     Run(capsys, "plan", scene, "-o", plan)
     said = (
         "is off the map",
-        "cannot move from rest within a step",
+        "cannot move from rest to rest within a step",
         "start at (2.1, 6.1) m is moved by 0.57",
     )
     assert all(words in caplog.text for words in said)

@@ -249,7 +249,7 @@ def test_drones_in_each_others_pictures() -> None:
     near = Quality.of(problem, plan, all_visible(problem), asked)
     assert near.intruders.tolist() == [2, 2]
     assert near.summary.disturbed == 2 / 3
-    assert "2, in 67 % of all pictures" in str(near)
+    assert "2, in 67 % of all images" in str(near)
     assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [0, 0]
     wide = Camera(tilts=(0.0,), focal=1900.0)
     robots = tuple(robot.replace(camera=wide) for robot in problem.robots)

@@ -336,7 +336,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
     assert run.code == 0
     assert run.json["people_distance"] >= 2.99 - float(margin)
-    note = "--margin lets drones come closer to people: 2.95 m aside; the scene asks for 2.99 m"
+    note = "--margin lets drones come closer to people: 2.95 m aside; the scene requires 2.99 m"
     assert note in run.json["notes"]
     run = Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin, "--json")
     assert run.code == 0 and note in run.json["notes"]
@@ -348,7 +348,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     co.save(scene, over)
     co.save(file, plan, over)
     run = Run(capsys, "robustness", scene, file, "--margin", 1, "--json")
-    words = "1.99 m aside or 2 m over heads; the scene asks for 2.99 and 3 m"
+    words = "1.99 m aside or 2 m over heads; the scene requires 2.99 and 3 m"
     assert any(note.endswith(words) for note in run.json["notes"])
     free = problem.replace(airspace=co.Airspace())
     co.save(scene, free)
