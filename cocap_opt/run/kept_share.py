@@ -55,7 +55,7 @@ def run_keeping(
         found = run(variant, method, stop, **options)
         seconds += found.result.seconds
         if found.valid and not _misses(problem, found):
-            told = f"{100 * views.share:g} % of views are reached with {words}"
+            told = f"{100 * views.share:g} % of views are kept with {words}"
             result = replace(
                 found.result, value=check(problem, found.result.plan).reward, bound=math.inf,
                 seconds=seconds, message="; ".join(filter(None, (found.result.message, told))),

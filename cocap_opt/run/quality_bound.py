@@ -232,7 +232,7 @@ class QualityBound:
                 f"{most.person_steps:,} of {self.person_steps:,} person-steps "
                 f"({_percent(most.share)})"
             )
-        return f"Proved: in no plan of these drones, more than {told} are {seen_by}."
+        return f"Proved: no plan of these drones lets more than {told} be {seen_by}."
 
     def _beside(self, most: MostSeen, share: float, obeys_rules: bool) -> str:
         """Returns the sentence on the given plan."""

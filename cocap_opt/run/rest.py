@@ -225,7 +225,7 @@ def _share_left(
         return None, ""
     if missing > most * (1 + _ROUNDING):
         return None, (
-            f"{100 * asked.share:g} % of views are out of reach: {had:g} were reached so far, "
+            f"{100 * asked.share:g} % of views are out of reach: {had:g} were kept so far, "
             f"and at most {most:g} remain"
         )
     return min(missing / most, 1.0), ""

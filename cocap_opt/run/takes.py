@@ -183,9 +183,9 @@ def _loss(reward: float, of: float) -> float:
 def _at_most(reward: float, bound: float, digits: int) -> str:
     """Returns words for the largest share of J that may be missing, by a bound."""
     if not math.isfinite(bound):
-        return "by an unproved amount"
+        return "no bound proved"
     if is_attained(bound, reward):
-        return "proved to be optimal"
+        return "proved, no plan is better"
     return f"proved: {told_gap(_loss(reward, bound), digits)}"
 
 

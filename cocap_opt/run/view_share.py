@@ -191,8 +191,8 @@ def told_share(share: float, reward: float | None, bound: float) -> str:
     bound : J that no such plan exceeds; negative: none exists
     """
     if bound < 0:
-        return f"proved: no plan of these drones reaches {100 * share:g} %"
-    words = "none was found" if reward is None else f"the best one found has J = {reward:,.2f}"
+        return f"proved: no plan of these drones keeps {100 * share:g} %"
+    words = "no plan was found" if reward is None else f"the best one found has J = {reward:,.2f}"
     proved = f"; no plan has more than {told_bound(bound, reward)}" if bound < math.inf else ""
     return f"with {100 * share:g} % of views {words}{proved}"
 
@@ -212,6 +212,6 @@ def missed_share(problem: Problem, plan: Plan) -> str:
     asked = views_asked(problem)
     most, kept = most_views(problem, asked.cameras), views_of(problem, plan, asked)
     return (
-        f"{kept:g} of {most:g} views are reached, fewer than {100 * (asked.share or 0):g} %: use "
-        "`solve` to find the best plan that reaches them, or a proof that none does"
+        f"{kept:g} of {most:g} views are kept, fewer than {100 * (asked.share or 0):g} %: use "
+        "`solve` to find the best plan that keeps them, or a proof that none does"
     )

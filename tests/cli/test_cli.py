@@ -1044,7 +1044,7 @@ def test_of_a_proved_optimum_nothing_is_left_to_explain(
     for words in ((), ("--all",)):
         out = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", *words).out
         assert out.startswith(said)
-        assert not any(cause in out for cause in ("costs", "part", "overestimates", "What the gap"))
+        assert not any(cause in out for cause in ("costs", "part", "overestimates", "Parts of the gap"))
     told = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--json").json
     (sentence,) = told["explanation"]["sentences"]
     assert sentence.startswith(said) and told["explanation"]["terms"]
@@ -1079,7 +1079,7 @@ def test_a_gap_is_explained(
     assert re.search("optimal +not proved", short)
     assert others[0].startswith("The largest single term: ")
     assert third in told["sentences"] and "replanning" in third.lower()
-    assert "valid" in rest[0] and "--all" in rest[-1] and "What the gap is" not in short
+    assert "valid" in rest[0] and "--all" in rest[-1] and "Parts of the gap" not in short
     text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--all").out
     total, difference = re.findall(r"^(?:sum|bound - J) +([\d,.]+)", text, re.MULTILINE)
     assert total == difference
@@ -1566,7 +1566,7 @@ def test_a_scene_is_not_overwritten(
     Run(capsys, "export", "tiny-share", "-o", scene)
     before = scene.read_bytes()
     run = Run(capsys, words[0], scene, *words[1:], "-o", scene)
-    assert run.code == 2 and "must be another file than what is read" in run.err
+    assert run.code == 2 and "must not be an input file" in run.err
     assert scene.read_bytes() == before
 
 
@@ -1596,7 +1596,7 @@ def test_a_file_that_a_recipe_names_is_not_overwritten(
     walls.write_text(json.dumps(SQUARE))
     before = walls.read_bytes()
     run = Run(capsys, words[0], scene, words[1], tmp_path / ".." / tmp_path.name / "w.json")
-    assert run.code == 2 and "must be another file than what is read" in run.err
+    assert run.code == 2 and "must not be an input file" in run.err
     assert walls.read_bytes() == before
     assert Run(capsys, "export", scene, "-o", tmp_path / "other.json").code == 0
 

@@ -106,8 +106,8 @@ def test_wrong_input_is_refused_in_one_line(
         ((*start, "--bound-limit", -1), "--bound-limit: must be a number of seconds"),
         ((*start, "--bound-limit", 0, "--certificate", out), "--certificate: must be left out"),
         ((*start, "-o", out, "--rest-plan", out), "--rest-plan: must be another file than -o"),
-        ((*start, "-o", flown), "must be another file than what is read"),
-        ((*start, "--seed", 1), "plan.json: the steps 0..3 cannot be those that were flown in"),
+        ((*start, "-o", flown), "must not be an input file"),
+        ((*start, "--seed", 1), "plan.json: the steps 0..3 cannot have been flown in"),
     ):
         run = Run(capsys, "plan", SCENE, *words)
         assert run.code == 2, words

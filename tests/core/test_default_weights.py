@@ -167,7 +167,7 @@ def test_a_team_counts_each_robot_once() -> None:
         (one + 2 * other) / 3, rel=DIGITS
     )
     assert weight(Cuboid(), Cone(), first) == one
-    with pytest.raises(ProblemError, match=r"^weight: must be given where no drone has a pinhole"):
+    with pytest.raises(ProblemError, match=r"^weight: must be given if no drone has a pinhole"):
         weight(Cuboid(), Cone(), Cone())
 
 

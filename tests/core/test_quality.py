@@ -291,8 +291,8 @@ def test_sensors_without_pictures_have_views_only() -> None:
     assert np.isnan(none.errors).all() and math.isnan(none.summary.median)
     np.testing.assert_allclose(none.angles, 90)
     assert none.worst_blur is not None and np.isnan(none.worst_blur).all()
-    assert "3 of 3 drones have no pictures" in " ".join(str(none).split())
-    assert "unknown: no pictures" in str(none)
+    assert "3 of 3 drones have no images" in " ".join(str(none).split())
+    assert "unknown: no images" in str(none)
 
 
 def test_the_worst_moments_come_first_in_words() -> None:

@@ -73,7 +73,7 @@ def test_sentences_say_shares_of_what_could_be_had() -> None:
         "and below plans made for the take if it were known (proved: at most 50.0 %)"
     )
     assert 'hedging costs 0.0 % of J in "rare" (proved: at most 50.0 %)' in told(2.0)
-    unproved = 'hedging costs 0.0 % of J in "rare" (not proved by how much at most)'
+    unproved = 'hedging costs 0.0 % of J in "rare" (no bound proved)'
     assert unproved in told(math.inf)
     assert "nan" not in " ".join(told(math.inf)).lower()
     assert told(1 + 5e-5)[-1].startswith(
@@ -108,7 +108,7 @@ def test_the_quality_of_a_plan_is_that_of_takes_on_average() -> None:
         usual, rare = (getattr(summary, name) for summary in alone)
         assert getattr(found.summary, name) == pytest.approx(0.75 * usual + 0.25 * rare)
     assert found.summary.median in found.errors[found.counts]
-    assert "take by take" in str(found) and "usual: two see" in str(found)
+    assert "by take" in str(found) and "usual: two see" in str(found)
 
 
 def test_errors_half_of_which_do_not_exceed_are_weighted() -> None:
@@ -147,7 +147,7 @@ def test_commands_tell_takes_one_by_one(tmp_path: Path, capsys: pytest.CaptureFi
     assert run(["plan", scene, "--planner", "sequential"]) == 0
     assert "usual (75 %): J" in capsys.readouterr().out
     assert run(["quality", scene, plan]) == 0
-    assert "J take by take: usual" in capsys.readouterr().out
+    assert "J by take: usual" in capsys.readouterr().out
     assert "takes" not in answer(capsys, "plan", "corridor", "--planner", "sequential")
     assert take_rows(co.load("corridor"), read) == []
 
