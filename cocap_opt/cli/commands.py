@@ -174,7 +174,7 @@ def _reworded(error: Exception) -> str:
         return str(Option("COMMAND").not_among(error.unused_tokens[0], known))
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         given = " ".join(error.unused_tokens)
-        return f"{given}: must be omitted, as the command does not take it"
+        return f"{given}: must be left out, as the command does not take it"
     if not isinstance(error, CoercionError) or error.token is None:
         return ""
     # from a converter of this project, with a better message

@@ -132,7 +132,7 @@ def _export(
     # The default weight depends on the cameras, so it is set after these.
     problem = _counting(problem, views, views_weight, views_share)
     if kind.table == "views" and problem.objective.views is None:
-        raise UsageError("-o: views.csv requires a scene with --views, which this one has not")
+        raise UsageError("-o: views.csv requires a scene with --views")
     answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         if kind.ending == _SCENE:

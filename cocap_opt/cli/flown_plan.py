@@ -70,7 +70,7 @@ class Order(NamedTuple):
         _require_spacing(self.every)
         if self.local and form.on_earth:
             raise UsageError(
-                f"--local: must be omitted for {self.suffix}, which contains positions on the Earth"
+                f"--local: must be left out for {self.suffix}, which contains positions on the Earth"
             )
         check_output(self.output, self.scene, self.plan)
         given = PlanReader(self.scene, load_planned(self.scene, self.seed)).plan(
@@ -114,7 +114,7 @@ class Order(NamedTuple):
 def _start_of(text: str, suffix: str, is_dated: bool) -> datetime:
     """Returns the time at which a flight starts, for a file with a given ending."""
     if not is_dated:
-        raise UsageError(f"--start: must be omitted for {suffix}, whose times are seconds")
+        raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)
         if found.tzinfo is not None:

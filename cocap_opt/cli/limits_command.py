@@ -118,7 +118,7 @@ def _with_moves_of(problem: Problem, other: Problem) -> Problem:
     for i, (robot, free) in enumerate(zip(problem.robots, other.robots, strict=True)):
         if free.motion.radius * parts > MOST_MOVED:
             raise UsageError(
-                f"PLAN: must be omitted: cells are divided by {parts} for the limits, so drone "
+                f"PLAN: must be left out: cells are divided by {parts} for the limits, so drone "
                 f"{i} of the recipe moves by {free.motion.radius * parts} of them in a step, and "
                 f"no more than {MOST_MOVED} can be compared"
             )

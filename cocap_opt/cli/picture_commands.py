@@ -100,7 +100,7 @@ def _show(
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if film.given and not is_film:
         raise UsageError(
-            f"{', '.join(film.given)}: must be omitted for {suffix}, which is not a film "
+            f"{', '.join(film.given)}: must be left out for {suffix}, not a film "
             "such as .webm"
         )
     if suffix != ".html" and not is_film and len(plan) > 1:

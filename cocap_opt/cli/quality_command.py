@@ -151,7 +151,7 @@ def _quality(
         sys.stdout.write(f"{printable(found.words(width), chr(10))}\n\n")
         if rows := take_rows(given.problem, given.plan):
             by_take = ", ".join(f"{row['take']} {rounded(row['reward'])}" for row in rows)
-            words = folded(f"J by take: {by_take}", width)
+            words = folded(f"J take by take: {by_take}", width)
             sys.stdout.write(f"{printable(words, chr(10))}\n\n")
         if limits is not None:
             for words in limits.sentences(found, obeys_rules):
@@ -229,7 +229,7 @@ def _people(found: Quality) -> Listing:
         "apart: % of steps at which two drones see the person from at least 30 degrees apart",
         "mm: RMS error of a point, which half of the steps do not exceed",
     ]
-    listing = Listing("by person", [_shown(person) for person in people], notes)
+    listing = Listing("person by person", [_shown(person) for person in people], notes)
     return listing.first(_MOST_PEOPLE, "people whom two drones see least often")
 
 

@@ -87,7 +87,7 @@ class RestOptions:
         for option, value in given.items():
             if value is not None:
                 raise UsageError(
-                    f"{option}: must be omitted without --from-step, the step at which the rest "
+                    f"{option}: must be left out without --from-step, the step at which the rest "
                     "of a mission begins"
                 )
         return False
@@ -98,10 +98,10 @@ class RestOptions:
             raise UsageError("--plan: must name the plan that was flown up to that step")
         Option("--bound-limit").require_limit(self.bound_limit)
         if self.certificate is not None and not self.bound_limit:
-            raise UsageError("--certificate: must be omitted if --bound-limit is 0")
+            raise UsageError("--certificate: must be left out if --bound-limit is 0")
         if self.without and output is not None:
             raise UsageError(
-                "-o: must be omitted with --without, as a whole plan has all drones; "
+                "-o: must be left out with --without, as a whole plan has all drones; "
                 "--rest-scene and --rest-plan write the rest of the others"
             )
         written = {

@@ -87,7 +87,7 @@ def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | N
     if problem.takes:
         for option, value in options.items():
             if value is not None:
-                raise UsageError(f"{option}: must be omitted, as the scene has takes")
+                raise UsageError(f"{option}: must be left out, as the scene has takes")
         return problem
     if not any(spread):
         raise UsageError("SCENE: has no takes; --delay, --aside or --speed draw some")

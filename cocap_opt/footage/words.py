@@ -51,7 +51,7 @@ def quality_words(
         line("blur", _told_blur(blur)),
         line("drones in images", _told_intruders(found)),
         *(
-            line("" if k else "by take", f"{name}: {of.line or 'nobody counts'}")
+            line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
             for k, (name, of) in enumerate(takes)
         ),
         *(line("" if k else "worst moments", words) for k, words in enumerate(worst)),
@@ -66,7 +66,7 @@ def quality_words(
 def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
     """Describes the errors."""
     if math.isnan(found.median):
-        whose = "drones without images" if has_pictures.any() else "no pictures"
+        whose = "drones without images" if has_pictures.any() else "no images"
         return f"unknown: {whose}"
     parts = [
         f"{words} within {error:,.0f} mm"

@@ -71,7 +71,7 @@ LABELS = {
     "solver_value": "J of the solver",
     "chosen_starts": "starts chosen",
     "failed_robot": "drone without a path",
-    "takes": "by take",
+    "takes": "take by take",
     "states_reached": "states reached",
     "states_that_see": "states with a view",
     "near_people_undecided": "undecided near people",

@@ -106,7 +106,7 @@ def _require(mission: Problem, plan: Plan, step: int, lost: Sequence[int]) -> No
     """Checks that the step and the drones exist, and that the plan fits the mission."""
     horizon, robots = mission.horizon, len(mission.robots)
     if horizon < 2:
-        raise FieldError("from_step", f"must be omitted: {mission.name} has only one step")
+        raise FieldError("from_step", f"must be left out: {mission.name} has only one step")
     if not 1 <= step < horizon:
         words = f"must be a step from 1 to {horizon - 1}, of the steps 0..{horizon}, not {step}"
         raise FieldError("from_step", words)

@@ -96,7 +96,7 @@ def drone_of(problem: Problem) -> Robot:
             words = "must be the same as for robots[0] to make teams"
             require(same, f"robots[{i}].{field}", words)
         words = (
-            "must be omitted, or be several cells that are the same for all drones, to make teams"
+            "must be left out, or be several cells that are the same for all drones, to make teams"
         )
         is_shared = isinstance(robot.goal, GoalArea) and robot.goal == first.goal
         require(robot.goal is None or is_shared, f"robots[{i}].goal", words)

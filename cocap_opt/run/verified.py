@@ -105,7 +105,7 @@ class ProvedBound(NamedTuple):
         opinion = SecondOpinion.of(self.model, self.file, progress)
         if not opinion.agrees(self.pricing):
             raise CertificateError(
-                f"bound: `verify` computes {self.pricing.bound!r}, {opinion.by} "
+                f"bound: `verify` finds {self.pricing.bound!r}, {opinion.by} "
                 f"{opinion.bound!r}, so one of the two is wrong"
             )
         return self._replace(second_opinion=opinion)

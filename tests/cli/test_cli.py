@@ -1138,8 +1138,8 @@ WRONG = [
     (["plan", "corridor", "-o", "no/such/folder/plan.json"], "no/such/folder"),
     (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
     (["export", "corridor", "--views", "0", "-o", "x.json"], "--views: must be 1..64, not 0"),
-    (["export", "corridor", "--views-weight", "2", "-o", "x.json"], "is for a scene with --views"),
-    (["export", "corridor", "--views-share", "0.9", "-o", "x.json"], "is for a scene with --views"),
+    (["export", "corridor", "--views-weight", "2", "-o", "x.json"], "requires --views"),
+    (["export", "corridor", "--views-share", "0.9", "-o", "x.json"], "requires --views"),
     (
         ["export", "corridor", "--views", "2", "--views-share", "2", "-o", "x.json"],
         "--views-share: must be 0..1, not 2.0",
@@ -1277,7 +1277,7 @@ def test_show_draws_any_step(
     for steps, name, words in (
         ("9", "a.png", "--steps: must be 0..8, not 9"),
         ("1-", "a.png", "--steps: must be numbers and ranges"),
-        ("1", "a.html", "--steps: needs a plan, and a picture"),
+        ("1", "a.html", "--steps: requires a plan, and a picture"),
     ):
         run = Run(capsys, *show, "--steps", steps, "-o", tmp_path / name)
         assert run.code == 2 and words in run.err

@@ -202,10 +202,10 @@ def test_steps_end_any_file_earlier(
 REFUSED = [
     (("--steps", 0, "-o", "x.mps"), "--steps: must be 1..3, not 0"),
     (("--steps", 4, "-o", "x.json"), "--steps: must be 1..3, not 4"),
-    (("--root-error", 1e-3, "-o", "x.cbf"), "--root-error: is for a file that ends in .mps or .lp"),
+    (("--root-error", 1e-3, "-o", "x.cbf"), "--root-error: applies only to files that end in .mps or .lp"),
     (("--root-error", -1, "-o", "x.lp"), "--root-error: must be at least 0 and less than 1"),
     (("-o", "seen.csv"), "-o: name a table: drones.csv, goals.csv, coverage.csv, views.csv"),
-    (("-o", "views.csv"), "-o: views.csv is for a scene with --views"),
+    (("-o", "views.csv"), "-o: views.csv requires a scene with --views"),
     (("--over-time", "--root-error", 0, "-o", "x.lp"), "error above 0"),
 ]  # fmt: skip
 

@@ -64,7 +64,7 @@ def test_export_writes_the_graph_of_a_drone(
     assert f"node or edge 0/{len(graph) + graph.number_of_edges()}" in run.err
     for words, message in (
         (("-o", tmp_path / "a.graphml", "--drone", 2), "--drone: must be 0..1, not 2"),
-        (("-o", tmp_path / "a.json", "--drone", 1), "--drone: is for a file whose name ends with"),
+        (("-o", tmp_path / "a.json", "--drone", 1), "--drone: applies only to files that end in"),
     ):
         run = Run(capsys, "export", "tiny-share", *words)
         assert (run.code, run.err.count("\n")) == (2, 1)
@@ -105,7 +105,7 @@ def test_verify_asks_networkx(
         patch.setattr("cocap_opt.formulations.second_opinion.TOLERANCE", -1.0)
         run = Run(capsys, "verify", "tiny-share", path, "--second-opinion", "--json")
     assert (run.code, run.json["valid"]) == (1, False)
-    assert "`verify` computes" in run.json["violations"][0]
+    assert "`verify` finds" in run.json["violations"][0]
     monkeypatch.setattr("cocap_opt.formulations.second_opinion.MOST_EDGES", 3)
     run = Run(capsys, "verify", "tiny-share", path, "--second-opinion")
     assert run.code == 2

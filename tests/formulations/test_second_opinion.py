@@ -1,4 +1,4 @@
-"""The second opinion: networkx and cocap-check find the bound that `verify` computes."""
+"""The second opinion: networkx and cocap-check find the bound that `verify` finds."""
 
 import math
 
@@ -76,7 +76,7 @@ def small() -> tuple[Problem, CertificateFile]:
 
 
 def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A value that `verify` computes too small would be a false bound: networkx contradicts it."""
+    """A value that `verify` finds too small would be a false bound: networkx contradicts it."""
     problem, file = small()
     model = Model(problem, use_cache=False)
     proved = ProvedBound.of(model, file, twice=True)
@@ -85,7 +85,7 @@ def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None
     sweep = pricing.plain_sweep
     monkeypatch.setattr(pricing, "plain_sweep", lambda *args: sweep(*args) * (1 - 1e-6))
     ProvedBound.of(model, file)
-    with pytest.raises(CertificateError, match=r"^bound: `verify` computes .*, networkx "):
+    with pytest.raises(CertificateError, match=r"^bound: `verify` finds .*, networkx "):
         ProvedBound.of(model, file, twice=True)
 
 

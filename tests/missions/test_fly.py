@@ -98,7 +98,7 @@ def test_flights_that_cannot_be_made_are_refused(
         ((scene, plan, "-o", flight, "--step", 1), "--step: must be left out"),
         (("tiny-queue", clash, "-o", flight, "--step", 0), "--step: must be more than 0"),
         ((scene, plan, "-o", flight, "--every", 1e-9), "--every: must make at most"),
-        ((scene, plan, "-o", plan), "must be another file|ends in .csv"),
+        ((scene, plan, "-o", plan), "must not be an input file|ends in .csv"),
         (("tiny-queue", clash, "-o", flight, "--step", 1), "clash.json: step 2: drones"),
     ):
         run = Run(capsys, "fly", *words)
@@ -390,7 +390,7 @@ def test_errors_name_what_is_to_be_changed(
     cases = {
         "every": "--every: is odd",
         "crs": "scene.toml: earth.crs: is odd",
-        "earth.crs": "scene.toml: earth.crs: is odd; --local leaves latitudes and longitudes out",
+        "earth.crs": "scene.toml: earth.crs: is odd; use --local to leave latitudes and longitudes out",
         "drone 0": "plan.json: drone 0: is odd",
     }  # fmt: skip
     for field, words in cases.items():

@@ -202,7 +202,7 @@ def test_what_cannot_be_a_rest_is_refused() -> None:
     cases: list[tuple[Problem, Plan, int, list[int], str]] = [
         (problem, plan, 0, [], "from_step: must be a step from 1 to 3, of the steps 0..4, not 0"),
         (problem, plan, 4, [], "from_step: must be a step from 1 to 3, of the steps 0..4, not 4"),
-        (one_step, plan, 1, [], "from_step: must be omitted: tiny has only one step"),
+        (one_step, plan, 1, [], "from_step: must be left out: tiny has only one step"),
         (problem, plan, 1, [2], "without: must be numbers of drones, 0..1, not 2"),
         (problem, plan, 1, [1, 1], "without: must name each drone only once"),
         (problem, plan, 1, all_, "without: must leave at least one of the 2 drones"),

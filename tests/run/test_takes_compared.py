@@ -108,7 +108,7 @@ def test_the_quality_of_a_plan_is_that_of_takes_on_average() -> None:
         usual, rare = (getattr(summary, name) for summary in alone)
         assert getattr(found.summary, name) == pytest.approx(0.75 * usual + 0.25 * rare)
     assert found.summary.median in found.errors[found.counts]
-    assert "by take" in str(found) and "usual: two see" in str(found)
+    assert "take by take" in str(found) and "usual: two see" in str(found)
 
 
 def test_errors_half_of_which_do_not_exceed_are_weighted() -> None:
@@ -147,7 +147,7 @@ def test_commands_tell_takes_one_by_one(tmp_path: Path, capsys: pytest.CaptureFi
     assert run(["plan", scene, "--planner", "sequential"]) == 0
     assert "usual (75 %): J" in capsys.readouterr().out
     assert run(["quality", scene, plan]) == 0
-    assert "J by take: usual" in capsys.readouterr().out
+    assert "J take by take: usual" in capsys.readouterr().out
     assert "takes" not in answer(capsys, "plan", "corridor", "--planner", "sequential")
     assert take_rows(co.load("corridor"), read) == []
 
