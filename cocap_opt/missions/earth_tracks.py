@@ -111,7 +111,7 @@ def geodesy_of(flight: Flight) -> Geodesy:
     if flight.geodesy is None:
         raise FieldError(
             "earth",
-            "must define the scene's position on the Earth, since the file contains latitudes "
+            "must say where the scene is, since the file contains latitudes "
             "and longitudes: use a map with a reference system, such as a GeoTIFF, or add "
             "[earth] to the recipe",
         )

@@ -606,7 +606,7 @@ def test_ctrl_c_while_files_are_written_is_told_what_they_are(
         names = sorted(tmp_path.glob("f.drone*.crazyflie.csv"))
         assert len(names) == 2
         if presses == 1:
-            assert run.code == 0 and "start all at once" in run.out
+            assert run.code == 0 and "start all drones at once" in run.out
         else:
             assert run.code == 130
             expected = ", ".join(map(str, names))
