@@ -161,7 +161,7 @@ def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.Mon
         if most == total:
             price_staged(model, certificate)
             continue
-        with pytest.raises(UnfinishedError, match=r"not verified: .* may hold"):
+        with pytest.raises(UnfinishedError, match=r"not verified: .* may still hold"):
             price_staged(model, certificate)
 
 
@@ -170,7 +170,7 @@ def test_a_limit_of_time_leaves_a_file_unverified(calls: int) -> None:
     """What it claims may hold; it is neither said that it does nor that it does not."""
     certificate = branch_and_price(tiny()).certificate
     assert certificate is not None
-    with pytest.raises(UnfinishedError, match=r"the limit \(time\) .* may hold"):
+    with pytest.raises(UnfinishedError, match=r"the limit \(time\) .* may still hold"):
         verify(tiny(), certificate, stop=Calls(calls))
 
 

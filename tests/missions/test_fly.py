@@ -354,7 +354,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     co.save(scene, free)
     co.save(file, plan, free)
     run = Run(capsys, "fly", scene, file, "-o", out, "--margin", 1)
-    assert run.code == 2 and "--margin: the scene requires no distance to people" in run.err
+    assert run.code == 2 and "--margin: the scene requires no distance from people" in run.err
 
 
 def test_a_margin_of_the_face_is_that_of_the_command(
@@ -378,7 +378,7 @@ def test_a_margin_of_the_face_is_that_of_the_command(
         with pytest.raises(TypeError, match="margin: must be a number of metres"):
             function(problem, plan, margin="wide")
         free = problem.replace(airspace=co.Airspace())
-        with pytest.raises(ValueError, match="margin: the scene requires no distance to people"):
+        with pytest.raises(ValueError, match="margin: the scene requires no distance from people"):
             function(free, plan, margin=1)
 
 

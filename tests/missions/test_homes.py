@@ -151,7 +151,7 @@ def test_all_tables_have_homes_or_none(tmp_path: Path) -> None:
     path = recipe(tmp_path)
     path.write_text(path.read_text() + "[[drones]]\nstarts = [{ x = 15, y = 9 }]\n")
     with pytest.raises(
-        ProblemError, match=r"drones\[1\].homes\[0\]: must be given for all drones, or"
+        ProblemError, match=r"drones\[1\].homes\[0\]: must be given for all drones or"
     ):
         read(path)
 
