@@ -70,7 +70,8 @@ class Order(NamedTuple):
         _require_spacing(self.every)
         if self.local and form.on_earth:
             raise UsageError(
-                f"--local: must be left out for {self.suffix}, which contains positions on the Earth"
+                f"--local: must be left out for {self.suffix}, which contains positions on the "
+                "Earth"
             )
         check_output(self.output, self.scene, self.plan)
         given = PlanReader(self.scene, load_planned(self.scene, self.seed)).plan(

@@ -100,8 +100,7 @@ def _show(
         raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
     if film.given and not is_film:
         raise UsageError(
-            f"{', '.join(film.given)}: must be left out for {suffix}, not a film "
-            "such as .webm"
+            f"{', '.join(film.given)}: must be left out for {suffix}, not a film such as .webm"
         )
     if suffix != ".html" and not is_film and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")

@@ -222,7 +222,7 @@ def _solve(
 
 
 def _motion(problem: Problem) -> str:
-    """Returns how far drones may move in a step, and the speed, if steps have a duration."""
+    """Returns the distance that drones may move in a step; with a duration, also the speed."""
     edge = problem.height_map.resolution
     kinds = []
     moves = {(bot.motion.radius, bot.motion.longest_aside(edge)) for bot in problem.robots}

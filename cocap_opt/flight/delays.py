@@ -3,8 +3,8 @@
 Drones that fly waypoints have no common clock. This module finds the smallest difference between
 two moments such that one drone at the first moment and another at the second would be too close,
 over all pairs of moments: drones with smaller delays obey the separation, whether the delay grows,
-shrinks or stays the same. A drone hovers before and after its flight, which adds no cases: whoever
-comes too close to it then is no later than at the flight's first or last moment.
+shrinks or stays the same. A drone hovers before and after its flight, which adds no cases: a
+drone that comes too close to it then is no later than at the flight's first or last moment.
 
 Pairs of pieces of flights, with the square of their moments, are quartered until the smallest
 difference at which two drones are too close is known. In a square, planes that separate the pieces

@@ -47,7 +47,7 @@ class Outcome(NamedTuple):
 
     @property
     def too_near(self) -> frozenset[str]:
-        """Those to whom drones come closer than the rules allow: "drones", "people"."""
+        """Kinds of things to which drones come closer than the rules allow: "drones", "people"."""
         return frozenset(self.missing)
 
 

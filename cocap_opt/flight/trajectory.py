@@ -207,7 +207,7 @@ def evenly(places: FloatArray, parts: int) -> FloatArray:
     """Returns the pieces [.., T parts, d, 6] of motions at constant speed between places [.., T+1,
     d].
 
-    They begin and end exactly at the places; whoever stays has constant coefficients.
+    They begin and end exactly at the places; a drone that stays has constant coefficients.
     """
     a, b = places[..., :-1, None, :, None], places[..., 1:, None, :, None]
     shares = (np.arange(parts)[:, None, None] + np.linspace(0.0, 1.0, DEGREE + 1)) / parts

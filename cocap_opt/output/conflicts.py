@@ -11,7 +11,7 @@ _LINE = re.compile(r"step (\d+)(?: to (\d+))?: (drones \d+ and \d+) (.*)")
 
 
 def told_conflict(problem: Problem, conflict: Conflict) -> str:
-    """Returns what two drones do that the rules forbid, without the step."""
+    """Returns the movement of two drones that the rules forbid, without the step."""
     first, second = conflict.robots
     return f"drones {first} and {second} {_deed(problem, conflict)}"
 

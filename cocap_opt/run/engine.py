@@ -168,7 +168,7 @@ def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:
 def warm_up(method: str) -> None:
     """Lets a method load its libraries, some of which take seconds, before its time begins.
 
-    A process does so once; otherwise the first user of a library would pay for all others.
+    A process does so once; otherwise the first user of a library would bear the time of all others.
     """
     with suppress(Exception):  # if something is wrong, the method itself will report it
         SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))

@@ -101,13 +101,13 @@ class PinholeSight:
         return KERNEL.expected(seconds) if self.may_be_compiled else seconds
 
     def prepare(self, views: int, stop: Stop | None) -> None:
-        """Loads the compiled code for many views if that soon pays off; if `stop` is given, also
+        """Loads the compiled code for many views if that soon saves time; if `stop` is given, also
         compiles it.
         """
         self.prepare_more(_EACH * views * self._n_actors, stop)
 
     def prepare_more(self, seconds: float, stop: Stop | None) -> None:
-        """Loads the code for views or, if `stop` is given, compiles it, if that pays off.
+        """Loads the code for views or, if `stop` is given, compiles it, if that saves time.
 
         Parameters
         ----------

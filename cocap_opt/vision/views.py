@@ -198,13 +198,13 @@ class PinholeViews(StateViews):
         return self._pinhole.expected(seconds)
 
     def prepare(self, views: int, stop: Stop | None = None) -> None:
-        """Loads the compiled code for many views if that soon pays off; if `stop` is given, also
+        """Loads the compiled code for many views if that soon saves time; if `stop` is given, also
         compiles it.
         """
         self._pinhole.prepare(views, stop)
 
     def prepare_more(self, seconds: float, stop: Stop) -> None:
-        """Compiles or loads the code for views, if that pays off."""
+        """Compiles or loads the code for views, if that saves time."""
         self._pinhole.prepare_more(seconds, stop)
 
     def make_ready(self, step: int) -> None:

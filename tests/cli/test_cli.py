@@ -1044,7 +1044,9 @@ def test_of_a_proved_optimum_nothing_is_left_to_explain(
     for words in ((), ("--all",)):
         out = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", *words).out
         assert out.startswith(said)
-        assert not any(cause in out for cause in ("costs", "part", "overestimates", "Parts of the gap"))
+        assert not any(
+            cause in out for cause in ("costs", "part", "overestimates", "Parts of the gap")
+        )
     told = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--json").json
     (sentence,) = told["explanation"]["sentences"]
     assert sentence.startswith(said) and told["explanation"]["terms"]

@@ -258,7 +258,10 @@ def test_installed_packages_offer_planners(
             gap_frame("tiny-queue", [name])
     capsys.readouterr()
     assert commands.run(["plan", "tiny-queue", "--planner", "cocap"]) == 0
-    assert "cocap is the name of a built-in planner; for that of a package, use mymodule:best" in capsys.readouterr().err
+    assert (
+        "cocap is the name of a built-in planner; for that of a package, use mymodule:best"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_broken_record_of_a_package_breaks_no_command(

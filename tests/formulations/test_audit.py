@@ -414,7 +414,9 @@ def test_the_command_says_what_agrees(
     assert json.loads(capsys.readouterr().out)["message"] == "coverage was left out"
     plan.write_bytes(encode(PlanFile.of(problem, paths, 0.0, "greedy")))
     assert run(["audit", "tiny-doorway", str(plan), "--views", "0", "--json"]) == 0
-    assert "breaks a rule; run `verify` for details" in json.loads(capsys.readouterr().out)["message"]
+    assert (
+        "breaks a rule; run `verify` for details" in json.loads(capsys.readouterr().out)["message"]
+    )
     assert run(["export", "tiny-doorway", "-o", str(instance)]) == 0
     instance.write_text(instance.read_text().replace("rules 1 1", "rules 1 0"))
     capsys.readouterr()

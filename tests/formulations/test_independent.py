@@ -407,8 +407,14 @@ def test_lines_that_do_not_fit_are_named() -> None:
         (["--branches", "9" * 5000, "x.instance"], "--branches: must be a whole number > 0, not"),
         (["x.instance", "none.json"], "none.json: no such file"),
         (["proof.json", "x.instance"], "proof.json: is a proof; name the .instance first"),
-        (["text.sol", "proof.json"], "text.sol: is not an instance; write one with cocap-opt export"),
-        (["x.instance", "x.instance"], "x.instance: is an instance; name only one, as the first file"),
+        (
+            ["text.sol", "proof.json"],
+            "text.sol: is not an instance; write one with cocap-opt export",
+        ),
+        (
+            ["x.instance", "x.instance"],
+            "x.instance: is an instance; name only one, as the first file",
+        ),
         (["x.instance", "proof.json", "text.sol"], "text.sol: is not JSON; name plans, "),
         (["x.instance", "empty.json"], "empty.json: is empty"),
         (["x.instance", "."], ".: cannot be read: Is a directory"),

@@ -390,7 +390,8 @@ def test_errors_name_what_is_to_be_changed(
     cases = {
         "every": "--every: is odd",
         "crs": "scene.toml: earth.crs: is odd",
-        "earth.crs": "scene.toml: earth.crs: is odd; use --local to leave latitudes and longitudes out",
+        "earth.crs": "scene.toml: earth.crs: is odd; use --local to leave latitudes and longitudes "
+        "out",
         "drone 0": "plan.json: drone 0: is odd",
     }  # fmt: skip
     for field, words in cases.items():

@@ -80,7 +80,8 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert run(["plan", scene, "--planner", "sequential", "-o", plan]) == 0
     assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
     assert re.search(
-        r"batteries do not last for the whole take: pause it \(people, too\) at steps? \d", caplog.text
+        r"batteries do not last for the whole take: pause it \(people, too\) at steps? \d",
+        caplog.text,
     )
     capsys.readouterr()
     assert run(["fly", scene, plan, "-o", out]) == 0

@@ -105,7 +105,9 @@ def test_a_bound_is_not_loose_where_all_is_proved() -> None:
     assert "41 of 44 person-steps (93.2 %) be seen by two drones or more." in second
     broken = list(bound.sentences(best, obeys_rules=False))
     assert broken[0].endswith("This plan, which breaks rules: 43 (97.7 %).")
-    with pytest.raises(ValueError, match=r"at_least: the bound uses 0\.3, but the plan's quality 0\.5"):
+    with pytest.raises(
+        ValueError, match=r"at_least: the bound uses 0\.3, but the plan's quality 0\.5"
+    ):
         bound.share(co.quality(problem, bound.results[0].plan, at_least=0.5), 1)
 
 
