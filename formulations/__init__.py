@@ -1,6 +1,6 @@
 """Bounds and exact optima. A new method needs one file and one line in a registry below.
 
-This module imports nothing of its package, so that importing the certificates loads no method.
+This module imports nothing from its package, so importing the certificates loads no method.
 """
 
 from collections.abc import Mapping
@@ -50,8 +50,14 @@ _INTEGER = "an integer program, refined until its plan's true J meets the bound,
 
 BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
-        "alone": _bound("simple_bounds:alone", "every drone as if it were alone", _ANY),
-        "online": _bound("simple_bounds:online", "J of a plan and what each drone could add", _ANY),
+        "alone": _bound(
+            "simple_bounds:alone", ("sum over drones of what each could achieve alone"), _ANY
+        ),
+        "online": _bound(
+            "simple_bounds:online",
+            ("J of a plan plus the most that each drone could add to it"),
+            _ANY,
+        ),
         "concave": _bound(
             "relaxations.cone_program:concave", "concave relaxation over the aggregated flow", _FEW
         ),
@@ -89,9 +95,9 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
         ),
         "searchless": _exact(
             "column_generation.branch_and_price:searchless",
-            "branch-and-price by decisions alone",
+            "branch-and-price that branches only, without joint states",
             "small scenes",
-            "the optimum, with a proof that needs no search to be checked",
+            "the optimum, with a proof that can be checked without a search",
         ),
         "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
         "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),

@@ -1,4 +1,6 @@
-"""Exact optimum by enumerating all plans: the oracle for tiny instances."""
+"""Finds the exact optimum of a tiny instance by enumerating all plans; tests use it as an
+oracle.
+"""
 
 import math
 from collections.abc import Iterator
@@ -37,9 +39,10 @@ def brute_force(
     report: Report = silent,
     gap: float = OPTIMALITY,
 ) -> CertifiedResult:
-    """Tries all plans, which also proves the bound; there is no certificate.
+    """Tries all plans. This proves the bound, but gives no certificate.
 
-    It needs no start, but if one is given and could not be used, the result says why.
+    The method ignores its start, but if a start is given and cannot be used, the result's message
+    gives the reason.
 
     Raises
     ------
@@ -51,7 +54,9 @@ def brute_force(
     for robot in range(len(problem.robots)):
         plans *= _count_paths(model, robot)
         if plans > MOST_PLANS:
-            raise UnsupportedError(f"brute force tries at most {MOST_PLANS} plans, here are more")
+            raise UnsupportedError(
+                f"brute force tries at most {MOST_PLANS} plans; this problem has more"
+            )
     best: Plan | None = None
     value = -math.inf
     try:
@@ -70,7 +75,7 @@ def brute_force(
 
 
 def _better_and_better(model: Model, stop: Stop) -> Iterator[tuple[Plan, float]]:
-    """Goes through all plans, and yields each plan that is better than all before, with its J.
+    """Enumerates all plans, and yields each plan that is better than all before it, with its J.
 
     Raises
     ------
@@ -92,7 +97,9 @@ def _better_and_better(model: Model, stop: Stop) -> Iterator[tuple[Plan, float]]
 
 
 def _choices(model: Model, robot: int, stop: Stop) -> list[tuple[Path, FloatArray, float]]:
-    """Returns all paths of a robot to its goal, with their pixels [Z] and rewards for moves."""
+    """Returns all paths of a robot that end in a goal, with their pixels [Z] and rewards for
+    moves.
+    """
     found = []
     bonuses = Bonuses.of(model.problem.objective)
     shape = model.class_of[robot].graph.shape
@@ -103,7 +110,7 @@ def _choices(model: Model, robot: int, stop: Stop) -> list[tuple[Path, FloatArra
 
 
 def _count_paths(model: Model, robot: int) -> int:
-    """Returns the number of paths of a robot (goal ignored), by dynamic programming."""
+    """Returns the number of paths of a robot, ignoring its goal, by dynamic programming."""
     graph = model.class_of[robot].graph
     counts = dict.fromkeys(model.starts(robot).tolist(), 1)
     for t in range(model.problem.horizon):
@@ -116,7 +123,9 @@ def _count_paths(model: Model, robot: int) -> int:
 
 
 def _all_paths(model: Model, robot: int) -> list[Path]:
-    """Returns all paths of a robot that end in its goal, or in one of several."""
+    """Returns all paths of a robot that end in its goal, or in one of its goals if it has
+    several.
+    """
     robot_class = model.class_of[robot]
     paths: list[Path] = [(start,) for start in model.starts(robot).tolist()]
     for t in range(model.problem.horizon):

@@ -1,23 +1,23 @@
-"""Explanation of a gap: the terms that make up the difference between a bound and a plan's J.
+"""Explains a gap by the terms that add up to the difference between a bound and a plan's J.
 
-Let V_t be the values to go of the priced graphs, r_t their rewards with charges and rewards for
-moves, and pay_i robot i's credit for a view sum. For a plan P and a certificate of bound B,
+Let V_t be the values-to-go of the priced graphs, r_t their rewards (including charges and rewards
+for moves), and pay_i robot i's credit for a view sum. For a plan P and a certificate with bound B,
 
     B - J(P) = sum over robots and steps of V_t(x_t) - r_t(x_t) - V_t+1(x_t+1)        path
              + sum over view sums of w (constant + sum_i pay_i(c_i) - sqrt(sum_i c_i))   face
-             + the same of people who count, with min(sum_i c_i, k) for the root        views
+             + the same for counted people, with min(sum_i c_i, k) for the root        views
              + sum over conflict rows of mu (1 - used)                                    row
              + sum over decisions of +-nu (k - used)                                 decision
              + the largest bound of a proof's leaves - that of the plan's own leaf     leaves
-             - what stages, and paths that were tried, take off again                  stages
-             + what the file claims above what its numbers prove                        claim
-             + what covers rounding.                                                 rounding
+             - reduction of the bound by stages and by trying paths                  stages
+             + excess of the claimed bound over the proved bound                        claim
+             + allowance for rounding.                                                 rounding
 
-The first term holds step by step, since a path's rewards telescope against V; the rest is the
-bound's own sum evaluated for the plan. For a plan that obeys the rules, no term but that of stages
-is below 0: V is the best value of any path, and `certificates.pricing` proves it for the others. A
-broken rule that has a price shows as a negative row. All terms are computed by the certificates'
-own sweep.
+The first term can be split by step, since a path's rewards telescope against V; the others are the
+bound's own terms, evaluated for the plan. If the plan obeys the rules, only the term of stages can
+be negative: V is the value of the best path, and `certificates.pricing` proves the others
+nonnegative. A violated rule that has a price appears as a negative row. All terms are computed by
+the certificates' own sweep.
 """
 
 import math
@@ -46,19 +46,19 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, PathCells
 from cocap_opt.problem import Objective, Plan, State
 
-_NOTHING = 1e-9  # bound of a scene in which there is nothing to be had, but for rounding
+_NOTHING = 1e-9  # tolerance for the bound of a scene in which no reward can be collected
 Kind = Literal["path", "face", "views", "row", "decision", "leaves", "stages", "claim", "rounding"]
 
 
 class Term(NamedTuple):
-    """A part of a gap; fields that do not apply to its kind are None.
+    """One term of a gap; fields that do not apply to its kind are None.
 
-    A path's term is the loss of a robot by its move from `step` to the next. A face's term is the
-    amount by which the certificate's credits for a face of an actor at a step exceed the reward of
-    the robots together; where pixels add up over time it has no step. A term of views belongs to a
-    person whom `robots` robots see, where such robots are counted. The amount by which the stages
-    of a certificate, and the paths that were tried, lower the bound of its multipliers is a
-    term < 0.
+    A path term is the loss that a robot incurs by its move from `step` to the next step. A face
+    term is the amount by which the certificate's credits for a face of an actor at a step exceed
+    the reward of all robots together; if pixels add up over time, it has no step. A views term
+    belongs to a counted person whom `robots` robots see. A stages term, which is negative, is the
+    amount by which a certificate's stages, and the paths that were tried, lower the bound of its
+    multipliers.
     """
 
     kind: Kind
@@ -66,18 +66,19 @@ class Term(NamedTuple):
     step: int | None = None
     robot: int | None = None
     actor: int | None = None
-    face: int | None = None  # number among the actor's own
-    resource: Resource | None = None  # of a row or a decision
+    face: int | None = None  # the face's number among the actor's faces
+    resource: Resource | None = None  # the resource of a row or a decision
     sense: Literal["at most", "at least"] | None = None
-    robots: int | None = None  # at most, or at least, so many may use the resource; or see it
+    # capacity of the resource (at most, or at least), or number of robots that see the person
+    robots: int | None = None
     price: float | None = None  # mu or nu
-    users: tuple[int, ...] | None = None  # robots that use it
+    users: tuple[int, ...] | None = None  # robots that use the resource
 
     @property
     def is_broken(self) -> bool:
-        """True if the plan breaks the term's rule.
+        """True if the plan violates the rule to which the term belongs.
 
-        Decisions are never broken: the plan's own leaf is the one whose decisions it obeys.
+        Decisions are never violated: the plan's leaf is the one whose decisions it obeys.
         """
         return self.kind == "row" and len(self.users or ()) > 1
 
@@ -85,8 +86,8 @@ class Term(NamedTuple):
 class _OwnLeaf(NamedTuple):
     """The leaf of a proof whose decisions a plan obeys."""
 
-    node: int  # its number in the file
-    position: int  # among the leaves
+    node: int  # the node's number in the file
+    position: int  # the leaf's position among the leaves
     bound: float
 
 
@@ -98,8 +99,8 @@ class Explanation:
     ----------
     bound : the bound that the file claims
     reward : J of the plan
-    terms : all terms but those of faces that add nothing and of rows without a price; none where
-        they are not known
+    terms : all terms except faces that add nothing and rows without a price; empty if they are
+        unknown
     leaf : in a proof, the leaf that the plan belongs to
     """
 
@@ -110,26 +111,26 @@ class Explanation:
 
     @property
     def gap(self) -> float:
-        """The difference between bound and J, in units of J."""
+        """The difference between the bound and J, in units of J."""
         return self.bound - self.reward
 
     def of_kind(self, *kinds: Kind) -> list[Term]:
-        """Returns the terms of these kinds, in order."""
+        """Returns the terms of the given kinds, in order."""
         return [term for term in self.terms if term.kind in kinds]
 
     def total(self, *kinds: Kind) -> float:
-        """Returns the sum of the terms of these kinds, or of all terms if no kind is given."""
+        """Returns the sum of the terms of the given kinds, or of all terms if no kind is given."""
         return math.fsum(term.amount for term in self.terms if not kinds or term.kind in kinds)
 
     def share(self, amount: float) -> float:
-        """Returns an amount as a share of the bound; 0 if nothing can be seen."""
+        """Returns an amount as a share of the bound, or 0 if the bound is 0."""
         return amount / self.bound if self.bound > _NOTHING else 0.0
 
     def losses(self) -> FloatArray:
-        """Returns each robot's loss by the move of its path at each step [R, T], in units of J.
+        """Returns the loss of each robot by its move at each step [R, T], in units of J.
 
-        The loss by the first move includes the loss by the start, if there was a choice. Where the
-        terms are not known there are no robots.
+        The loss at the first move includes the loss by the choice of a start, if there was one. If
+        the terms are unknown, the array has no robots.
         """
         paths = self.of_kind("path")
         if not paths:
@@ -145,14 +146,14 @@ def explain(
     file: CertificateFile | ProofFile,
     proved: float | None = None,
 ) -> Explanation:
-    """Returns the terms of the gap between the bound of a file and J of a plan.
+    """Returns the terms of the gap between a file's bound and a plan's J.
 
     Parameters
     ----------
     plan : a plan that can be flown; it may break collision rules
-    reward : J of the plan, by the referee
-    proved : for a proof, the largest bound of its leaves, as found by `verify`; if None, the claim
-        of the file is used, and there is no term for an excess of the claim
+    reward : J of the plan, as the referee computes it
+    proved : for a proof, the largest bound of its leaves, as found by `verify`; None: use the claim
+        of the file, without a term for its excess
 
     Raises
     ------
@@ -162,7 +163,9 @@ def explain(
         If the file claims that there is no plan.
     """
     if not math.isfinite(file.proved):
-        raise ValueError("certificate: it proves that no plan exists, so there is no gap")
+        raise ValueError(
+            "certificate: it proves that no plan exists, so there is no gap to explain"
+        )
     model = model.disaggregated() if file.classes == "single" else model
     paths = model.paths(plan)
     passed = [PathCells.of(model, robot, path) for robot, path in enumerate(paths)]
@@ -198,10 +201,11 @@ def _leaf_of(model: Model, proof: ProofFile, paths: Sequence[PathCells]) -> int:
 def _numbers(
     file: CertificateFile | ProofFile, node: int | None
 ) -> tuple[int, Certificate, tuple[Decision, ...]]:
-    """Returns a leaf's position among the leaves, its certificate, and the decisions above it.
+    """Returns a leaf's position among the leaves, its certificate, and the decisions that lead to
+    it.
 
-    A single certificate counts as the only leaf of a tree without decisions; of a staged one its
-    multipliers are used.
+    A single certificate counts as the only leaf of a tree without decisions. For a staged
+    certificate, its multipliers are returned.
     """
     if isinstance(file, CertificateFile):
         numbers = file.certificate
@@ -218,7 +222,7 @@ def _numbers(
 
 
 def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) -> Iterator[Term]:
-    """Yields the loss of each robot by its move from each step."""
+    """Yields the loss of each robot by its move at each step."""
     model = prices.model
     losses: dict[int, list[float]] = {}
     for number, robot_class in enumerate(model.classes):
@@ -230,7 +234,8 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
         for t, values in zip(steps, sweep, strict=True):
             ahead.append(values[along[:, t]])
         ahead.reverse()
-        best = [float(values[starts].max()) for starts in robot_class.starts]  # now of step 0
+        # from here on, the values of step 0
+        best = [float(values[starts].max()) for starts in robot_class.starts]
         for k, robot in enumerate(robot_class.robots):
             path, states = paths[robot], plan.paths[robot]
             worth = [float(values[k]) for values in ahead]
@@ -239,14 +244,14 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
             losses[robot] = [
                 worth[t] - gains[t] - moves[t] - worth[t + 1] for t in range(len(moves))
             ]
-            losses[robot][0] += best[k] - worth[0]  # by its start, where it has a choice
+            losses[robot][0] += best[k] - worth[0]  # the loss by the choice of a start
     for robot in range(len(paths)):
         for t, loss in enumerate(losses[robot]):
             yield Term("path", loss, step=t, robot=robot)
 
 
 def _gains(charges: Charges, reward: FloatArray, path: Path, n_places: int) -> list[float]:
-    """Returns the priced reward at each step, charges for the move that follows included [T+1]."""
+    """Returns the priced reward at each step, including charges for the next move [T+1]."""
     gains = []
     for t, state in enumerate(path):
         place = state % n_places
@@ -258,7 +263,7 @@ def _gains(charges: Charges, reward: FloatArray, path: Path, n_places: int) -> l
 
 
 def reward_of_move(objective: Objective, a: State, b: State) -> float:
-    """Returns the reward of one move, by the objective's definition."""
+    """Returns the reward for one move, by the definition of the objective."""
     same_cell = (a.x, a.y, a.layer) == (b.x, b.y, b.layer)
     return (
         objective.stationarity * (a == b)
@@ -272,7 +277,9 @@ def reward_of_move(objective: Objective, a: State, b: State) -> float:
 
 
 def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Term]:
-    """Yields the terms of faces and of counted people: credits beyond the reward, at each step."""
+    """Yields the terms of faces and counted people: the excess of credits over rewards at each
+    step.
+    """
     model, problem = prices.model, prices.model.problem
     weights, paid = problem.view_sum_weights, prices.pixels.constants.copy()
     seen = problem.no_pixels()
@@ -287,7 +294,8 @@ def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Te
         )
         np.add.at(seen, view_sums, pixels)
     slack = paid - weights * problem.returns.values(seen)
-    first = np.searchsorted(problem.face_owner, problem.face_owner)  # face of the same actor
+    # number of the face among its actor's faces
+    first = np.searchsorted(problem.face_owner, problem.face_owner)
     for view_sum in np.flatnonzero(slack).tolist():
         if view_sum >= problem.returns.n_roots:
             step, person = divmod(view_sum - problem.returns.n_roots, len(problem.actors))
@@ -315,7 +323,7 @@ def _row_terms(
     decisions: Sequence[Decision],
     paths: Sequence[PathCells],
 ) -> Iterator[Term]:
-    """Yields the prices of resources that are not used, by row and by decision."""
+    """Yields the prices of unused capacity, by row and by decision."""
     if not isinstance(certificate, Multipliers):
         return
 
@@ -332,7 +340,7 @@ def _row_terms(
             )  # fmt: skip
     for decision, price in zip(decisions, certificate.decisions, strict=True):
         users = users_of(decision.resource)
-        # What is closed has no price, and nobody in this leaf uses it.
+        # A closed resource has no price, and nobody in this leaf uses it.
         price = 0.0 if decision.closes else price
         amount = decision.sign * price * (decision.robots - len(users))
         yield Term(

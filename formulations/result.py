@@ -1,4 +1,4 @@
-"""The contract of bounds and exact methods: their arguments and results."""
+"""Defines the contract of bounds and exact methods: their arguments and results."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -37,11 +37,11 @@ OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
 def certify(
     problem: Problem, model: Model, method: str, certificate: Certificate | Staged
 ) -> CertificateFile:
-    """Prices a certificate and returns the file that claims the resulting bound.
+    """Prices a certificate and returns a file that claims the resulting bound.
 
     Parameters
     ----------
-    method : name of the method that found the numbers
+    method : name of the method that found the certificate's numbers
     """
     bound = priced(model, certificate).bound
     return CertificateFile(
@@ -57,14 +57,14 @@ def certify(
 
 @dataclass(frozen=True, repr=False)
 class CertifiedResult(Result):
-    """A value and a bound, with the file that proves the bound.
+    """A plan with its value, a bound, and the file that proves the bound.
 
-    `bound` is the one that the certificate proves, never a solver's own claim, which is in
+    `bound` is always the bound that the certificate proves, never a solver's own claim, which is in
     `statistics`. A result without a plan has the value -inf.
 
     Attributes
     ----------
-    certificate : the file that proves the bound; None if there is none, as for brute force
+    certificate : the file that proves the bound; None if the method makes no file, e.g. brute force
     """
 
     certificate: CertificateFile | ProofFile | None = None
@@ -73,17 +73,17 @@ class CertifiedResult(Result):
     def bounded(
         cls, file: CertificateFile | ProofFile, statistics: Mapping[str, float]
     ) -> "CertifiedResult":
-        """Returns the result of a method that has finished and that searches for no plan."""
+        """Returns the result of a method that has finished and that does not search for plans."""
         reason = proved_by(-math.inf, file.proved) or Reason.FINISHED
         return cls(
             None, -math.inf, reason, bound=file.proved, statistics=statistics, certificate=file
         )
 
     def with_start(self, problem: Problem, start: Plan | None) -> "CertifiedResult":
-        """Returns the bound of an exact method that was stopped at once, with a plan.
+        """Returns the bound of an exact method that was stopped at once, together with a plan.
 
-        The plan is the start, or else the one in which no drone moves. If the bound proves that
-        there is no plan, none is added.
+        The plan is the start, or, without a start, the plan in which no drone moves. If the bound
+        proves that no plan exists, no plan is added.
         """
         if self.reason is Reason.INFEASIBLE:
             return self
@@ -95,9 +95,9 @@ class CertifiedResult(Result):
         return replace(self, plan=plan, value=value, message=words)
 
     def stopped_by(self, limit: Limit) -> "CertifiedResult":
-        """Returns the same result with the limit that stopped the method.
+        """Returns the same result, marked with the limit that stopped the method.
 
-        A result that proves that there is no plan is complete and stays as it is.
+        A result that proves that no plan exists is final and is returned unchanged.
         """
         if self.reason is Reason.INFEASIBLE:
             return self
@@ -105,9 +105,9 @@ class CertifiedResult(Result):
 
 
 def proved_by(value: float, bound: float) -> Reason | None:
-    """Returns the reason for stopping that a J and a bound prove: OPTIMAL, INFEASIBLE or None.
+    """Returns the conclusion that follows from a J and a bound: OPTIMAL, INFEASIBLE or None.
 
-    A negative bound proves that there is no plan, since J >= 0.
+    A negative bound proves that no plan exists, since J >= 0.
     """
     if relative_gap(value, bound) <= OPTIMALITY:
         return Reason.OPTIMAL
@@ -115,7 +115,7 @@ def proved_by(value: float, bound: float) -> Reason | None:
 
 
 def checked_start(problem: Problem, plan: Plan | None) -> tuple[Plan | None, str]:
-    """Returns the plan if it can be flown and breaks no rule, otherwise the reason in words."""
+    """Returns the plan if it can be flown and breaks no rule, otherwise None and the reason."""
     if plan is None:
         return None, ""
     verdict = check(problem, plan)
@@ -129,11 +129,11 @@ class Snapshot(NamedTuple):
 
     Attributes
     ----------
-    value : J of the best plan so far; -inf without one
-    bound : the best certified bound so far; inf without one
-    seconds : s since the method began
-    columns : paths in the restricted master
-    nodes : finished nodes of the search tree
+    value : J of the best plan found so far; -inf if there is none
+    bound : the best certified bound found so far; inf if there is none
+    seconds : time since the method began, in s
+    columns : number of paths in the restricted master problem
+    nodes : number of finished nodes of the search tree
     """
 
     value: float
@@ -144,7 +144,7 @@ class Snapshot(NamedTuple):
 
     @property
     def gap(self) -> float:
-        """The relative gap, (bound - value) / bound; infinite if either of them is."""
+        """The relative gap, (bound - value) / bound; infinite if either of the two is infinite."""
         return relative_gap(self.value, self.bound)
 
 
@@ -152,7 +152,7 @@ Report = Callable[[Snapshot], None]
 
 
 def silent(snapshot: Snapshot) -> None:
-    """Reports to nobody."""
+    """Ignores progress reports."""
 
 
 class BoundMethod(Protocol):
@@ -165,4 +165,4 @@ class BoundMethod(Protocol):
         start: Plan | None = None,
         report: Report = silent,
     ) -> CertifiedResult:
-        """Bounds a problem; the plan `start` helps some of the methods."""
+        """Computes a bound for a problem; some methods use the plan `start`."""

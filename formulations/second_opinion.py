@@ -1,19 +1,21 @@
-"""A second opinion on certificates: the bound that a certificate proves, computed by other code.
+"""Gives a second opinion on certificates: computes the bound that a certificate proves with other
+code.
 
 For staged certificates the second opinion comes from `cocap_check`, which searches joint states
-itself. For all others it is added up with networkx.
+itself. For all others it is computed here with networkx.
 
 `certificates.pricing` states the inequalities that bound J, and prices them by value iteration over
-arrays. This module computes the same sums in plain loops over states and moves, and each drone's
-best path as networkx's longest path through the part of the time-expanded graph that is in reach of
-its starts. Both use the same code for the problem, the possible moves, the views and the format of
-files; they share no numbering of states, no charges, no envelopes and no sweep. This module does
-not check again that every plan obeys the rows. It prices every leaf of a proof.
+arrays. This module computes the same sums in plain loops over states and moves. It finds each
+drone's best path with networkx, as a longest path through the part of the time-expanded graph that
+the drone can reach from its starts. Both use the same code for the problem, the possible moves, the
+views and the file format; they do not share the numbering of states, the charges, the envelopes or
+the sweep. This module does not check again that every plan obeys the rows. It prices every leaf of
+a proof.
 
-The longest path of a directed acyclic graph may begin and end anywhere, so that networkx leaves out
-any part with a negative sum. All edges are therefore raised by the same constant until none is
-negative. A longest path then begins before the starts, at a node with an edge to each of them, and
-ends at step T; it has T + 1 edges, for which the constant is subtracted again.
+In a directed acyclic graph, networkx's longest path may begin and end anywhere, so it leaves out
+any part with a negative sum. Therefore all edge weights are raised by a constant that makes them
+nonnegative. A longest path then starts from an auxiliary node with an edge to each start, and ends
+at step T; it has T + 1 edges, for which the constant is subtracted again.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -53,14 +55,15 @@ from cocap_opt.vision.views import StateViews
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
 
-TOLERANCE = 1e-9  # of the absolute values that a bound is made of, by which two opinions may part
-MOST_EDGES = 2_000_000  # of one drone's graph: a gigabyte
-MOST_WORK = 40_000_000  # edges of all drones at all leaves: some minutes
-MOST_CORNERS = 50_000  # of a cut, that are gone through in plain loops
+# relative tolerance between two opinions, of the sum of the bound's absolute values
+TOLERANCE = 1e-9
+MOST_EDGES = 2_000_000  # edges of one drone's graph: takes a gigabyte
+MOST_WORK = 40_000_000  # edges of all drones at all leaves: takes some minutes
+MOST_CORNERS = 50_000  # corners of a cut that are enumerated in plain loops
 
-_Worth = tuple[float, float]  # a sum, and that of the absolute values that it is made of
+_Worth = tuple[float, float]  # a sum, and the sum of its terms' absolute values
 _Uses = dict[tuple[object, ...], float]  # cost of (t, Cell), (t, State) and (t, Cell, Cell)
-_Leaf = tuple[Certificate, Sequence[Decision]]  # and the decisions that hold where it does
+_Leaf = tuple[Certificate, Sequence[Decision]]  # a certificate, and the decisions of its leaf
 
 
 class TooLargeError(ValueError):
@@ -68,10 +71,12 @@ class TooLargeError(ValueError):
 
 
 class SecondOpinion(NamedTuple):
-    """The bound that a certificate or a proof proves, computed by code other than `verify`'s."""
+    """The bound that a certificate or a proof proves, computed by code other than that of
+    `verify`.
+    """
 
     bound: float
-    magnitude: float  # sum of the absolute values that it is made of
+    magnitude: float  # sum of the absolute values of the bound's terms
     by: Literal["networkx", "cocap-check"] = "networkx"
 
     @classmethod
@@ -81,19 +86,19 @@ class SecondOpinion(NamedTuple):
         file: CertificateFile | ProofFile,
         progress: Callable[[int, int], None] = lambda done, total: None,
     ) -> SecondOpinion:
-        """Returns the bound of a certificate, or the largest of all leaves of a proof.
+        """Returns the bound of a certificate, or the largest bound of a proof's leaves.
 
         Parameters
         ----------
-        model : of the problem
-        file : a file that `require_small` has let pass and `certificates.verify` has found valid
+        model : model of the problem
+        file : a file that `require_small` accepts and `certificates.verify` has found valid
         progress : called with the number of best paths that networkx has found, or of files that
             cocap-check has checked, and the total
 
         Raises
         ------
         CertificateError
-            If cocap-check refuses the file.
+            If cocap-check rejects the file.
         TooLargeError
             If a search of cocap-check, or a cut with many corners, would take too long.
         """
@@ -102,7 +107,7 @@ class SecondOpinion(NamedTuple):
         if isinstance(file, ProofFile):
             leaves = [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
         elif isinstance(file.certificate, Staged):
-            progress(0, 1)  # some seconds or minutes, of which nothing can be told
+            progress(0, 1)  # takes some seconds or minutes, without progress reports
             bound = _by_cocap_check(model, file)
             return cls(bound, abs(bound), "cocap-check")
         else:
@@ -110,16 +115,17 @@ class SecondOpinion(NamedTuple):
         return cls(*max(_Prices(problem, file.classes == "single").of(leaves, progress)))
 
     def agrees(self, pricing: Pricing) -> bool:
-        """Returns True if `verify` finds the same bound.
+        """Returns True if `verify` computes the same bound.
 
-        The bounds may differ by 1e-9 of the sum of absolute values in the bound, and by the
-        allowance for rounding that the sweep has added.
-        cocap-check may find less: where a file claims less than it proves, its own search may prove
-        more than that of `verify` does.
+        The bounds may differ by 1e-9 of the sum of the bound's absolute values, and by the
+        allowance for rounding that the sweep has added. cocap-check may find a lower bound: if a
+        file claims a lower bound than its multipliers prove, the search of cocap-check may prove
+        more than that of `verify`.
         """
         if math.inf in (abs(self.bound), abs(pricing.bound)):
             return self.bound == pricing.bound
-        rounding = math.nextafter(pricing.rounding, math.inf) * (1 + TOLERANCE)  # even that of 0
+        # allows for rounding even if `pricing.rounding` is 0
+        rounding = math.nextafter(pricing.rounding, math.inf) * (1 + TOLERANCE)
         above = self.bound - pricing.bound
         if self.by == "cocap-check":
             above = max(above, 0.0)
@@ -127,15 +133,15 @@ class SecondOpinion(NamedTuple):
 
 
 def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
-    """Refuses a file that networkx would, by an estimate, take too long to price.
+    """Raises an error if networkx would, by an estimate, take too long to price a file.
 
-    It counts the edges of the drones' graphs, which takes seconds: ask once, before anything else
-    that takes long.
+    Counting the edges of the drones' graphs takes seconds: call this once, before any long
+    computation.
 
     Raises
     ------
     TooLargeError
-        If it would take more than a few minutes, or more than a gigabyte for a drone.
+        If pricing would take more than a few minutes, or more than a gigabyte for one drone.
     """
     if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
         return
@@ -147,8 +153,8 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
             known[alike] = edges_in_reach(problem, i, MOST_EDGES)
         if known[alike] > MOST_EDGES:
             raise TooLargeError(
-                f"the graph of robots[{i}] has more than {MOST_EDGES:,} edges, which is too large "
-                "for networkx"
+                f"the graph of robots[{i}] has more than {MOST_EDGES:,} edges, too many for "
+                "networkx"
             )
         edges += known[alike]
     leaves = 1
@@ -157,7 +163,7 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
     if edges * leaves > MOST_WORK:
         raise TooLargeError(
             f"networkx would price {edges:,} edges at {leaves:,} "
-            f"{'leaf' if leaves == 1 else 'leaves'}; at most {MOST_WORK:,} in all are allowed"
+            f"{'leaf' if leaves == 1 else 'leaves'}; the limit is {MOST_WORK:,} edges in total"
         )
 
 
@@ -165,12 +171,12 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
 
 
 def _by_cocap_check(model: Model, file: CertificateFile) -> float:
-    """Returns the bound of a staged certificate by `cocap_check`, rounded up.
+    """Returns the bound of a staged certificate as computed by `cocap_check`, rounded up.
 
     Raises
     ------
     CertificateError, TooLargeError
-        If it refuses the file, or if the search would take too long.
+        If `cocap_check` rejects the file, or if its search would take too long.
     """
     try:
         instance = cocap_check.Instance(instance_of(model))
@@ -178,7 +184,7 @@ def _by_cocap_check(model: Model, file: CertificateFile) -> float:
         cocap_check.kind_of(instance, document)
         bound, is_part = cocap_check.bound_of_file(instance, document)
     except cocap_check.Refused as refused:
-        raise CertificateError(f"certificate: cocap-check refuses it: {refused}") from refused
+        raise CertificateError(f"certificate: rejected by cocap-check: {refused}") from refused
     if is_part:
         raise TooLargeError(
             f"its searches have more than {cocap_check.MOST_BRANCHES:,} branches, or find more "
@@ -192,11 +198,11 @@ def _by_cocap_check(model: Model, file: CertificateFile) -> float:
 
 
 class _Prices:
-    """The sums of a problem's certificates.
+    """Sums for pricing the certificates of a problem.
 
     Parameters
     ----------
-    single : True: every robot is a class of its own; False: robots that differ only in their start
+    single : True: every robot forms its own class; False: robots that differ only in their start
         form a class
     """
 
@@ -212,16 +218,16 @@ class _Prices:
         self._weights = faces.reshape(problem.view_sum_steps, -1).tolist()
         views = problem.objective.views
         self._cap = 0 if views is None else views.cameras
-        # Of a drone that sees a person at a step that counts.
+        # Credits for a drone that sees a person at a step that counts.
         self._worth = [
             row if t >= problem.first_step else [0.0] * len(row)
             for t, row in enumerate(problem.count_weights.tolist())
         ]
 
     def of(self, leaves: Sequence[_Leaf], progress: Callable[[int, int], None]) -> list[_Worth]:
-        """Returns the bounds that given leaves prove.
+        """Returns the bounds that the given leaves prove.
 
-        Robots are handled one by one, since a networkx graph is large.
+        Robots are processed one by one, since a networkx graph is large.
 
         Parameters
         ----------
@@ -262,7 +268,7 @@ class _Prices:
         ]
 
     def _best_path(self, robot: int, graph: Graph, sight: _Sight, leaf: _Leaf) -> _Worth:
-        """Returns the worth of a robot's best path through all that it can reach."""
+        """Returns the worth of a robot's best path through all nodes that it can reach."""
         certificate, decisions = leaf
         number = self._classes[robot]
         pay = self._payment(certificate, number)
@@ -282,13 +288,15 @@ class _Prices:
         return _longest_path(self._problem, robot, graph, paid, uses)
 
     def _row(self, t: int) -> int:
-        """Returns the row of a table to which the pixels of step t belong."""
+        """Returns the row of a table that holds the pixels of step t."""
         return 0 if self._problem.objective.over_time else t
 
     def _constants(
         self, certificate: Certificate, decisions: Sequence[Decision]
     ) -> Iterator[float]:
-        """Yields the amounts to add for cuts, rows and decisions, whatever the plan."""
+        """Yields the amounts to add for cuts, rows and decisions, which do not depend on the
+        plan.
+        """
         if isinstance(certificate, ReferencePixels):
             for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
                 yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
@@ -322,7 +330,7 @@ class _Prices:
     def _count_kappas(
         self, certificate: Certificate, noticed: Iterable[tuple[int, int]]
     ) -> Iterator[float]:
-        """Yields the amount to add for each step and person whom some drone can see."""
+        """Yields the amount to add for each step and each person whom some drone can see."""
         if isinstance(certificate, ReferencePixels):
             return
         for t, person in noticed:
@@ -360,7 +368,9 @@ class _Prices:
 
 
 def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:
-    """Returns phi of a class at a root: linear between breakpoints, slope 1 beyond the last."""
+    """Returns phi of a class at a root: linear between breakpoints, with slope 1 beyond the
+    last.
+    """
     for curve in curves:
         if curve.class_number == number:
             before, height = 0.0, 0.0
@@ -374,10 +384,10 @@ def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:
 
 @lru_cache(maxsize=4096)  # the leaves of a proof share most of their cuts
 def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> float:
-    """Returns the least constant of a cut: its largest excess at a corner, or 0.
+    """Returns the smallest valid constant of a cut: its largest excess at a corner, or 0.
 
-    A corner has every robot of the curves' classes at a breakpoint or at 0. Robot by robot, only
-    corners are kept that no other beats in both pixels and value.
+    At a corner, every robot of the curves' classes is at a breakpoint or at 0. Robots are added one
+    by one, and only corners that no other corner dominates in both pixels and value are kept.
 
     Parameters
     ----------
@@ -397,7 +407,9 @@ def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> f
 
 
 def _unbettered(corners: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Returns the corners (pixels, value) for which no other has more pixels for less value."""
+    """Returns the corners (pixels, value) that no other corner dominates with more pixels at less
+    value.
+    """
     kept: list[tuple[float, float]] = []
     for pixels, value in sorted(set(corners), key=lambda corner: (-corner[0], corner[1])):
         if not kept or value < kept[-1][1]:
@@ -405,11 +417,11 @@ def _unbettered(corners: Iterable[tuple[float, float]]) -> list[tuple[float, flo
     return kept
 
 
-# -- the faces that drones see from all nodes in their reach -----------------------------------
+# -- the faces that drones see from all reachable nodes ------------------------------------------
 
 
 class _Sight:
-    """The views of all robots that move and see alike.
+    """The views of all robots that have the same motion and cameras.
 
     Parameters
     ----------
@@ -417,8 +429,8 @@ class _Sight:
 
     Attributes
     ----------
-    seen : the faces that nodes see, and their px/m2; nodes that see nothing are left out
-    people : the counted people that nodes see; nodes that see nobody are left out
+    seen : the faces seen from each node, and their px/m2; nodes without faces are left out
+    people : the counted people seen from each node; nodes without people are left out
     """
 
     def __init__(self, problem: Problem, spec: Robot) -> None:
@@ -437,7 +449,7 @@ class _Sight:
         self._graph = self._views.graph
 
     def look(self, nodes: Iterable[Node]) -> None:
-        """Evaluates the views of nodes; those that are known already are not evaluated again."""
+        """Evaluates the views of nodes, except of nodes that have been evaluated before."""
         by_step: dict[int, list[int]] = {t: [] for t in self._steps}
         for state, t in set(nodes) - self._looked:
             if t in by_step:
@@ -461,7 +473,9 @@ class _Sight:
 
 
 def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: int) -> _Uses:
-    """Returns the price of each use of a resource for robots of a class; infinity closes it."""
+    """Returns the price of each use of a resource for robots of a class; infinity closes a
+    resource.
+    """
     if isinstance(certificate, ReferencePixels):
         return {}
     priced = [(row.resource, row.multiplier) for row in certificate.rows]
@@ -476,7 +490,9 @@ def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: in
 
 
 def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
-    """Yields the uses of a resource: being in a cell or a state at t, or a move from t on."""
+    """Yields the uses of a resource: being in a cell or a state at step t, or making a move from
+    step t.
+    """
     t = resource.t
     if isinstance(resource, Cells):
         yield from ((t, cell) for cell in resource.cells)
@@ -494,7 +510,7 @@ def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
 # -- the best path of one drone: the longest path of its priced time-expanded graph -------------
 
 
-_BEFORE = "before"  # the node from which an edge leads to each start
+_BEFORE = "before"  # an auxiliary node with an edge to each start
 
 
 def _longest_path(
@@ -505,9 +521,9 @@ def _longest_path(
     Parameters
     ----------
     graph : all nodes that the robot can reach from its starts
-    credits : credit for being in a node
+    credits : credit for visiting each node
     """
-    import networkx as nx  # a fifth of a second, which few commands need
+    import networkx as nx  # takes a fifth of a second, and few commands need it
 
     cells = {state: problem.cell(robot, state) for state in {state for state, _ in graph}}
 
@@ -541,10 +557,10 @@ def _weighted(
     cells: dict[State, Cell],
     uses: _Uses,
 ) -> Graph:
-    """Returns the open and reachable nodes and edges of a graph, edges with weights.
+    """Returns the graph of the open and reachable nodes and edges, with weighted edges.
 
-    The weight of an edge is the worth of its move and its head; no edge includes the worth of
-    starts.
+    The weight of an edge is the worth of its move plus that of its head; the worth of starts is not
+    in any edge.
     """
     import networkx as nx
 

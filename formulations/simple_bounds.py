@@ -1,17 +1,17 @@
-"""Bounds from single-robot sweeps alone.
+"""Computes bounds with single-robot sweeps only.
 
-Source of the online bound: Minoux 1978; Leskovec et al. 2007 (for a budget); here with one
-best path per robot.
+Source of the online bound: Minoux 1978; Leskovec et al. 2007 (for a budget); here the maximum is
+over one path per robot.
 
-The early bound is available after any limit, even if coverage is not complete. At steps whose
-coverage is not known, drones count as if nothing hid anybody, which gives an upper bound on what
-they see (`vision.ceilings`). Multipliers priced on that coverage prove, on the true coverage, a
-bound no higher than the one claimed. All faces of a step share one multiplier, of one of two kinds
-(`certificates.pricing` has the inequality): each drone as if it were alone, alpha = 1; or a tangent
-of the root at z pixels, alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of the pixels that
-all drones could have of a face at the step if they were all where one of them sees most. Where the
-drones that see people are counted, each drone's credit is full, gamma = 1, or, if that share of all
-drones is more than the number that counts, not at all, gamma = 0.
+The early bound is available after any limit, even if coverage is incomplete. At steps with unknown
+coverage, drones see people as if nothing hid them, which gives an upper bound on the pixels
+(`vision.ceilings`). On the true coverage, the same multipliers prove a bound that is no higher than
+the claimed one. All faces of a step share one multiplier, of one of two kinds (see the inequality
+in `certificates.pricing`): each drone as if it were alone, alpha = 1; or a tangent of the root at z
+pixels, alpha = 0 and beta = 1 / (2 sqrt z). Here z is a share of the pixels that all drones would
+have of a face at the step if each were at its best view. If the drones that see people are counted,
+each drone gets full credit, gamma = 1, or, if that share of all drones is more than the number that
+counts, none, gamma = 0.
 """
 
 import math
@@ -50,17 +50,18 @@ from cocap_opt.vision.ceilings import ceiling
 __all__ = ["alone", "early_bound", "online"]
 
 METHOD = "step-multipliers"
-_ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
-_MANY = 10_000_000  # states at steps above which only one bound is computed
-_TOO_MANY = 30_000_000  # above which none is: value iteration would take seconds for each
+# relative; much larger than the rounding errors here and in a certificate's pricing
+_ROUNDING = 1e-9
+_MANY = 10_000_000  # states over all steps; above this, only one bound is computed
+_TOO_MANY = 30_000_000  # above this, no bound is computed: each value iteration would take seconds
 _AT_ONCE = 100_000  # states whose ceilings are computed together
-_STEP_DOWN = 0.4  # from one share of what could be seen to the next
+_STEP_DOWN = 0.4  # factor from one share of the visible pixels to the next
 
 
 def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
-    """Returns the result of a method that a limit has stopped before it had a bound of its own.
+    """Returns the result of a method that a limit has stopped before it had computed a bound.
 
-    This takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
+    This takes up to a few seconds, for which `Model.prepare` reserves time.
     """
     model = compiled(problem)
     prices = _StepMultipliers(model)
@@ -70,30 +71,30 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     if best.proved < 0:  # a drone has no path
         return CertifiedResult.bounded(best, {})
     steps = problem.horizon + 1
-    words = f"coverage computed for {model.covered_steps} of {steps} steps only; "
-    words += "at the others the bound assumes that nothing hides anybody"
+    words = f"coverage computed for only {model.covered_steps} of {steps} steps; "
+    words += "for the other steps, the bound assumes that nothing hides anybody"
     return CertifiedResult(
         None, -math.inf, Reason.STOPPED, limit, best.proved, certificate=best,
         message=words if model.covered_steps < steps else "",
     )  # fmt: skip
 
 
-# The most that states of a robot class see, added up over the faces with their weights: roots
-# w px^0.5/m and pixels w px/m2 [T+1, S]; and over the people who count. Where there are too many
-# states for value iteration S is 1: the most that any of them sees.
+# The largest amounts that the states of a robot class see, weighted and added up over the faces:
+# roots w px^0.5/m and pixels w px/m2 [T+1, S]; and over the people who count. If there are too many
+# states for value iteration, S is 1, and the entry is the largest amount of any state.
 _Sums = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class _Steps(NamedTuple):
-    """Multipliers of steps."""
+    """The multipliers of all steps."""
 
-    alpha: FloatArray  # of all faces of each step [T+1], or of all steps together [1]
-    beta: FloatArray  # the same
-    gamma: FloatArray  # [T+1] of all people who count
+    alpha: FloatArray  # for all faces of each step [T+1], or of all steps together [1]
+    beta: FloatArray  # as for alpha
+    gamma: FloatArray  # [T+1] for all people who count
 
 
 class _StepMultipliers:
-    """The bounds that multipliers prove, on known coverage and on ceilings for the rest."""
+    """Bounds by multipliers, on coverage where it is known and on ceilings elsewhere."""
 
     def __init__(self, model: Model) -> None:
         problem, self._model = model.problem, model
@@ -104,10 +105,10 @@ class _StepMultipliers:
         weights, n = np.where(visible, problem.view_sum_weights, 0.0), problem.returns.n_roots
         self._weights = weights[:n].reshape(problem.view_sum_steps, -1).sum(axis=1)
         people = (weights[n:] * problem.returns.caps).reshape(problem.count_weights.shape)
-        self._counts = people.sum(axis=1)  # [T+1] the most that counts bring
+        self._counts = people.sum(axis=1)  # [T+1] the most that counted people contribute
 
     def alone(self) -> _Steps:
-        """Returns the multipliers that treat each drone as if it were alone."""
+        """Returns the multipliers that price each drone as if it were alone."""
         steps = self._model.problem.view_sum_steps
         return _Steps(np.ones(steps), np.zeros(steps), np.ones(self._model.problem.horizon + 1))
 
@@ -130,19 +131,21 @@ class _StepMultipliers:
 
     @property
     def _cameras(self) -> int:
-        """Number of drones on a person beyond which more do not count; 0: none do."""
+        """Number of drones that count for a person; 0 if drones are not counted."""
         views = self._model.problem.objective.views
         return 0 if views is None else views.cameras
 
     @property
     def are_dear(self) -> bool:
-        """True if a single bound takes long because value iteration has many states."""
+        """True if value iteration has so many states that a single bound takes long."""
         return _states(self._model) > _MANY
 
     def quick_file(self) -> CertificateFile:
-        """Returns the certificate of the multipliers that are best if drones could jump anywhere.
+        """Returns the certificate of the multipliers that would be best if drones could jump
+        anywhere.
 
-        If value iteration would take too long, it claims only the bound for such drones.
+        If value iteration would take too long, the certificate claims only the bound for such
+        drones.
         """
         best = min((self.alone(), *self.tangents()), key=self.without_motion)
         if _states(self._model) <= _TOO_MANY:
@@ -150,7 +153,7 @@ class _StepMultipliers:
         return self.file(best, _rounded_up(self.without_motion(best)))
 
     def best_file(self) -> CertificateFile:
-        """Returns the certificate of the best multipliers tried."""
+        """Returns the certificate of the best multipliers that were tried."""
         best, lowest = self.file(self.alone()), math.inf
         for tangents in self.tangents():
             file = self.file(tangents)
@@ -161,9 +164,9 @@ class _StepMultipliers:
         return best
 
     def without_motion(self, steps: _Steps) -> float:
-        """Returns the bound of multipliers for drones that can be anywhere at any step.
+        """Returns the bound that multipliers prove if drones can be anywhere at any step.
 
-        Each of their moves gets the largest reward for a move.
+        Each move earns the largest reward that any move has.
         """
         problem = self._model.problem
         moves = len(problem.robots) * problem.horizon
@@ -184,11 +187,11 @@ class _StepMultipliers:
         return total + float(self._counts @ (1 - gamma)) if self._cameras else total
 
     def file(self, steps: _Steps, bound: float | None = None) -> CertificateFile:
-        """Returns the certificate of multipliers, with the bound that they prove.
+        """Returns the certificate of multipliers, which claims the bound that they prove.
 
         Parameters
         ----------
-        bound : a known bound that is no lower than the one that they prove; None: compute it
+        bound : a known bound that is not lower than the proved one; None: compute the bound
         """
         problem, faces = self._model.problem, self._model.n_faces
         people = int(problem.count_weights.shape[1])
@@ -213,7 +216,7 @@ class _StepMultipliers:
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
             reward = robot_class.graph.no_reward(self._model.problem.horizon)
             steps_of = np.broadcast_arrays(reward[:, 0], *steps)[1:]
-            # Step by step: arrays of all states at all steps are large.
+            # One step at a time, as arrays of all states at all steps are large.
             for gained, *row in zip(reward, *sums, *steps_of, strict=True):
                 gained += _paid(*row)
             value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
@@ -225,23 +228,23 @@ def _paid(
     roots: FloatArray, pixels: FloatArray, counts: FloatArray,
     alpha: float, beta: float, gamma: float,
 ) -> FloatArray:  # fmt: skip
-    """Returns the credit [S] of a step's states; amounts with price 0 may be infinite."""
+    """Returns the credit [S] of the states of a step; amounts with price 0 may be infinite."""
     parts = ((alpha, roots), (beta, pixels), (gamma, counts))
     return np.asarray(sum((price * part for price, part in parts if price), 0.0 * counts))
 
 
 def _rounded_up(bound: float) -> float:
-    """Returns a bound raised by more than the rounding errors of its sums."""
+    """Returns a bound raised by more than its rounding errors."""
     return math.nextafter(bound + _ROUNDING * abs(bound), math.inf)
 
 
 def _states(model: Model) -> int:
-    """Returns the number of states over all steps and robot classes."""
+    """Returns the number of states of all robot classes over all steps."""
     return (model.problem.horizon + 1) * sum(c.graph.n_states for c in model.classes)
 
 
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
-    """Returns the sums of a class, and marks the view sums that it may see in `visible` [Z]."""
+    """Returns the sums of a class, and marks the view sums that it can see in `visible` [Z]."""
     graph = model.classes[number].graph
     sums = np.zeros((3, model.problem.horizon + 1, graph.n_states))
     nodes, known = _known(model, number, visible)
@@ -255,7 +258,9 @@ def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
 
 
 def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
-    """Returns a class's largest sums at each step, and marks in `visible` [Z] what it may see."""
+    """Returns a class's largest sums at each step, and marks the view sums that it can see in
+    `visible` [Z].
+    """
     sums = np.zeros((3, model.problem.horizon + 1, 1))
     nodes, known = _known(model, number, visible)
     for whole, values in zip(sums, known, strict=True):
@@ -267,7 +272,7 @@ def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
 
 
 def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Sums]:
-    """Returns nodes [n] of a class whose coverage is known, and their sums [n]."""
+    """Returns the nodes [n] of a class with known coverage, and their sums [n]."""
     table, _ = model.coverage_so_far(model.classes[number])
     visible[table.view_sums] = True
     weights = model.problem.view_sum_weights[table.view_sums]
@@ -281,9 +286,10 @@ def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Su
 def _ceilings(
     model: Model, number: int, visible: BoolArray
 ) -> Iterator[tuple[int, IntArray, FloatArray, FloatArray, FloatArray]]:
-    """Yields steps without known coverage, the places [n] reached then, and their sums [O, n].
+    """Yields the steps with unknown coverage, the places [n] reached at them, and their sums [O,
+    n].
 
-    Places come in parts that fit into the processor's cache.
+    Places are processed in blocks that fit into the processor's cache.
     """
     problem, robot_class = model.problem, model.classes[number]
     graph, weights = robot_class.graph, problem.view_sum_weights
@@ -303,7 +309,7 @@ def _ceilings(
 def alone(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
-    """Computes the sum, over drones, of the largest J that each could have if it were alone."""
+    """Computes the sum over drones of the largest J that each could achieve alone."""
     model = compiled(problem)
     try:
         model.prepare_all(stop)
@@ -318,12 +324,13 @@ def online(
 ) -> CertifiedResult:
     """Computes the online bound of a plan P: J(P) + sum over drones of max_path gain(path | P).
 
-    If the bound `alone` is lower, or without a plan, the result is that bound. (The rewards for
-    moves in J(P) are bounded by the paths' own, so they are not counted twice.)
+    If the bound `alone` is lower, or if there is no plan, the result is the bound `alone`. (The
+    rewards for moves in J(P) are bounded by those of the best paths, so they are not counted
+    twice.)
     """
     plan, message = checked_start(problem, start)
     if plan is None:
-        message = f"{message or 'no plan to start from'}; the bound is that of `alone`"
+        message = f"{message or 'no plan to start from'}; the bound is that of method `alone`"
     model = compiled(problem)
     try:
         model.prepare_all(stop)
@@ -340,7 +347,7 @@ def online(
 
 
 def _pixels_of(model: Model, plan: Plan) -> FloatArray:
-    """Returns the pixels that all robots of a plan have of each view sum [Z]."""
+    """Returns the pixels of each view sum that all robots of a plan have together [Z]."""
     pixels = model.problem.no_pixels()
     for robot, path in enumerate(model.paths(plan)):
         pixels = pixels + model.robot_pixels(robot, path)
@@ -348,6 +355,6 @@ def _pixels_of(model: Model, plan: Plan) -> FloatArray:
 
 
 def _at_pixels(model: Model, pixels: FloatArray, method: str) -> CertificateFile:
-    """Returns the certificate of the marginal gains at reference pixels [Z]."""
+    """Returns the certificate of the marginal gains at given pixels [Z]."""
     certificate = ReferencePixels(*tables_of(model.problem, pixels))
     return certify(model.problem, model, method, certificate)

@@ -1,7 +1,7 @@
-"""Limits of solvers and the reasons for which they end, the same for all libraries.
+"""Limits of solvers and the reasons why they end, in one form for all libraries.
 
-Each solver runs on one thread, with a fixed seed if it uses one, so that runs can be repeated, and
-prints nothing. A new solver needs one line in `_SOLVERS`.
+Each solver prints nothing and runs on one thread, with a fixed seed if it uses one, so that runs
+are reproducible. A new solver needs one line in `_SOLVERS`.
 """
 
 import math
@@ -19,29 +19,29 @@ THREADS, SEED = 1, 0
 
 
 class _Solver(NamedTuple):
-    """The options and the statuses of a solver, as its library names them."""
+    """The options and statuses of a solver, by the names that its library uses."""
 
-    options: Mapping[str, Any]  # whatever is solved
-    statuses: Mapping[str, Reason | Limit]  # all others are `Limit.NUMERICS`
-    seconds: str = ""  # option for the time that is left
+    options: Mapping[str, Any]  # fixed options, used for every program
+    statuses: Mapping[str, Reason | Limit]  # statuses that are not listed mean `Limit.NUMERICS`
+    seconds: str = ""  # name of the option for the time limit
     as_time: Callable[[float], Any] = float
-    gap: str = ""  # option for the relative gap
+    gap: str = ""  # name of the option for the relative gap
 
 
 _MATHOPT: Mapping[str, Reason | Limit] = {
     "TERMINATION_REASON_OPTIMAL": Reason.OPTIMAL,
-    # The roots are bounded, so that no program is unbounded.
+    # "Unbounded" means infeasible: the roots are bounded, so no program is unbounded.
     "TERMINATION_REASON_INFEASIBLE": Reason.INFEASIBLE,
     "TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED": Reason.INFEASIBLE,
     "LIMIT_TIME": Limit.TIME,
 }
 _SOLVERS = {
-    # Through MathOpt, whose own parameter for threads is an error with HiGHS.
+    # An option of HiGHS, since MathOpt's own parameter for threads is an error with HiGHS.
     "HIGHS": _Solver(
         {"absolute_gap_tolerance": 0.0, "highs": {"int_options": {"threads": THREADS}}},
         _MATHOPT, "time_limit", lambda s: timedelta(seconds=s), "relative_gap_tolerance",
     ),
-    # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
+    # SCIP's presolve can take minutes and all memory on flows that it solves in a second without.
     "GSCIP": _Solver(
         {"absolute_gap_tolerance": 0.0, "threads": THREADS, "presolve": "EMPHASIS_OFF"},
         _MATHOPT, "time_limit", lambda s: timedelta(seconds=s), "relative_gap_tolerance",
@@ -50,10 +50,11 @@ _SOLVERS = {
         {
             "num_workers": THREADS, "random_seed": SEED,
             "catch_sigint_signal": False,  # its handler aborts the process
-            # Roots are worth millions: one worker that looks for better and better plans would go
-            # up by ones. This one lowers the bound instead, with all rows in its linear relaxation.
+            # J is in millions: a worker that searches for ever better plans would improve by ones.
+            # This worker lowers the bound instead, with all rows in its linear relaxation.
             "use_objective_lb_search": True, "linearization_level": 2,
-            # With it, presolve of 9.15 cuts optima off (github.com/google/or-tools/issues/5293).
+            # With this option, presolve of 9.15 cuts off optima
+            # (github.com/google/or-tools/issues/5293).
             "presolve_inclusion_work_limit": 0,
         },
         {
@@ -62,7 +63,7 @@ _SOLVERS = {
         },
         "max_time_in_seconds", float, "relative_gap_limit",
     ),
-    # PySCIPOpt. SCIP's search for symmetries (dejavu) may never end, and hears of no limit.
+    # PySCIPOpt. SCIP's search for symmetries (dejavu) may never end, and ignores time limits.
     "SCIP": _Solver(
         {"misc/usesymmetry": 0},
         {
@@ -71,7 +72,7 @@ _SOLVERS = {
         },
         "limits/time", float, "limits/gap",
     ),
-    # highspy, for small linear programs whose columns come one after the other.
+    # highspy, for small linear programs to which columns are added one by one.
     "simplex": _Solver(
         {"output_flag": False, "threads": THREADS, "presolve": "off", "solver": "simplex"},
         {"kOptimal": Reason.OPTIMAL},
@@ -85,11 +86,11 @@ _SOLVERS = {
 
 
 def options(name: str, stop: Stop = never, gap: float | None = None) -> dict[str, Any]:
-    """Returns the options of a solver, as its library names them: fixed ones and limits.
+    """Returns the fixed options and the limits of a solver, by the names that its library uses.
 
     Parameters
     ----------
-    stop : stopping criterion, which knows the time left
+    stop : stopping criterion, which gives the remaining time
     gap : relative gap at which the solver may end
     """
     solver, seconds = _SOLVERS[name], stop.seconds_left
@@ -121,7 +122,7 @@ def solve_cones(
     ----------
     cost, rows, rhs : [n], [m, n] and [m]
     quadratic : [n, n] upper triangle of Q; x Q x / 2 is added to the cost
-    settings : settings of Clarabel, besides its threads and limits
+    settings : further settings of Clarabel
     """
     import clarabel
 

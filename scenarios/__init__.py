@@ -1,7 +1,7 @@
 """Built-in scenes and readers of scene files. To add one: one file, and one line below.
 
-`load_scene` gives the Problem of a scene's name or file. A reader of a format is imported when a
-file needs it, so that nobody needs PyYAML or rasterio who does not read such files.
+`load_scene` returns the Problem of a scene, given by name or file. A reader of a format is imported
+only when a file needs it, so PyYAML and rasterio are loaded only for files that require them.
 """
 
 import os
@@ -34,10 +34,10 @@ SCENES: Mapping[str, Callable[[int], Problem]] = MappingProxyType(
 
 
 class _Files(NamedTuple):
-    """Files that are recognised by their suffix and, where others share it, by words in them."""
+    """Files that are recognised by their ending and, if others share it, by words inside."""
 
     suffixes: tuple[str, ...]
-    words: tuple[bytes, ...] = ()  # any of them
+    words: tuple[bytes, ...] = ()  # any of these words
 
     def has(self, path: Path) -> bool:
         """Returns True if a file is one of these."""
@@ -53,26 +53,26 @@ class _Files(NamedTuple):
 
 
 class _Format(NamedTuple):
-    """A kind of scene file, and its reader as `cocap_opt.scenarios.formats` describes it."""
+    """A kind of scene file, and its reader, as described in `cocap_opt.scenarios.formats`."""
 
     description: str
     scenes: _Files
     reader: str  # module, below cocap_opt.scenarios
     plans: _Files = _Files(())
     options: Options = Options()
-    # Options with which a scene has the starts that its own file names; None: it always has.
+    # Options that select the starts in the scene's own file; None: it always has these.
     own_starts: Mapping[str, str] | None = None
-    is_evaluated: bool = False  # its plans may lie between the cells
-    is_seeded: bool = True  # the seed chooses one of several scenes that a file holds
+    is_evaluated: bool = False  # True: its plans may be between the cells
+    is_seeded: bool = True  # True: the seed chooses one of several scenes in a file
 
     def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
-        """Reads a scene file; `options` are words by name, of those that the format has."""
+        """Reads a scene file; `options` gives words by name, for options of the format."""
         more = (options,) if self.options.allowed else ()
         problem: Problem = self._module().read(path, seed, *more)
         return problem
 
     def rewards_between_cells(self, path: Path, problem: Problem) -> tuple[float, ...] | None:
-        """Evaluates a plan that lies between the cells, step by step; None for any other."""
+        """Evaluates a plan between the cells, step by step; None for any other plan."""
         if not self.is_evaluated or not self.plans.has(path):
             return None
         rewards: tuple[float, ...] | None = self._module().rewards_between_cells(path, problem)
@@ -83,11 +83,11 @@ class _Format(NamedTuple):
         return Plan(paths=self._module().read_plan(path, problem))
 
     def parts(self, path: Path) -> list[Path]:
-        """Returns the further files of a scene, if its format knows any and the file is right."""
+        """Returns the further files of a scene, if its format has any and the file is valid."""
         named: Callable[[Path], list[Path]] | None = getattr(self._module(), "parts", None)
         try:
             return [] if named is None else named(path)
-        except (ProblemError, OSError):  # who reads the scene says why it cannot be read
+        except (ProblemError, OSError):  # the scene's reader reports why it cannot be read
             return []
 
     def _module(self) -> Any:
@@ -136,7 +136,7 @@ FORMATS = MappingProxyType(
 
 _SMALL = 1000  # bytes
 _IN_A_RECIPE = "name it in a recipe; `cocap-opt recipe` prints an example"
-_WAYS_OUT = {  # what to do with a part of a scene that is named as one
+_WAYS_OUT = {  # remedies for a part of a scene that is named as a scene
     **dict.fromkeys((".tif", ".tiff", ".asc"), f"it is a map, for [map]: {_IN_A_RECIPE}"),
     ".map": "pass a .scen file of the MovingAI benchmark that belongs to the map",
     **dict.fromkeys((".txt", ".csv", ".sqlite", ".sqlite3", ".db"),
@@ -150,9 +150,9 @@ _WAYS_OUT = {  # what to do with a part of a scene that is named as one
 
 
 def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Builds a built-in scene, or reads a scene file or a folder that holds a seq.yaml.
+    """Builds a built-in scene, or reads a scene file or a folder that contains a seq.yaml.
 
-    A file whose name is that of a built-in scene is reached as ./NAME.
+    To name a file that has the name of a built-in scene, write ./NAME.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
     Raises
     ------
     FileError
-        If there is no such scene or file, or it cannot be used, or takes no such options;
-        one line.
+        If the scene or file does not exist, cannot be used, or does not have the options; the
+        message is one line.
     """
     if seed < 0:
         raise FileError(f"seed: must be >= 0, not {seed}")
@@ -184,19 +184,19 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
 
 
 def load_site(name_or_path: str, seed: int = 0) -> Site | None:
-    """Reads a recipe to look at, whose drones need not have places; None for any other scene.
+    """Reads a recipe to examine, whose drones need not have places; None for any other scene.
 
     Raises
     ------
     FileError
-        If it cannot be used; one line.
+        If it cannot be used; the message is one line.
     """
     if name_or_path in SCENES:
         return None
     path, kind = _find_file(name_or_path)
     if kind is not FORMATS["recipe"]:
         return None
-    from cocap_opt.scenarios.recipe import site  # its readers are slow to import
+    from cocap_opt.scenarios.recipe import site  # its readers take long to import
 
     try:
         return site(path, seed)
@@ -205,7 +205,7 @@ def load_site(name_or_path: str, seed: int = 0) -> Site | None:
 
 
 def files_of(name_or_path: str) -> list[Path]:
-    """Returns the files that a scene is read from; none if it is built in or there is no such."""
+    """Returns the files from which a scene is read; empty if it is built in or does not exist."""
     if name_or_path in SCENES:
         return []
     try:
@@ -221,10 +221,10 @@ def has_seed(name_or_path: str) -> bool:
 
 
 def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
-    """Finds the variant of a scene that a foreign plan was made for, by where it starts.
+    """Finds the variant of a scene for which a foreign plan was made, by the plan's starts.
 
-    Plans of other projects do not say which start set they belong to: it is the one that
-    the seed chose (`problem`), or the one in the scene's own file.
+    Plans of other projects do not say to which start set they belong: it is either the one that the
+    seed chose (`problem`), or the one in the scene's own file.
     """
     starts = [path[0] if path else None for path in plan.paths]
     if name_or_path in SCENES or starts == _starts(problem):
@@ -240,9 +240,9 @@ def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
 
 
 def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
-    """Reads a plan in the file format of another project; None where it is not known as one.
+    """Reads a plan in the file format of another project; None if the format is not recognised.
 
-    The referee, not the reader, says if the plan can be flown.
+    The referee, not the reader, decides whether the plan can be flown.
 
     Raises
     ------
@@ -259,7 +259,7 @@ def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:
 
 
 def _refuse(options: Mapping[str, str], scene: str) -> None:
-    """Raises a FileError if options are given to a scene that has none."""
+    """Raises FileError if options are given for a scene that has none."""
     if options:
         takers = ", ".join(key for key, kind in FORMATS.items() if kind.options.allowed)
         raise FileError(
@@ -273,13 +273,13 @@ def _starts(problem: Problem) -> list[State]:
 
 
 def _find_file(name_or_path: str) -> tuple[Path, _Format]:
-    """Returns the scene file of this name, or in the folder of this name, and its format."""
+    """Returns the scene file with this name, or in the folder with this name, and its format."""
     path = Path(name_or_path)
     if os.path.isdir(path):
         if not os.path.exists(path / "seq.yaml"):
             raise FileError(f"{path}: must be a file, or a folder that holds a seq.yaml")
         path = path / "seq.yaml"
-    # Unlike Path.exists, os.path.exists is false, too, for names that no file can have.
+    # Unlike Path.exists, os.path.exists is also False for names that no file can have.
     if not os.path.exists(path):
         if path.suffix or len(path.parts) > 1:
             raise FileError(f"{name_or_path}: no such file")
@@ -291,7 +291,7 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
         raise FileError(f"{path}: is empty")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
     foreign = None if found else kind_of(path)
-    if foreign is not None and foreign not in (JSON, WKT):  # of which the name says more
+    if foreign is not None and foreign not in (JSON, WKT):  # their names give better messages
         raise FileError(f"{path}: is not a scene, but {foreign.name}; {foreign.way_out}")
     if found is None and (way := _WAYS_OUT.get(path.suffix.lower())):
         raise FileError(f"{path}: is not a scene; {way}")
@@ -302,8 +302,8 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
 
 
 def _is_blank(path: Path) -> bool:
-    """Returns True if a small file holds nothing but blanks."""
+    """Returns True if a small file contains only blanks."""
     try:
         return path.stat().st_size < _SMALL and not path.read_bytes().strip()
     except OSError:
-        return False  # whoever reads it says why it cannot be read
+        return False  # the reader reports why it cannot be read

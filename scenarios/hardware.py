@@ -1,8 +1,9 @@
-"""Real cameras by name, as pinholes, and limits of real airframes by name.
+"""Real cameras by name, as pinhole cameras, and limits of real airframes by name.
 
 The numbers of cameras come from the makers, or from others who calibrated the cameras. Lens
-distortion is left out, and the principal point is put in the middle of the image. A name that ends
-with -4k is what a drone films; its photos, under the name without that, are higher.
+distortion is ignored, and the principal point is at the centre of the image. A name that ends with
+-4k is the camera in its film mode; the name without it is the camera in its photo mode, whose
+images are higher.
 """
 
 import math
@@ -21,7 +22,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.text import meant
 
-# Of drones that film, the sizes of their photos. Their film is below.
+# The sizes of the photos of drones that film. Their film mode is below.
 _PHOTOS: dict[str, Camera] = {
     # Theta DroneModels (Apache-2.0): pixel pitch, with f = 8.8 mm, 4.7 mm, and 12.29 mm, 24 mm on
     # 35 mm film, for the Mavic 3
@@ -35,10 +36,11 @@ _PHOTOS: dict[str, Camera] = {
 
 
 def _film(photo: Camera) -> Camera:
-    """Returns the film of 3840 x 2160 px of a camera, by the size of its photos.
+    """Returns the film mode of a camera, 3840 x 2160 px, given the camera in its photo mode.
 
-    It keeps the width and cuts off above and below, as no source of these drones states another
-    cut; electronic stabilisation and high frame rates, which cut more, are off.
+    The image keeps its width and is cropped at the top and bottom, because no source for these
+    drones states another crop. Electronic stabilisation and high frame rates, which crop more, are
+    off.
     """
     return Camera(width=3840, height=2160, focal=round(photo.focal * 3840 / photo.width, 1))
 
@@ -66,12 +68,12 @@ CAMERAS: dict[str, Camera] = {
 
 
 def film_of(name: str) -> str | None:
-    """Returns the name of the film of a camera that is named for its photos; None if it is not."""
+    """Returns the name of the film mode of a camera in photo mode; None if there is none."""
     return f"{name}-4k" if name in _PHOTOS else None
 
 
 def camera_name(camera: AnyCamera) -> str | None:
-    """Returns the name of a camera, whatever its tilts; None if it is none of these."""
+    """Returns the name of a camera, ignoring its tilts; None if it is not in the table."""
     known = (
         name for name, listed in CAMERAS.items() if listed.replace(tilts=camera.tilts) == camera
     )
@@ -79,11 +81,11 @@ def camera_name(camera: AnyCamera) -> str | None:
 
 
 def camera_called(name: str, otherwise: str = "") -> Camera:
-    """Returns the camera of a name in `CAMERAS`, or raises a ProblemError that lists them.
+    """Returns the camera with a name in `CAMERAS`, or raises a ProblemError that lists the names.
 
     Parameters
     ----------
-    otherwise : words for what may stand there in place of a name, which end the error's
+    otherwise : what the caller accepts in place of a name, added at the end of the message
     """
     if name not in CAMERAS:
         near = meant(name, CAMERAS)
@@ -100,16 +102,16 @@ def with_cameras(
 
     Parameters
     ----------
-    problem : the problem, whose robots all have cameras that make pictures
+    problem : the problem, whose robots all have cameras that take images
     name : one of `CAMERAS`, for all robots; None: each robot keeps its own
-    tilts : degrees below the horizon, for all robots; several make a gimbal, which begins at the
-        tilt nearest to the robot's old one. None: each robot keeps its own
+    tilts : degrees below the horizon, for all robots; several tilts make a gimbal, which begins at
+        the tilt nearest to the robot's old one. None: each robot keeps its own
 
     Raises
     ------
     ProblemError
         If there is no camera of that name, a tilt is out of range, or a robot has a sensor that
-        makes no pictures.
+        takes no images.
     """
     given = None if name is None else camera_called(name)
     for angle in tilts or ():
@@ -126,7 +128,7 @@ def with_cameras(
 
 
 def _tilted(robot: Robot, degrees: tuple[float, ...]) -> Robot:
-    """Returns a robot with other tilts, at first with the one nearest to its old tilt."""
+    """Returns a robot with other tilts; it begins with the tilt nearest to its old one."""
     tilts = tuple(math.radians(angle) for angle in degrees)
 
     def nearest(pitch: int) -> int:
@@ -180,9 +182,11 @@ AIRFRAMES: dict[str, Limits] = {
 
 
 def airframe_name(limits: Limits | None) -> str | None:
-    """Returns the name of an airframe that has these limits, of those known of it; None: none.
+    """Returns the name of an airframe with these limits, considering the known ones; None if there
+    is none.
 
-    If no battery lasts as long, it is that of another battery.
+    If no airframe also has the same endurance, endurance is ignored: the drone may have another
+    battery.
     """
     fields = Limits.__struct_fields__
     for compared in (fields, [field for field in fields if field != "endurance"]):

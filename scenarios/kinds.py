@@ -1,9 +1,10 @@
-"""Kinds of files, told by their first bytes or, of texts, by all of them; ways to convert each.
+"""Kinds of files, recognised by their first bytes or, for texts, by the whole text; and how to
+convert each.
 
-A file's name may say anything; its first bytes do not. The reader of a file that a user names calls
-`require`, or `cocap_opt.scenarios.text.read_text`, with the kinds that it can read.
+A file's name may be misleading; its first bytes are not. The reader of a file that a user names
+calls `require`, or `cocap_opt.scenarios.text.read_text`, with the kinds that it can read.
 
-`kind_of_text` tells kinds of JSON apart, which only all of a text shows.
+`kind_of_text` distinguishes kinds of JSON, which requires the whole text.
 
 Source of the bytes: the specification of each format, or its own writers' files.
 """
@@ -18,7 +19,7 @@ import msgspec
 
 from cocap_opt.data import ProblemError
 
-BEGIN = 4096  # bytes that are looked at
+BEGIN = 4096  # number of first bytes that are examined
 
 _PEOPLE = "write its people as a table with the columns id, time, x and y"
 _GPSBABEL = "convert it with gpsbabel to .gpx, for [[tracks]]"
@@ -39,7 +40,7 @@ class Kind(NamedTuple):
     """A kind of files."""
 
     name: str  # as in "is NAME"
-    way_out: str  # where it belongs, or how to convert it
+    way_out: str  # where to use the file, or how to convert it
 
 
 GPX = Kind("GPX", "it is for people, under [[tracks]] of a recipe")
@@ -81,9 +82,9 @@ _FBX = Kind("an FBX", _TO_MESH)
 _USD = Kind("USD", _TO_MESH)
 _VTK = Kind("a VTK file", "convert it with meshio or ParaView to .ply, for [[mesh]]")
 
-Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or at a place
+Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or at a position
 
-# A text may begin with the same letters, as with the id PAR1, so that these have to be binary.
+# A text may begin with the same letters, e.g. with the id PAR1, so these files must be binary.
 _BINARY: Marks = {
     # databases and tables
     b"SQLite format 3\0": SQLITE,
@@ -162,7 +163,7 @@ _BINARY: Marks = {
     (8, b".FIT"): Kind("FIT, from a sports watch", _GPSBABEL),
 }  # fmt: skip
 
-_TEXTS: Marks = {  # or what begins with as many letters as no other text does
+_TEXTS: Marks = {  # beginnings of texts, with as many letters as no other text has
     b"-- PostgreSQL database dump": _POSTGRES,
     b"--\n-- PostgreSQL database dump": _POSTGRES,
     b"-- MySQL dump": Kind("a MySQL dump", f"restore it, and {_PEOPLE}"),
@@ -191,7 +192,7 @@ _TEXTS: Marks = {  # or what begins with as many letters as no other text does
                                      "download the file with `git lfs pull`"),
 }  # fmt: skip
 
-_ROOTS = {  # of XML, by their names without a prefix, in small letters
+_ROOTS = {  # roots of XML, by name without a prefix, in lower case
     "gpx": GPX,
     "kml": Kind("KML", _GPSBABEL + "; " + _WALLS),
     "trainingcenterdatabase": Kind("TCX, from a sports watch", _GPSBABEL),
@@ -209,19 +210,19 @@ _ROOTS = {  # of XML, by their names without a prefix, in small letters
 }  # fmt: skip
 _XML = Kind("XML", f"write a ground plan as JSON or WKT, for [[walls]]; {_PEOPLE}, for [[tracks]]")
 
-_GEOMETRIES = (  # of GeoJSON; those from the third on are of WKT, too
+_GEOMETRIES = (  # geometries of GeoJSON; those from the third on are also in WKT
     "FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon", "LineString",
     "MultiLineString", "Point", "MultiPoint",
 )  # fmt: skip
-_CURVED = "CurvePolygon", "MultiSurface", "PolyhedralSurface", "Triangle", "TIN"  # of WKT only
+_CURVED = "CurvePolygon", "MultiSurface", "PolyhedralSurface", "Triangle", "TIN"  # only in WKT
 _WKT = re.compile(
     rf"\s*(?:SRID\s*=\s*\d+\s*;\s*)?(?:{'|'.join((*_GEOMETRIES[2:], *_CURVED))})"
     r"\s*(?:Z|M|ZM)?\s*(?:\(|EMPTY)",
     re.IGNORECASE,
 )
-_ANY = msgspec.json.Decoder(float_hook=str)  # of numbers that are too large, too
+_ANY = msgspec.json.Decoder(float_hook=str)  # accepts numbers that are too large, too
 
-_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")  # bytes that no text has
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")  # bytes that do not occur in texts
 _MARKUP = re.compile(rb"\s*(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>)", re.DOTALL)
 _ELEMENT = re.compile(rb"\s*<(?:[A-Za-z_][\w.-]*:)?([A-Za-z_][\w.-]*)[\s/>]")
 _JSON = re.compile(rb"\s*(?:\{\s*[\"}]|\[[\s\[{]*(?:[\"\]}]|-?\d|true\b|false\b|null\b))")
@@ -234,12 +235,12 @@ _GRID = re.compile(rb"\s*ncols\s+\d", re.IGNORECASE)
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Returns the kind of a file by its first bytes; None if it is of none that is known.
+    """Returns the kind of a file by its first bytes; None if it is not a known kind.
 
-    A file that cannot be opened has none, and its reader says why; nor has a pipe, whose
-    other end might never write.
+    A file that cannot be opened has no kind, and its reader reports why; nor has a pipe, whose
+    writer might never write.
     """
-    if not os.path.isfile(path):  # unlike Path.is_file, false, too, for an impossible name
+    if not os.path.isfile(path):  # unlike Path.is_file, also False for an impossible name
         return None
     try:
         with path.open("rb") as file:
@@ -250,7 +251,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def kind_of_text(text: str) -> Kind | None:
-    """Returns WKT, GEOJSON, CITYJSON or GROUND_PLAN if a whole text is one of them, else None."""
+    """Returns WKT, GEOJSON, CITYJSON or GROUND_PLAN if the whole text is one of them, else None."""
     if _WKT.match(text):
         return WKT
     try:
@@ -268,11 +269,11 @@ def kind_of_text(text: str) -> Kind | None:
 
 
 def require(path: Path, takes: Collection[Kind] = ()) -> None:
-    """Raises a ProblemError that names the kind of a file, if it is none that the caller reads.
+    """Raises ProblemError, naming the kind of a file, if the caller does not read that kind.
 
     Parameters
     ----------
-    takes : kinds that the caller reads; a file of no known kind is the caller's matter
+    takes : kinds that the caller reads; files of unknown kinds are accepted
     """
     kind = kind_of(path)
     if kind is not None and kind not in takes:
@@ -293,9 +294,9 @@ def _by_bytes(begin: bytes) -> Kind | None:
 
 
 def _closer(kind: Kind, begin: bytes) -> Kind:
-    """Returns the kind of file that a database or an archive is, by its first bytes."""
+    """Returns the more specific kind of a database or an archive, by its first bytes."""
     if kind is SQLITE:
-        if begin[68:70] == b"GP":  # its application's number: GPKG, GP10
+        if begin[68:70] == b"GP":  # its application number: GPKG, GP10
             return _GEOPACKAGE
         return _ROS_2 if re.search(rb"CREATE TABLE\s+topics\b", begin) else SQLITE
     if kind is not _ZIP:
@@ -314,7 +315,7 @@ def _closer(kind: Kind, begin: bytes) -> Kind:
 
 
 def _by_root(begin: bytes) -> Kind | None:
-    """Returns the kind of XML, by its first element."""
+    """Returns the kind of XML, by its root element."""
     text = _in_utf8(begin)
     if re.match(rb"\s*<!DOCTYPE\s+html\b", text, re.IGNORECASE):
         return _ROOTS["html"]
@@ -327,7 +328,7 @@ def _by_root(begin: bytes) -> Kind | None:
 
 
 def _by_words(begin: bytes) -> Kind | None:
-    """Returns the kind of a text that begins with words or braces of its own."""
+    """Returns the kind of a text that begins with characteristic words or braces."""
     text = _in_utf8(begin)
     if _JSON.match(text):
         lines = text.split(b"\n")

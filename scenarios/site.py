@@ -1,4 +1,4 @@
-"""A scene that is looked at before its drones have places."""
+"""A scene that is examined before its drones have places."""
 
 from typing import NamedTuple
 
@@ -8,16 +8,17 @@ from cocap_opt.problem.scene import SceneData
 
 
 class Site(NamedTuple):
-    """A recipe to look at before its drones have places: what is there, and who has no place.
+    """A recipe to examine before its drones have places: its content, and the drones without a
+    place.
 
     Attributes
     ----------
     problem : None if drones are missing, or have no place
-    scene : the same, unchecked, of the drones that a place is known of
-    motions : of the drones; that of drones of which nothing is said, if there are none
+    scene : the unchecked scene, with the drones whose places are known
+    motions : motions of the drones; the default motion if there are none
     refusals : starts in which drones may not be, in the recipe's words
-    starts : what the recipe calls the start of each drone
-    notes : of tables whose drones have no place, why, in words
+    starts : the recipe's field of each drone's start
+    notes : for tables whose drones have no place, the reason in words
     """
 
     problem: Problem | None
@@ -29,10 +30,10 @@ class Site(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        """A line for each start that is refused, and each table without places."""
+        """A line for each rejected start, and for each table without places."""
         refused = [f"{self.starts[found.robot]}: {self.why(found)}" for found in self.refusals]
         return [*refused, *self.notes]
 
     def why(self, refusal: Refusal) -> str:
-        """Returns why a start is refused, and the nearest free place."""
+        """Returns why a start is rejected, and the nearest free place."""
         return f"{refusal.why}; {refusal.way_out(self.scene)}"

@@ -1,8 +1,8 @@
-"""Takes drawn at random: the same people are late or early, aside, faster or slower.
+"""Takes drawn at random: the same people are late or early, displaced, faster or slower.
 
-Each person of each take has a draw of their own. Draws that lead into an obstacle, off the map or
-into somebody of the same take are not kept: they are drawn again, and who finds none walks as
-given. So the spread that people have is a little less than what is stated where there is no room.
+Each person has a separate draw in each take. Draws that lead into an obstacle, off the map or into
+somebody of the same take are rejected and repeated; a person for whom all draws fail walks as
+given. So if space is limited, the actual spread is slightly smaller than stated.
 """
 
 import logging
@@ -21,21 +21,21 @@ from cocap_opt.world.workspace import Workspace
 
 log = logging.getLogger(__name__)
 
-AS_GIVEN = "as given"  # name of the first take, in which nobody walks otherwise
-MOST_TAKES = 100  # that are drawn; each has the people once more
-_TRIES = 50  # draws for a person
+AS_GIVEN = "as given"  # name of the first take, in which everybody walks as given
+MOST_TAKES = 100  # takes that are drawn; each adds a copy of the people
+_TRIES = 50  # draws per person
 _MOST_DELAY, _MOST_ASIDE = 3600.0, 100.0  # s, m: standard deviations
-_SLOWEST = 0.1  # times the speed of the track, however large the spread
+_SLOWEST = 0.1  # of the track's speed, at least, however large the spread
 
 
 class Spread(NamedTuple):
-    """The spread of how people walk: standard deviations of normal distributions.
+    """The spread of walks: standard deviations of normal distributions.
 
     Attributes
     ----------
-    delay : s, by which a person is late; early, where the draw is negative
-    aside : m, by which a person walks to the left, or to the right
-    speed : share by which a person is faster or slower all the time; never below a tenth
+    delay : time in s by which a person is late; early if the draw is negative
+    aside : distance in m by which a person is displaced to the left, or to the right
+    speed : share by which a person is faster or slower throughout; never below a tenth of the speed
     """
 
     delay: float = 0.0
@@ -43,12 +43,13 @@ class Spread(NamedTuple):
     speed: float = 0.0
 
     def require_for(self, step: float | None) -> None:
-        """Checks the spread for a scene whose steps last so many seconds; None if unknown.
+        """Checks the spread for a scene with steps of this length in s; None if unknown.
 
         Raises
         ------
         ProblemError
-            If a number is out of range, all are 0, or delays need seconds; it names the field.
+            If a number is out of range, all are 0, or delays require a step length; the message
+            names the field.
         """
         within(self.delay, 0, _MOST_DELAY, "delay", "s")
         within(self.aside, 0, _MOST_ASIDE, "aside", "m")
@@ -59,20 +60,20 @@ class Spread(NamedTuple):
 
 
 class _Walk(NamedTuple):
-    """A draw: how one person walks otherwise."""
+    """A draw: the deviation of one person's walk."""
 
     late: float  # steps
     left: float  # m
-    speed: float  # times that of the track
+    speed: float  # relative to the track's speed
 
     def of(self, actor: Actor, workspace: Workspace, horizon: int) -> Actor:
-        """Returns the person who walks so.
+        """Returns the person with this deviation.
 
-        Before the track begins and after it ends, the person stands; a track may go on after the
-        scene. Feet stay as far above the ground as they are on the track.
+        The person stands still before the track begins and after it ends; a track may continue
+        after the scene. Feet keep their height above the ground.
         """
         poses = actor.poses.copy()
-        poses[:, 3] = np.unwrap(poses[:, 3])  # the short way round
+        poses[:, 3] = np.unwrap(poses[:, 3])  # by at most half a turn between steps
         known = np.arange(float(len(poses)))
         then = self.speed * np.arange(horizon + 1.0) - self.late
         walked = np.column_stack([np.interp(then, known, column) for column in poses.T])
@@ -83,10 +84,10 @@ class _Walk(NamedTuple):
         return actor.replace(poses=walked)
 
     def aside(self, farther: float, apart: float) -> "Iterator[_Walk]":
-        """Yields walks from the side of the track outwards, so far apart (m).
+        """Yields walks outwards from the track, with this spacing (m).
 
-        The last is so much farther than this one, so that nothing stands between it and the track
-        where all of them are free.
+        The last is displaced by the additional distance, so that no obstacle is between it and the
+        track if all of them are free.
         """
         far = abs(self.left) + farther
         for share in np.linspace(0.0, 1.0, math.ceil(far / apart) + 1)[1:].tolist():
@@ -104,21 +105,21 @@ def drawn_takes(
     varied: Sequence[int] | None = None,
     barred: Callable[[Actor], bool] = lambda actor: False,
 ) -> PeopleInTakes:
-    """Draws takes of some people, all equally probable, of which the first has them as given.
+    """Draws takes of some people, all equally probable; in the first, everybody walks as given.
 
     Parameters
     ----------
     actors : at least one
-    step : s of a step; None if unknown
+    step : length of a step, s; None if unknown
     spread : standard deviations
-    count : number of takes, the first included
+    count : number of takes, including the first
     varied : numbers of the people who may walk differently; None: all. The others are in all takes
-    barred : tells that a person must not walk so
+    barred : returns True if a person must not walk this way
 
     Raises
     ------
     ProblemError
-        If a number is out of range; it names the field.
+        If a number is out of range; the message names the field.
     """
     within(count, 2, MOST_TAKES, "count", "takes")
     spread.require_for(step)
@@ -155,8 +156,8 @@ def _drawn(
     actor: Actor, there: Sequence[Actor], workspace: Workspace, horizon: int, step: float | None,
     spread: Spread, rng: np.random.Generator, barred: Callable[[Actor], bool],
 ) -> Actor | None:  # fmt: skip
-    """Returns a person who walks as drawn, beside those who are there; None if all draws fail."""
-    may_be_inside = bool(buried(workspace, actor, horizon))  # as given already
+    """Returns a person with a drawn walk, clear of those present; None if all draws fail."""
+    may_be_inside = bool(buried(workspace, actor, horizon))  # as is the given walk
     for _ in range(_TRIES):
         late, left, faster = rng.standard_normal(3) * spread
         walk = _Walk(late / (step or 1.0), left, max(1.0 + faster, _SLOWEST))
@@ -174,7 +175,7 @@ def _drawn(
 
 
 def _meet(actor: Actor, other: Actor, horizon: int) -> bool:
-    """Returns True if two people are within each other at a step."""
+    """Returns True if two people overlap at a step."""
     ways = (actor.poses - other.poses[: len(actor.poses)])[: horizon + 1, :3]
     aside = np.hypot(ways[:, 0], ways[:, 1]) < _radius(actor) + _radius(other)
     tallest = max(actor.shape.height, other.shape.height)
@@ -182,7 +183,7 @@ def _meet(actor: Actor, other: Actor, horizon: int) -> bool:
 
 
 def _radius(actor: Actor) -> float:
-    """Returns half of the narrower width of a body, in m: people pass who turn their shoulders."""
+    """Returns half of the narrower width of a body, in m: people who pass turn their shoulders."""
     corners = np.concatenate(actor.shape.faces())[:, :2]
     return float(np.ptp(corners, axis=0).min()) / 2
 
@@ -195,7 +196,8 @@ def _on_map(workspace: Workspace, actor: Actor) -> bool:
 def _ground(workspace: Workspace, poses: FloatArray) -> FloatArray:
     """Returns the altitude of the ground [n] at poses [n, 4]; at the edge of the map beyond it.
 
-    Where a map does not tell ground from obstacles it is 0: nobody is lifted onto an obstacle.
+    If a map does not separate ground from obstacles, it is 0, so that nobody is lifted onto an
+    obstacle.
     """
     height_map = workspace.height_map
     if not height_map.knows_ground:

@@ -1,4 +1,4 @@
-"""Text files, XML and numbers in them, and the one-line errors that all readers of files raise."""
+"""Text files, XML and numbers in them, and the one-line errors that all file readers raise."""
 
 import codecs
 import csv
@@ -18,7 +18,7 @@ from cocap_opt.text import span, unread
 _UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
 
 
-# A field, or a path of several: starts[0].height
+# A field, or a path of several fields: starts[0].height
 _FIELD = re.compile(r"[a-z_]+(\[\w*\])*(\.[a-z_]+(\[\w*\])*)*")
 
 
@@ -28,9 +28,9 @@ class InFileError(ProblemError):
 
 @contextmanager
 def naming(place: Path | str) -> Iterator[None]:
-    """Puts the name of a file or a field before the message of a `ProblemError` raised inside.
+    """Prefixes the message of a `ProblemError` raised inside with the name of a file or a field.
 
-    A file must be a regular one. A field in a message becomes a part of the one that is named:
+    A file must be a regular one. A field in a message becomes part of the prefixed field:
     `drones[0].starts: must ...`.
     """
     try:
@@ -47,15 +47,15 @@ def naming(place: Path | str) -> Iterator[None]:
 
 
 def _require_regular(path: Path) -> None:
-    """Raises ProblemError if a path is not a name, or a pipe or a device."""
+    """Raises ProblemError if a path is not a valid name, or is a pipe or a device."""
     if words := unreadable(path):
         raise ProblemError(words)
 
 
 def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
-    """Returns the text of a UTF-8 file, or of UTF-16 with its mark; marks are left out.
+    """Returns the text of a file in UTF-8, or in UTF-16 with a byte order mark; marks are removed.
 
-    Lines end with a line feed, however they end in the file.
+    Lines end with a line feed, whatever their ending in the file.
 
     Parameters
     ----------
@@ -144,12 +144,12 @@ def xml_root(content: bytes, kind: str) -> Element:
 
 
 def plain_number(text: str) -> float:
-    """Returns the number that a text spells for any program: 1_000, as Python writes it, is none.
+    """Returns the number that a text spells for any program; 1_000, as in Python, is not accepted.
 
     Raises
     ------
     ValueError
-        If it spells none.
+        If it does not spell a number.
     """
     if "_" in text:
         raise ValueError(text)
@@ -162,7 +162,7 @@ def integer(text: str, field: str) -> int:
     Raises
     ------
     ProblemError
-        If it spells none; the message starts with `field`.
+        If it does not spell one; the message starts with `field`.
     """
     try:
         if "_" in text:
@@ -178,12 +178,12 @@ def number(text: str, field: str) -> float:
     Raises
     ------
     ProblemError
-        If it spells none; the message starts with `field`.
+        If it does not spell one; the message starts with `field`.
     """
     try:
         value = plain_number(text)
     except ValueError:
         value = math.nan
-    if not abs(value) <= 1e9:  # false for nan too
+    if not abs(value) <= 1e9:  # False for nan, too
         raise ProblemError(f"{field}: must be a number within +-1e9, not {text[:40]!r}")
     return value

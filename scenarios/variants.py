@@ -1,4 +1,4 @@
-"""Variants of a scene, named after it: pixels that add up over time, and views that are counted."""
+"""Variants of a scene: pixels that accumulate over time, and rewards for the number of views."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from cocap_opt.vision.default_weights import with_views
 
 
 def over_time(problem: Problem) -> Problem:
-    """Returns the scene with pixels that add up over time as well as over drones."""
+    """Returns the scene with pixels that accumulate over time as well as over drones."""
     objective = problem.objective.replace(over_time=True)
     return problem.replace(name=f"{problem.name}-over-time", objective=objective)
 

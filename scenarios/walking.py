@@ -20,15 +20,16 @@ GridCell = tuple[int, int]  # column, row
 def walking_graph(free: BoolArray) -> Graph:
     """Returns the graph on which people walk: free cells [columns, rows] and their neighbours.
 
-    Each cell is joined to eight others; diagonal moves cut no corner. Weights are in cells.
+    Each cell is joined to its eight neighbours; diagonal moves do not cut corners. Weights are in
+    cells.
     """
-    import networkx as nx  # a fifth of a second, which few commands need
+    import networkx as nx  # importing takes a fifth of a second, and few commands need it
 
     graph: Graph = nx.Graph()
     graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
     for x, y in graph:
         for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
-            # A straight move has only its target among these three.
+            # For a straight move, only its target is among these three.
             if all(cell in graph for cell in ((x + dx, y + dy), (x + dx, y), (x, y + dy))):
                 graph.add_edge((x, y), (x + dx, y + dy), weight=math.hypot(dx, dy))
     return graph

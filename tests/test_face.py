@@ -244,7 +244,7 @@ def test_the_gap_table_refuses_in_words() -> None:
         ({"planners": ["cocop"]}, "planners: must be one of greedy, .*, not 'cocop'"),
         ({"planners": [co.PLANNERS["greedy"]]}, "planners: two are called greedy"),
         ({"planners": [3]}, "planners: must be names or functions, not 3"),
-        ({"planners": [lambda p, s: None], "out": "x"}, "planners: <lambda> cannot be kept in"),
+        ({"planners": [lambda p, s: None], "out": "x"}, "planners: <lambda> cannot be stored in"),
         ({"planners": [lambda p: None]}, "planners: <lambda> must be a function of a problem and"),
         ({"planners": ["nowhere:f"]}, "planners: there is no module 'nowhere'"),
         ({"seeds": "0-b"}, "seeds: must be numbers and ranges such as 0-9,12, not '0-b'"),
@@ -628,7 +628,7 @@ def test_the_planner_of_the_pages_is_one() -> None:
 def test_a_planner_that_returns_nothing_is_refused() -> None:
     """The message names the function and says what it must return."""
     with pytest.raises(
-        ValueError, match=r"nothing returned nothing \(None\); a planner returns a Result"
+        ValueError, match=r"nothing returned nothing \(None\); a planner must return a Result"
     ):
         co.plan(co.load("tiny-queue"), nothing)  # type: ignore[arg-type]
 

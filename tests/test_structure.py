@@ -356,7 +356,7 @@ def test_all_that_must_be_trusted_is_named() -> None:
     assert not all_ & proved
     told = sources()[CERTIFICATES].read_text().split('"""')[1]
     _, core, harmless, later, foreign = re.split(
-        r"Below both, |Importing the room|What it may import|Libraries that have", told
+        r"Below both, |Importing this|Modules that it may|Libraries that must", told
     )
     named = modules_named(core) | modules_named(harmless)
     rooms = {name for name in named if sources()[name].name == "__init__.py"}

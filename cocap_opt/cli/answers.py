@@ -14,17 +14,19 @@ from cocap_opt.output.files import check_output
 from cocap_opt.output.printing import Record
 from cocap_opt.run.options import Option, UsageError
 
-_ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
+_ENDINGS = {"--trace": (".csv",)}  # endings of files; all others contain JSON
 
 
 def in_order(answer: Record, has_plan: bool = True) -> Record:
-    """Returns an answer that says first what a limit has left of a plan, or that there is none."""
+    """Returns an answer that begins with the remark on a limit, or with the message that there is
+    no plan.
+    """
     first = ("cut_short",) if has_plan else ("cut_short", "message")
     return {key: answer[key] for key in first} | answer
 
 
 def record_of(row: PlanRow) -> Record:
-    """Returns the columns of a row, and behind those that it sums up how people are seen."""
+    """Returns the columns of a row, followed by the quality of its plan."""
     record: Record = {}
     for key, value in asdict(row).items():
         record[key] = value
@@ -34,7 +36,7 @@ def record_of(row: PlanRow) -> Record:
 
 
 def check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
-    """Refuses files that cannot be written, other endings, and one file for two things."""
+    """Rejects files that cannot be written, other endings, and one file for two outputs."""
     used: dict[str, str] = {}
     for option, path in paths.items():
         if path is None:
@@ -43,7 +45,7 @@ def check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) 
         Option(option).ending(path, _ENDINGS.get(option, (".json",)))
         other = used.setdefault(os.path.realpath(path), option)
         if other != option:
-            raise UsageError(f"{option}: must be another file than {other}, not {path}")
+            raise UsageError(f"{option}: must differ from the file of {other}, not {path}")
 
 
 def say(answer: Record, words: str) -> None:
@@ -52,15 +54,15 @@ def say(answer: Record, words: str) -> None:
 
 
 def say_unwritten(answer: Record, option: str = "-o plan.json") -> None:
-    """Adds to the message of an answer that its plan is not kept, and the option that keeps it."""
-    say(answer, f"the plan is not written; {option} keeps it")
+    """Adds to an answer's message that its plan is not written, and the option that writes it."""
+    say(answer, f"the plan is not written; use {option} to write it")
 
 
-Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
+Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is any
 
 
 def save(answer: Record, noun: str, files: Mapping[str, Wanted]) -> None:
-    """Writes files together; the answer says by their keys where each is, or why it is not."""
+    """Writes files together; the answer gives, by key, where each is, or why it was not written."""
     contents = {}
     for key, (path, content) in files.items():
         answer[key] = None

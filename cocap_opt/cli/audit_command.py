@@ -1,4 +1,4 @@
-"""The command `audit`, which holds an instance to its scene by other code than made it."""
+"""The command `audit`, which checks an instance against its scene with independent code."""
 
 import hashlib
 import math
@@ -29,11 +29,11 @@ from cocap_opt.text import printable
 
 _SHOWN = 20  # differences that are printed
 _DIFFERS, _UNDECIDED = 1, 3  # exit codes
-_SUM = 1e-9  # share of J by which a sum of doubles may be off
+_SUM = 1e-9  # relative rounding error of a sum of doubles
 _WIDTHS = ("widest_share", "widest_pixels")
 _NO_FLINT = (
-    "--views: enclosures need python-flint: pip install 'cocap-opt[audit]'; "
-    "--views 0 leaves coverage out"
+    "--views: enclosures need python-flint: pip install 'cocap-opt[audit]'; use --views 0 to "
+    "leave coverage out"
 )
 
 
@@ -116,12 +116,12 @@ def _audit(
 
 
 def _is_open(audit: Audit) -> bool:
-    """Returns True if something is so near to a limit that the audit does not decide it."""
+    """Returns True if something is so close to a limit that the audit leaves it undecided."""
     return bool(audit.unsure or (audit.coverage and audit.coverage.undecided))
 
 
 def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> Iterator[str]:
-    """Yields lines for plans whose claim of J is outside of the enclosure of it."""
+    """Yields lines for plans whose claimed J is outside its enclosure."""
     for path, found, (low, high) in zip(plans, given, audit.rewards, strict=False):
         claim = None if found.file is None else found.file.reward
         if claim is not None and not low - _SUM * low <= claim <= high + _SUM * high:
@@ -131,14 +131,14 @@ def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> 
 def _against_rules(
     problem: Problem, plans: Sequence[Path], given: Sequence[GivenPlan]
 ) -> Iterator[str]:
-    """Yields lines for plans that break a rule, of which the audit compares the J alone."""
+    """Yields lines for plans that break a rule; the audit itself compares only J."""
     for path, found in zip(plans, given, strict=True):
         if not check(problem, found.plan).valid:
-            yield f"{printable(str(path))}: breaks a rule, which `verify` names"
+            yield f"{printable(str(path))}: breaks a rule; run `verify` for details"
 
 
 def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
-    """Returns the instance of a file, or the one that is made of a scene now."""
+    """Returns the instance in a file, or the one that is made from the scene now."""
     if path is not None:
         text = read_text(path)
         try:
@@ -153,7 +153,7 @@ def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
 
 
 def _told(audit: Audit) -> Record:
-    """Returns the numbers of things compared, and of those that do not agree."""
+    """Returns the numbers of compared items, and of those that do not agree."""
     found: dict[str, Any] = {
         "places": audit.places,
         "moves": audit.moves,

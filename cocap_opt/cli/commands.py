@@ -1,4 +1,4 @@
-"""The program `cocap-opt`: all of its commands, by families."""
+"""The program `cocap-opt`: all its commands, by family."""
 
 import inspect
 import logging
@@ -43,20 +43,20 @@ from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
 from cocap_opt.run.options import Option, UsageError
 
-_MOST_PARAGRAPHS = 4  # of a command above its options, besides the example
+_MOST_PARAGRAPHS = 4  # paragraphs of a command above its options, besides the example
 
 
 class _Help(TypedDict):
-    """The words above the options of a command, and those below."""
+    """The text above the options of a command, and the text below."""
 
     help: str
     help_epilogue: str | None
 
 
 def _help(command: Callable[..., int]) -> _Help:
-    """Returns a command's docstring, each paragraph on one line, which is wrapped when shown.
+    """Returns a command's docstring, with each paragraph on one line, which is wrapped when shown.
 
-    Of a long one, the first two paragraphs and the example are above the options.
+    Of a long docstring, the first two paragraphs and the example are above the options.
     """
     texts = (inspect.getdoc(command) or "").split("\n\n")
     *told, example = [" ".join(text.split()) for text in texts]
@@ -112,7 +112,7 @@ for _family in (
             _command, name=_name, usage=usage_of(f"cocap-opt {_name}", _command),
             **_help(_command), **_place(_name),
         )  # fmt: skip
-app.command(  # by name: matplotlib is slow to import
+app.command(  # by name, as matplotlib takes long to import
     "cocap_opt.cli.figure_commands:app",
     name="figure",
     **_place("figure"),
@@ -125,7 +125,7 @@ app.command(
     help="List the library's instances with their best plans and bounds; submit better ones.\n\n"
     "Example: cocap-opt library status --all",
 )
-if find_spec("cocap_opt.experiments.lab"):  # in the repository
+if find_spec("cocap_opt.experiments.lab"):  # only in the repository
     app.command(
         "cocap_opt.experiments.lab.studies.app:app",
         name="study",
@@ -153,12 +153,12 @@ def _completion(
 
 
 def run(arguments: Sequence[str] | None) -> int:
-    """Runs one command and returns its exit code; wrong input is one line on standard error."""
+    """Runs one command and returns its exit code; wrong input gives one line on standard error."""
     _log_to_stderr()
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
-        has_words = isinstance(error.__cause__, UsageError)  # an option's own words say all
+        has_words = isinstance(error.__cause__, UsageError)  # the message of an option is complete
         say(_reworded(error) or str(error.__cause__ if has_words else error))
         return 2
     except MemoryError:
@@ -168,7 +168,7 @@ def run(arguments: Sequence[str] | None) -> int:
 
 
 def _reworded(error: Exception) -> str:
-    """Returns this program's words for what Cyclopts refuses; empty for other errors."""
+    """Returns this program's message for an error that Cyclopts reports; empty for other errors."""
     if isinstance(error, UnknownCommandError) and error.app is not None and error.unused_tokens:
         known = [name for name in error.app if not name.startswith("-") and error.app[name].show]
         return str(Option("COMMAND").not_among(error.unused_tokens[0], known))
@@ -177,7 +177,8 @@ def _reworded(error: Exception) -> str:
         return f"{given}: must be left out, as the command does not take it"
     if not isinstance(error, CoercionError) or error.token is None:
         return ""
-    if isinstance(error.__cause__, UsageError):  # of our own converter, which says more
+    # from a converter of this project, with a better message
+    if isinstance(error.__cause__, UsageError):
         return str(error.__cause__)
     given, choices = error.token.value, [*map(str, get_args(error.target_type))]
     name = error.token.keyword or (error.argument.name if error.argument is not None else "")
@@ -188,7 +189,7 @@ def _reworded(error: Exception) -> str:
 
 
 class _Once(logging.Filter):
-    """Lets a message through once; `once` names what it is about, be it of any seed or planner."""
+    """Lets a message through once; `once` identifies its subject, for any seed or planner."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -202,17 +203,17 @@ class _Once(logging.Filter):
 
 
 class _ToStderr(logging.Handler):
-    """Says messages where standard error leads now: above lines that change, if there are any."""
+    """Writes messages to the current standard error, above lines that change, if there are any."""
 
     def emit(self, record: logging.LogRecord) -> None:
         try:
             say(self.format(record))
-        except Exception:  # as handlers of `logging` do
+        except Exception:  # like the handlers of `logging`
             self.handleError(record)
 
 
 def _log_to_stderr() -> None:
     handler = _ToStderr()
     handler.addFilter(_Once())
-    handler.setFormatter(logging.Formatter())  # else `basicConfig` puts names before it
+    handler.setFormatter(logging.Formatter())  # otherwise `basicConfig` would prefix names
     logging.basicConfig(handlers=[handler], level=logging.WARNING)

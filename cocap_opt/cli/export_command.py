@@ -1,4 +1,4 @@
-"""The command that writes scenes: as our own files, for other solvers, and as tables."""
+"""The command that writes scenes: as files of this project, for other solvers, and as tables."""
 
 import hashlib
 from collections.abc import Callable
@@ -117,9 +117,9 @@ def _export(
     kind = _Kind.of(output)
     assert output is not None
     if drone is not None and kind.ending != _GRAPH:
-        raise UsageError(f"--drone: is for a file whose name ends with {_GRAPH}")
+        raise UsageError(f"--drone: applies only to files that end in {_GRAPH}")
     if root_error is not None and kind.ending not in LINEAR:
-        raise UsageError(f"--root-error: is for a file that ends in {' or '.join(LINEAR)}")
+        raise UsageError(f"--root-error: applies only to files that end in {' or '.join(LINEAR)}")
     error = ROOT_ERROR if root_error is None else Option("--root-error").require_share(root_error)
     problem = load(scene, seed, Option("--option").values(option or []))
     if steps is not None:
@@ -129,10 +129,10 @@ def _export(
         problem = _with_cameras(problem, camera, degrees)
     if over_time:
         problem = variants.over_time(problem)
-    # The default weight is by the cameras, so after these.
+    # The default weight depends on the cameras, so it is set after these.
     problem = _counting(problem, views, views_weight, views_share)
     if kind.table == "views" and problem.objective.views is None:
-        raise UsageError("-o: views.csv is for a scene with --views, and this one has none")
+        raise UsageError("-o: views.csv requires a scene with --views")
     answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         if kind.ending == _SCENE:
@@ -149,7 +149,7 @@ def _export(
 def _with_cameras(
     problem: Problem, camera: str | None, degrees: tuple[float, ...] | None
 ) -> Problem:
-    """Returns a scene with other cameras; messages on them name the options."""
+    """Returns a scene with other cameras; error messages name the options."""
     try:
         return with_cameras(problem, camera, degrees)
     except ProblemError as error:
@@ -159,12 +159,12 @@ def _with_cameras(
 
 
 class _Kind(NamedTuple):
-    """The kind of a file that is written.
+    """The kind of an output file.
 
     Attributes
     ----------
-    ending : of its name
-    table : name of a long table; empty where it is none
+    ending : ending of its name
+    table : name of a long table; empty for other files
     """
 
     ending: str
@@ -172,7 +172,7 @@ class _Kind(NamedTuple):
 
     @classmethod
     def of(cls, output: Path | None) -> "_Kind":
-        """Returns the kind that the name of a file asks for."""
+        """Returns the kind of a file, given its name."""
         endings = (_SCENE, *LINEAR, CONES, NONLINEAR, _GRAPH, _INSTANCE, _TABLE)
         ending = Option("-o").ending(output, endings)
         if ending != _TABLE:
@@ -186,7 +186,7 @@ class _Kind(NamedTuple):
 
 
 def _until(problem: Problem, steps: int) -> Problem:
-    """Returns a scene that ends after so many moves."""
+    """Returns a scene that ends after a number of moves."""
     try:
         return problem.until(steps)
     except ProblemError as error:
@@ -196,7 +196,7 @@ def _until(problem: Problem, steps: int) -> Problem:
 def _written(
     output: Path, kind: _Kind, model: Model, root_error: float, progress: Progress
 ) -> Record:
-    """Writes what is made of a model and its coverage; returns what is to be said of it."""
+    """Writes the file made from a model and its coverage; returns its entries in the answer."""
     if kind.ending == _INSTANCE:
         text = instance_of(model, progress).encode()
         save_bytes(output, text)
@@ -231,7 +231,7 @@ def _program(kind: _Kind, model: Model, root_error: float, progress: Progress) -
 
 
 def _told(program: "ModelFile") -> Record:
-    """Returns the size of a program, and what of the scene is not in it."""
+    """Returns the size of a program, and the parts of the scene that it does not contain."""
     words = [program.told_tangents] if program.has_tangents else []
     views = program.problem.objective.views
     if views is not None and views.share is not None:
@@ -252,7 +252,7 @@ def _table(output: Path, table: LongTable, model: Model) -> Record:
 
 
 def _require(make: Callable[[], T]) -> T:
-    """Returns the outcome of a call; refuses scenes for which there is none."""
+    """Returns the result of a call; rejects scenes for which there is none."""
     try:
         return make()
     except UnsupportedError as error:
@@ -263,10 +263,10 @@ def _counting(
     problem: Problem, cameras: int | None, weight: float | Literal["first"] | None,
     share: float | None,
 ) -> Problem:  # fmt: skip
-    """Returns the problem as `--views` and what belongs to it ask for it; its name tells it."""
+    """Returns the problem as `--views` and related options request it; its name says so."""
     for option, value in (("--views-weight", weight), ("--views-share", share)):
         if cameras is None and value is not None:
-            raise UsageError(f"{option}: is for a scene with --views")
+            raise UsageError(f"{option}: requires --views")
     if cameras is None:
         return problem
     try:
@@ -278,7 +278,7 @@ def _counting(
 
 
 def _drone(number: int, problem: Problem) -> int:
-    """Returns the number of a drone, if the scene has it."""
+    """Returns the number of a drone, which must be in the scene."""
     last = len(problem.robots) - 1
     if not 0 <= number <= last:
         raise UsageError(f"--drone: must be 0..{last}, not {number}")

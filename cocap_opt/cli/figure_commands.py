@@ -127,7 +127,7 @@ def _progress(*trace: _Trace, output: Output, json: Json = False) -> int:
 
 
 def _traces(path: Path) -> list[Path]:
-    """Returns the traces of a sweep's folder, or the file itself."""
+    """Returns the traces of a sweep's folder, or the given file."""
     if not os.path.isdir(path):
         return [path]
     found = sorted((path / TRACES).glob("*.csv"))

@@ -1,4 +1,4 @@
-"""Options of films, and the film of plans that `show` writes."""
+"""Options of films, and the film that `show` writes."""
 
 import re
 from dataclasses import asdict, dataclass
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 _VIDEO_SIZE, _MOVING_SIZE = (1280, 720), (800, 450)  # px
 _LEAST, _MOST = 200, 3840  # px
 _SPEEDS = 0.1, 60.0
-_SECONDS = 600.0  # that making a film may take
+_SECONDS = 600.0  # largest time in s for making a film
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """The options that say how a film shows plans."""
+    """The options that define how a film shows plans."""
 
     view: Annotated[
         str | None,
@@ -47,12 +47,12 @@ class FilmOptions:
 
     @property
     def given(self) -> list[str]:
-        """The options that say something of a film, as people write them."""
+        """The options about films that were given, as users write them."""
         values = asdict(self).items()
         return [f"--{name.replace('_', '-')}" for name, value in values if value is not None]
 
     def filming(self, suffix: str) -> Filming:
-        """Returns the kind of a film that is asked for.
+        """Returns the settings of the requested film.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class FilmOptions:
             raise UsageError(
                 f"--speed: must be {_SPEEDS[0]:g}..{_SPEEDS[1]:g} steps a second, not {self.speed}"
             )
-        from cocap_opt.player.film import FilmError, require_film  # it is slow to import
+        from cocap_opt.player.film import FilmError, require_film  # takes long to import
 
         try:
             require_film(suffix)
@@ -88,7 +88,7 @@ class FilmOptions:
     def film(
         self, seed: int, player: "Player", filming: Filming
     ) -> tuple[bytes, dict[str, object]]:
-        """Returns a film, and what an answer says of it."""
+        """Returns a film, and its entries in the answer."""
         from cocap_opt.player.film import FilmError, filmed_plans
 
         seconds = _SECONDS if self.time_limit is None else self.time_limit

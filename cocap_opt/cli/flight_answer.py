@@ -1,4 +1,4 @@
-"""The answer of `fly` as people read it: what needs attention, what was written, what to do."""
+"""The answer of `fly` for people: what requires attention, what was written, what to do."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,7 +20,7 @@ from cocap_opt.output.printing import (
     rounded,
 )
 
-_MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
+_MANY, _FEW = 12, 6  # drones above which a table is cut, and rows that it keeps
 
 
 class FlightAnswer(NamedTuple):
@@ -28,11 +28,11 @@ class FlightAnswer(NamedTuple):
 
     Attributes
     ----------
-    flight : that is written
-    parts : of the take between which batteries are changed; none without homes
-    files : that hold the flight
-    whole : all numbers
-    notes : on the flight and the files, in their order
+    flight : the flight that is written
+    parts : parts of the take, between which batteries are changed; empty without homes
+    files : files that contain the flight
+    whole : the complete answer, with all numbers
+    notes : notes on the flight and the files, in order
     """
 
     flight: Flight
@@ -42,7 +42,7 @@ class FlightAnswer(NamedTuple):
     notes: Sequence[Note]
 
     def print(self) -> None:
-        """Prints warnings, the answer in a few lines, and what the crew must know."""
+        """Prints warnings, the answer in a few lines, and notes for the crew."""
         self._print_urgent()
         print_pairs(self._in_short())
         if notes := notes_of(self.notes, Kind.CREW, Kind.UNCHECKED):
@@ -94,20 +94,22 @@ class FlightAnswer(NamedTuple):
 
 
 def _rule(least: float, over: float | None, way: str, none: str) -> str:
-    """Returns words for a rule on distances: aside (m), or else so far (m) in height."""
+    """Returns words for a rule on distances: horizontally (m), or else vertically (m)."""
     if not least:
         return no_rule(none)
     return f"the scene's rule is {least:g} m" + (f", or {over:g} m {way}" if over else "")
 
 
 def _told_demand(row: Record) -> str:
-    """Returns words for the tightest moment of a drone."""
+    """Returns words for the most demanding moment of a drone."""
     asked = f"drone {row['drone']}, {row['tightest']} {row['value']:.2f} {row['unit']}"
     return f"{asked}, {row['of the limit']} of its limit"
 
 
 def _told_air(parts: Sequence[Part]) -> str:
-    """Returns words for the longest time in the air, and for the battery with the least left."""
+    """Returns words for the longest time in the air, and for the battery with the smallest
+    reserve.
+    """
     drones = [drone for part in parts for drone in part.drones]
     longest = max(drones, key=lambda each: each.seconds)
     words = f"{longest.seconds:.0f} s at most (drone {longest.drone})"
@@ -138,7 +140,7 @@ def _in_the_air(parts: Sequence[Part]) -> Listing:
 
 
 def _tightest(rows: Sequence[Record]) -> Listing:
-    """Returns the table of the drones' tightest moments; of many drones it has a few."""
+    """Returns the table of the drones' most demanding moments; for many drones, only a few rows."""
     table = Listing("tightest moment of each drone", rows)
     if len(rows) <= _MANY:
         return table

@@ -14,7 +14,7 @@ from cocap_opt.flight.flights import Flight, LimitError
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.options import Option, UsageError
 
-_MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
+_MARGINS = 0.25, 0.5, 1.0  # m; margins tried for a plan that cannot be flown
 
 Start = Annotated[
     str | None,
@@ -50,16 +50,16 @@ class FlightOptions:
     margin: Margin = None
 
     def flight(self, problem: Problem, plan: Plan, is_local: bool) -> Flight:
-        """Returns the flight of a plan as the options ask for it.
+        """Returns the flight of a plan as the options request it.
 
         Parameters
         ----------
-        is_local : nobody asks where it is on the Earth
+        is_local : True: positions on the Earth are not needed
 
         Raises
         ------
         ProblemError
-            If it breaks a rule or cannot be flown; one line, with a remedy.
+            If the plan breaks a rule or cannot be flown; the message is one line, with a remedy.
         """
         flown_in = self._scene(problem)
         try:
@@ -76,14 +76,14 @@ class FlightOptions:
             raise ProblemError(f"{error.words}{before}{', or '.join(ways)}") from error
 
     def _scene(self, problem: Problem) -> FlightScene:
-        """Returns the scene that plans of a problem are flown in."""
+        """Returns the scene in which plans of a problem are flown."""
         if self.step is not None:
             Option("--step").require_duration(self.step)
         try:
             return FlightScene.of(problem, self.step, self.margin)
         except FieldError as error:
             raise UsageError(f"--{error}") from error
-        except ProblemError as error:  # it is out of range, or too short for the drones' limits
+        except ProblemError as error:  # out of range, or too short for the drones' limits
             raise UsageError(f"--step: {error}") from error
 
 
@@ -91,13 +91,15 @@ AS_PLANNED = FlightOptions()
 
 
 def _longer(problem: Problem, step: float) -> str:
-    """Says which step a recipe must have, and how many of them last as long as those of before."""
+    """Returns the step length that a recipe needs, and the number of steps for the same
+    duration.
+    """
     steps = math.floor(problem.horizon * (problem.step or 0.0) / step)
     return f"step = {step:g}" + (f" and steps = {steps}" if steps > 1 else "")
 
 
 def _margins_that_do(problem: Problem, plan: Plan) -> Iterator[str]:
-    """Yields the least margin with which drones can fly a plan smoothly, if there is one."""
+    """Yields the smallest margin with which drones can fly a plan smoothly, if there is one."""
     asked = problem.airspace.people_aside
     for margin in _MARGINS:
         if margin > asked / 2:
@@ -108,5 +110,5 @@ def _margins_that_do(problem: Problem, plan: Plan) -> Iterator[str]:
         except ProblemError:
             continue
         kept = nearer.problem.airspace.people_aside
-        yield f"fly with --margin {margin:g}, {kept:g} m from people in place of {asked:g} m"
+        yield f"fly with --margin {margin:g}, {kept:g} m from people instead of {asked:g} m"
         return

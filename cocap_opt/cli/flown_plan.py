@@ -1,4 +1,4 @@
-"""A plan that is read and flown for a command that writes its flight, or refused in a line."""
+"""Reads and flies a plan for a command that writes its flight; errors are one line."""
 
 import logging
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ _PLACES = "earth.crs", "earth.origin"
 
 
 class FlownPlan(NamedTuple):
-    """A plan, its flight, and the content of the files that hold it."""
+    """A plan, its flight, and the content of the files that contain the flight."""
 
     given: GivenPlan
     flight: Flight
@@ -32,15 +32,15 @@ class FlownPlan(NamedTuple):
 
 
 class Order(NamedTuple):
-    """A plan that is to be flown, and the file that is to hold its flight.
+    """A plan to fly, and the output file for its flight.
 
     Attributes
     ----------
-    suffix : of the output, one of FORMATS
-    start : the time of step 0, as it is given
-    every : s between rows; None: as is usual
-    local : without latitudes and longitudes
-    hovering : also if no drone moves
+    suffix : ending of the output file, one of FORMATS
+    start : time of step 0, as typed
+    every : time between rows, s; None: the default
+    local : True: without latitudes and longitudes
+    hovering : True: also if no drone moves
     """
 
     scene: str
@@ -60,9 +60,9 @@ class Order(NamedTuple):
         Raises
         ------
         UsageError
-            If an option does not fit the format; one line.
+            If an option does not fit the format; the message is one line.
         FileError
-            If the plan cannot be read or flown; one line, with a remedy.
+            If the plan cannot be read or flown; the message is one line, with a remedy.
         """
         form, begins = FORMATS[self.suffix], None
         if self.start is not None:
@@ -70,7 +70,8 @@ class Order(NamedTuple):
         _require_spacing(self.every)
         if self.local and form.on_earth:
             raise UsageError(
-                f"--local: must be left out for {self.suffix}, which has places on the Earth"
+                f"--local: must be left out for {self.suffix}, which contains positions on the "
+                "Earth"
             )
         check_output(self.output, self.scene, self.plan)
         given = PlanReader(self.scene, load_planned(self.scene, self.seed)).plan(
@@ -90,7 +91,7 @@ class Order(NamedTuple):
 
     @contextmanager
     def in_words(self) -> Iterator[None]:
-        """Turns errors of flights into those that name the option or the file to be changed."""
+        """Converts errors of flights into errors that name the option or the file to change."""
         try:
             yield
         except ProblemError as error:
@@ -102,23 +103,23 @@ class Order(NamedTuple):
             return UsageError(f"--{error}")
         if field in ("earth", "step") or (field or "").startswith("robots["):
             return FileError(f"{self.scene}: {error}")
-        if field == "crs":  # something of the scene is where its system is not defined
+        if field == "crs":  # a part of the scene is outside the area where its system is defined
             return FileError(f"{self.scene}: earth.{error}")
         if field in _PLACES:
             is_needed = FORMATS[self.suffix].on_earth
-            way_out = "" if is_needed else "; --local leaves latitudes and longitudes out"
+            way_out = "" if is_needed else "; use --local to leave latitudes and longitudes out"
             return FileError(f"{self.scene}: {error}{way_out}")
         return FileError(f"{self.plan}: {error}")
 
 
 def _start_of(text: str, suffix: str, is_dated: bool) -> datetime:
-    """Returns the time at which a flight starts, for a file of some ending."""
+    """Returns the time at which a flight starts, for a file with a given ending."""
     if not is_dated:
         raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)
         if found.tzinfo is not None:
-            found.astimezone(UTC)  # which may be out of range
+            found.astimezone(UTC)  # may be out of range
             return found
     except (ValueError, OverflowError):
         pass
@@ -129,12 +130,16 @@ def _start_of(text: str, suffix: str, is_dated: bool) -> datetime:
 
 
 def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> None:
-    """Refuses a plan in which no drone moves, unless that is asked for; warns of one cut short."""
+    """Rejects a plan in which no drone moves, unless requested; warns of a plan that was cut
+    short.
+    """
     if plan.stays and not hovering:
         why, longer = cut_short or "all drones stay at their starts", ""
         if cut_short:
             longer = "`plan` with a longer --time-limit may find a plan that moves, "
-        raise FileError(f"{path}: no drone moves ({why}); {longer}--hovering flies it as it is")
+        raise FileError(
+            f"{path}: no drone moves ({why}); {longer}use --hovering to fly it as it is"
+        )
     if cut_short:
         _log.warning(
             "%s: %s; `plan` with a longer --time-limit may find a better one", path, cut_short
@@ -142,6 +147,6 @@ def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> N
 
 
 def _require_spacing(every: float | None) -> None:
-    """Refuses rows that are not seconds apart."""
+    """Rejects row spacings that are not a positive number of seconds."""
     if every is not None:
         Option("--every").require_duration(every)

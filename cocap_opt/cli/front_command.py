@@ -126,7 +126,7 @@ def _say(front: Front, seed: int, output: Path | None, json: bool) -> None:
 
 
 def _rows(front: Front) -> list[Record]:
-    """Returns a row for each plan, as a terminal shows it."""
+    """Returns a row for each plan, for a terminal."""
     return [
         {
             "views": point.views,
@@ -140,7 +140,7 @@ def _rows(front: Front) -> list[Record]:
 
 
 def _told(bound: float, reward: float) -> str:
-    """Returns a bound as it is told, beside J of the best plan that is known."""
+    """Returns a bound in words, relative to J of the best known plan."""
     return told_bound(bound, reward) if bound < math.inf else "-"
 
 

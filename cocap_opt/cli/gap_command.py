@@ -1,4 +1,4 @@
-"""The command `gap`: plans of planners and of files on scenes and seeds, and what bounds them."""
+"""The command `gap`: compares planners, and plans from files, on scenes and seeds, with bounds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from cocap_opt.text import OTHERWISE, other_scene, printable
 @Parameter(name="*")
 @dataclass(frozen=True)
 class _CellBudget(Budget):
-    """The options that say when each planner and bound of a scene and seed stops."""
+    """The options that limit each planner and bound of a scene and seed."""
 
     time_limit: Annotated[
         float,
@@ -42,13 +42,13 @@ class _CellBudget(Budget):
 
 
 _USUAL = _CellBudget()
-_TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
+_TAKEN = (*SOLVERS, BOUND)  # names with another meaning in the table
 
 
 class _GivenPlan(NamedTuple):
-    """The plan of a file, and the digest of the problem that it is for."""
+    """A plan from a file, and the digest of its problem."""
 
-    plan: Plan | PlanFile  # of a foreign file the plan alone
+    plan: Plan | PlanFile  # only the plan, if the format is foreign
     digest: str
 
     @property
@@ -62,8 +62,8 @@ class GivenPlans(NamedTuple):
 
     Attributes
     ----------
-    problems : the problems of the command; a variant where the plans are for that
-    own_starts : the drones start where the scene's own file says
+    problems : the problems of the command, or a variant if the plans are for that
+    own_starts : True if drones start where the scene's file says
     """
 
     plans: dict[str, dict[str, Plan | PlanFile]]
@@ -74,13 +74,14 @@ class GivenPlans(NamedTuple):
     def read(cls, paths: Sequence[Path], problems: Problems) -> Self:
         """Reads plans, each for one of the problems.
 
-        A plan has the name of its planner, as its file has it. Where that is one of ours, or of two
-        plans for one problem, its file is named besides; where it is not known, its file alone.
+        A plan is named after its planner, as given in its file. If that is a built-in planner, or
+        that of two plans for one problem, the name of the file is added; if it is unknown, the plan
+        is named after its file.
 
         Raises
         ------
         FileError, UsageError
-            If a plan is for none of the problems, or a file is called as a planner is.
+            If a plan is for none of the problems, or a file has the name of a planner.
         """
         titles = PlanReader.titles(paths)
         for title in titles:
@@ -99,7 +100,7 @@ class GivenPlans(NamedTuple):
 
 
 def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan], Problems]:
-    """Reads plans for one problem, which may be foreign ones for a variant of it."""
+    """Reads plans for one problem, possibly foreign plans for a variant of it."""
     ((key, problem),) = problems.items()
     plans = PlanReader(key[0], problem).plans(paths)
     variant = plans[0].problem if plans else problem
@@ -108,7 +109,7 @@ def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan]
 
 
 def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan], Problems]:
-    """Reads plan files, each for that of several problems whose digest it has."""
+    """Reads plan files, each for the problem whose digest it contains."""
     readers = {
         problem_digest(problem): PlanReader(scene, problem)
         for (scene, _), problem in problems.items()
@@ -117,7 +118,7 @@ def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenP
 
 
 def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _GivenPlan:
-    """Reads the plan file of one of the problems, whose readers are by digest."""
+    """Reads a plan file for one of the problems, whose readers are given by digest."""
     content = next(iter(readers.values())).claim(path)
     if isinstance(content, Plan):
         raise FileError(f"{path}: does not say which seed it is for; name one scene and one seed")
@@ -133,7 +134,9 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _GivenPlan:
 
 
 def _names(titles: Sequence[str], given: Sequence[_GivenPlan]) -> list[str]:
-    """Returns the names of plans: their planners' where these are free, with or without files'."""
+    """Returns the names of plans: those of their planners if these are free, otherwise with file
+    names.
+    """
     digests_of: dict[str, list[str]] = {}
     for given_plan in given:
         digests_of.setdefault(given_plan.planner, []).append(given_plan.digest)
@@ -225,11 +228,13 @@ def _gap(
     kept = out is not None or workforce.is_elsewhere
     settings = _settings(budget, bound_limit, rendered, kept)
     if retry and out is None:
-        raise UsageError("--retry: name the folder with --out; without one nothing is kept")
+        raise UsageError(
+            "--retry: name the folder with --out; without --out, results are not stored"
+        )
     hired = workforce.hired(settings)
     scenes = _scenes(scene, Option("--seeds").numbers(seeds))
     if plan and starts:
-        raise UsageError("--plan: is for the starts of the scene; leave --starts out")
+        raise UsageError("--plan: requires the starts of the scene; omit --starts")
     choices = StartChoices.of(scenes.problems, starts or [])
     others = GivenPlans.read(plan or [], choices.problems)
     instances = [
@@ -250,7 +255,7 @@ def _gap(
 
 
 def _say_why_without_plan(rows: Sequence[GapRow], problems: Problems) -> None:
-    """Says why there may be no plan in scenes in which a planner has found none."""
+    """Logs why there may be no plan in scenes for which a planner has found none."""
     failed = {
         (row.scene, row.seed) for row in rows if row.reason in (Reason.FAILED, Reason.INFEASIBLE)
     }

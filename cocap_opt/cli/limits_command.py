@@ -1,4 +1,4 @@
-"""The command `limits`: the moves that drones' limits leave in a recipe, and their price in J."""
+"""The command `limits`: the moves that drones' limits allow in a recipe, and their cost in J."""
 
 import math
 from pathlib import Path
@@ -24,7 +24,7 @@ from cocap_opt.run.options import UsageError
 from cocap_opt.stop import Interrupt
 
 _METHOD = "column-generation"
-# Keys of rows, as a terminal of 80 characters has room for them.
+# Keys of rows, short enough for a terminal of 80 characters.
 _HEADS = {
     "moves of recipe": "moves\nof recipe", "longest of recipe (m)": "longest (m)\nof recipe",
     "turn of recipe (deg)": "turn (deg)\nof recipe",
@@ -96,8 +96,8 @@ def _limits(
 
 
 def _unlimited(path: Path, seed: int) -> Problem:
-    """Returns the scene of a recipe whose drones have no limits."""
-    from cocap_opt.scenarios.recipe import read, without_limits  # its readers are slow to import
+    """Returns the scene of a recipe without limits of its drones."""
+    from cocap_opt.scenarios.recipe import read, without_limits  # its readers take long to import
 
     if path.suffix.lower() != ".toml":
         raise UsageError(f"SCENE: must be a recipe, a .toml file, not {path}")
@@ -109,9 +109,9 @@ def _unlimited(path: Path, seed: int) -> Problem:
 
 
 def _with_moves_of(problem: Problem, other: Problem) -> Problem:
-    """Returns a problem whose drones make the moves of another, from their starts, on their cells.
+    """Returns a problem whose drones make the moves of another, from the same starts, on its cells.
 
-    Flight heights are those of the other, too, where limits lift them over steep ground.
+    Flight heights are also those of the other, if limits raise them over steep ground.
     """
     parts = round(other.height_map.resolution / problem.height_map.resolution)
     robots = []
@@ -136,7 +136,7 @@ def _with_moves_of(problem: Problem, other: Problem) -> Problem:
 
 
 def _rows(problem: Problem, unlimited: Problem) -> list[Record]:
-    """Returns the moves of each drone beside those of the recipe."""
+    """Returns the moves of each drone beside those in the recipe."""
     rows: list[Record] = []
     for i in range(len(problem.robots)):
         row: Record = {"drone": i}

@@ -1,10 +1,9 @@
 """The command line, `cocap-opt`: the commands are in `cocap_opt.cli.commands`.
 
-Results go to standard output, as a table or with --json as one JSON object and nothing
-else; progress and messages go to standard error. Exit codes: 0 done (also when there is no
-plan: that is a result), 1 a claim does not hold (verify) or differs (audit), 2 wrong input, 3 some
-of it is undecided (audit), 130 interrupted before any result was available, or before a second
-opinion was (verify).
+Results go to standard output, as a table or with --json as a single JSON object; progress and
+messages go to standard error. Exit codes: 0 done (even if there is no plan: that is a result), 1 a
+claim does not hold (verify) or differs (audit), 2 wrong input, 3 some of it is undecided (audit),
+130 interrupted before any result was available, or before a second opinion was (verify).
 """
 
 import os
@@ -34,17 +33,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
             code = run(arguments)
             sys.stdout.flush()
     except BrokenPipeError:
-        # The reader of our output has gone, as with `| head`.
+        # The reader of our output has closed it, as with `| head`.
         discard(sys.stdout)
         code = 0
     except OSError as error:
-        if error.filename is None:  # our files name themselves; what is left is the output
+        # errors of our files name the file; this one concerns the output
+        if error.filename is None:
             discard(sys.stdout)
             say(f"standard output: cannot be written: {error.strerror}")
-        else:  # the system's, such as /proc where nothing is mounted
+        else:  # a system file, e.g. in /proc if it is not mounted
             say(f"{error.filename}: {error.strerror}")
         code = 2
-    except KeyboardInterrupt as interrupt:  # a second one, or before any result was available
+    # a second Ctrl-C, or one before any result was available
+    except KeyboardInterrupt as interrupt:
         say(", ".join(["interrupted", *map(str, interrupt.args)]))
         code = _INTERRUPTED
     sys.exit(code)
@@ -56,7 +57,7 @@ def _open_streams() -> None:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (open until the process ends)
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
-    if isinstance(sys.stdout, TextIOWrapper):  # a file's name need not be text
+    if isinstance(sys.stdout, TextIOWrapper):  # a file's name need not be valid text
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
@@ -65,7 +66,7 @@ def _told_to_end() -> Iterator[None]:
     """Treats SIGTERM, which batch systems send before they kill a job, as Ctrl-C."""
     before = signal.getsignal(signal.SIGTERM)
     is_main = threading.current_thread() is threading.main_thread()
-    if before is not signal.SIG_DFL or not is_main:  # the caller has other plans with it
+    if before is not signal.SIG_DFL or not is_main:  # the caller uses it for something else
         yield
         return
     process = os.getpid()
@@ -73,7 +74,7 @@ def _told_to_end() -> Iterator[None]:
     def end(number: int, frame: FrameType | None) -> None:
         if os.getpid() == process:
             signal.raise_signal(signal.SIGINT)
-        else:  # a child, which has inherited this
+        else:  # a child process, which has inherited this handler
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             signal.raise_signal(signal.SIGTERM)
 
@@ -88,7 +89,7 @@ def _told_to_end() -> Iterator[None]:
 def _leave_at_once() -> Iterator[None]:
     """Ends the process at Ctrl-C: modules that are being imported may swallow an exception."""
     before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # the caller has other plans with it
+    if before is not signal.default_int_handler:  # the caller uses it for something else
         yield
         return
 
@@ -103,5 +104,5 @@ def _leave_at_once() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-if __name__ == "__main__":  # `python -m`, where the command is not on the path
+if __name__ == "__main__":  # `python -m`, if the command is not on the path
     main()

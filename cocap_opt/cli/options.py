@@ -1,4 +1,4 @@
-"""Options that several commands share: their names, their help, and what is allowed."""
+"""Options that several commands share: their names, help and allowed values."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 def _whole(kind: object, tokens: Sequence[Token]) -> int:
-    """Returns the whole number that is given to an option; a fraction is refused, not rounded."""
+    """Returns the whole number given to an option; rejects fractions."""
     return Option(tokens[0].keyword or "").whole(tokens[0].value)
 
 
@@ -92,7 +92,7 @@ OfPlanners = Annotated[
 
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Returns a scene by its name or file, and logs what is doubtful in a file."""
+    """Returns a scene, given by name or file, and logs doubtful entries of a file."""
     Option("--seed").require_whole(seed)
     problem = load_scene(scene, seed, options)
     say_doubts(scene, seed, problem)
@@ -100,8 +100,8 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
 
 
 def say_doubts(scene: str, seed: int, problem: SceneData) -> None:
-    """Logs what is doubtful in a scene that a file holds, whose drones need not have places yet."""
-    if scene in SCENES:  # those are meant as they are
+    """Logs doubtful entries of a scene from a file, whose drones may not have places yet."""
+    if scene in SCENES:  # built-in scenes are intended as they are
         return
     has_places = isinstance(problem, Problem)
     for warning in warnings(problem) if has_places else warnings_before_starts(problem):
@@ -109,33 +109,33 @@ def say_doubts(scene: str, seed: int, problem: SceneData) -> None:
 
 
 def plan_with_scene(scene: str) -> tuple[Path, ...]:
-    """Returns a scene's file if it is itself the file of a plan that names its scene."""
+    """Returns a scene's file if it is also the file of a plan that names its scene."""
     path = Path(scene)
     both = any(kind.scenes.has(path) and kind.plans.has(path) for kind in FORMATS.values())
     return (path,) if both else ()
 
 
 def load_planned(scene: str, seed: int) -> Problem:
-    """Returns a scene that has a plan already: what is doubtful in it was said before."""
+    """Returns a scene that has a plan already: doubtful entries have been logged before."""
     Option("--seed").require_whole(seed)
     with without_warnings("cocap_opt.scenarios"):
         return load_scene(scene, seed)
 
 
 def say_strains(scene: str, seed: int, problem: Problem) -> None:
-    """Logs which drones' limits a smooth flight would exceed, where a scene is first loaded."""
+    """Logs which drones' limits a smooth flight would exceed, when a scene is first loaded."""
     for words in strains(problem):
         _say_once(scene, seed, words)
 
 
 def say_narrow_way(scene: str, seed: int, problem: Problem) -> None:
-    """Logs where drones must queue, if there is such a place: it may be why there is no plan."""
+    """Logs where drones must queue, if anywhere, since this may be why there is no plan."""
     if words := narrow_way(problem):
         _say_once(scene, seed, words)
 
 
 def say_why_no_plan(scene: str, seed: int, problem: Problem) -> None:
-    """Logs why there is no plan, as far as that is found without a search."""
+    """Logs why there is no plan, as far as this can be found without a search."""
     for words in why_no_plan(problem):
         _say_once(scene, seed, words)
 
@@ -147,14 +147,14 @@ def _say_once(scene: str, seed: int, words: str) -> None:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Budget:
-    """The options of commands that say when a computation stops."""
+    """The options of commands that limit a computation."""
 
     time_limit: Seconds = 60.0
     work_limit: Work = None
 
     @property
     def allowance(self) -> Allowance:
-        """The allowance of the options; a UsageError if they are not possible."""
+        """Returns the allowance of the options; raises UsageError if they are invalid."""
         work = self.work_limit
         if work is not None:
             work = Option("--work-limit").require_whole(work)
@@ -167,7 +167,7 @@ USUAL = Budget()
 def chosen(
     rows: Sequence[GapRow], scenes: Sequence[str] | None, planners: Sequence[str] | None
 ) -> list[GapRow]:
-    """Returns results of some scenes and planners, of all if none is named; at least one."""
+    """Returns results of some scenes and planners, by default of all; at least one."""
     for name in scenes or []:
         Option("--scene").require_one_of(name, dict.fromkeys(row.scene for row in rows))
     for name in planners or []:

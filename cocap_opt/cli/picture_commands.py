@@ -1,4 +1,4 @@
-"""The commands that show plans: a player, pictures from above, and what each drone sees."""
+"""The commands that show plans: a player, pictures from above, and the drones' images."""
 
 import logging
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 _SHOWN = Path("show.html")
-_MOST_STEPS = 100  # in one picture
+_MOST_STEPS = 100  # steps in one picture
 SHOWN = (".html", ".png", ".pdf", ".svg", ".gif", ".webm", ".mp4", ".webp")
 _AS_USUAL = FilmOptions()
 
@@ -107,14 +107,16 @@ def _show(
     if certificate and not (plan and (suffix == ".html" or is_film)):
         raise UsageError("--certificate: needs a plan, and a film or a file that ends in .html")
     if steps is not None and (suffix == ".html" or is_film or not plan):
-        raise UsageError("--steps: needs a plan, and a picture: players and films show all steps")
+        raise UsageError(
+            "--steps: requires a plan, and a picture: players and films show all steps"
+        )
     if heights is not None and plan:
-        raise UsageError("--heights: is for a recipe without a plan, whose drones are to be placed")
+        raise UsageError("--heights: applies to a recipe without a plan, to place its drones")
     check_output(output, scene, *plan, certificate)
     filming = film.filming(suffix) if is_film else None
     site = None if plan else load_site(scene, Option("--seed").require_whole(seed))
     if heights is not None and site is None:
-        raise UsageError("--heights: needs a recipe, a file that ends in .toml")
+        raise UsageError("--heights: requires a recipe, a file that ends in .toml")
     if site is not None and (site.problem is None or heights is not None):
         return _show_site(scene, seed, site, output, _heights(heights), json)
     problem = _loaded(scene, seed, site) if not plan else load_planned(scene, seed)
@@ -145,7 +147,7 @@ def _show(
 
 
 def _loaded(scene: str, seed: int, site: Site | None) -> Problem:
-    """Returns a scene, which a recipe's site is already, and logs what is doubtful in it."""
+    """Returns a scene, unless a recipe's site is given, and logs doubtful entries."""
     if site is None or site.problem is None:
         return load(scene, seed)
     say_doubts(scene, seed, site.problem)
@@ -155,7 +157,7 @@ def _loaded(scene: str, seed: int, site: Site | None) -> Problem:
 def _show_site(
     scene: str, seed: int, site: Site, output: Path, heights: Sequence[float], json: bool
 ) -> int:
-    """Draws where the drones of a recipe may start, and says why it is not a scene yet."""
+    """Draws where the drones of a recipe may start, and reports why it is not a scene yet."""
     from cocap_opt.pictures.start_map import start_picture
 
     say_doubts(scene, seed, site.problem or site.scene)
@@ -175,7 +177,7 @@ def _show_site(
 
 
 def _heights(text: str | None) -> tuple[float, ...]:
-    """Returns the flight heights (m) of a list, each once, lowest first."""
+    """Returns the distinct flight heights (m) of a list, lowest first."""
     try:
         found = () if text is None else tuple(sorted({float(part) for part in text.split(",")}))
     except ValueError:
@@ -205,7 +207,7 @@ def _render(
 
     Example: cocap-opt render corridor plan.json -o views
     """
-    from cocap_opt.pictures.rendering import write_views  # matplotlib is slow to import
+    from cocap_opt.pictures.rendering import write_views  # matplotlib takes long to import
 
     if output is None:
         raise UsageError("-o: name the folder to write to")
@@ -224,7 +226,7 @@ def _render(
 
 
 def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanation]:
-    """Returns the terms of each plan's gap, by a certificate or a proof in a file."""
+    """Returns the terms of each plan's gap, from a certificate or a proof in a file."""
     from cocap_opt.run.explained import gaps_of
 
     file = PlanReader(problem.name, problem).claim(path)
@@ -247,7 +249,7 @@ def _proof(
 
 
 def _steps(problem: Problem, text: str) -> tuple[int, ...]:
-    """Returns the steps of a list, all of which the scene has."""
+    """Returns the steps of a list; all must be in the scene."""
     found = Option("--steps").numbers(text)
     if max(found) > problem.horizon:
         raise UsageError(f"--steps: must be 0..{problem.horizon}, not {max(found)}")
@@ -275,7 +277,7 @@ def _player(
 
 def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:
     """Returns a picture of the only plan, or of the starts."""
-    from cocap_opt.pictures.figures import plan_picture  # matplotlib is slow to import
+    from cocap_opt.pictures.figures import plan_picture  # matplotlib takes long to import
 
     return plan_picture(problem, plans[0] if plans else None, suffix, steps)
 

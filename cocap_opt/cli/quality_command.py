@@ -1,4 +1,4 @@
-"""The command `quality`, which tells how well a plan films people."""
+"""The command `quality`, which measures how well a plan films people."""
 
 import logging
 import math
@@ -35,8 +35,8 @@ from cocap_opt.text import printable
 
 _log = logging.getLogger(__name__)
 
-_MOST_PEOPLE = 12  # in a terminal
-_WIDTH = 80  # characters of a line
+_MOST_PEOPLE = 12  # people listed in a terminal
+_WIDTH = 80  # characters per line
 _USUAL = Assumptions()
 
 
@@ -117,7 +117,7 @@ def _quality(
         Option("--csv").ending(csv, (".csv",))
     for option, value in (("-o", output), ("--cameras", cameras), ("--seconds", seconds)):
         if value is not None and not bound:
-            raise UsageError(f"{option}: is for bounds; add --bound")
+            raise UsageError(f"{option}: applies to bounds; add --bound")
     seconds = 10.0 if seconds is None else seconds
     Option("--seconds").require_duration(seconds)
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
@@ -164,7 +164,7 @@ def _quality(
 def _proved(
     limits: QualityBound, given: GivenPlan, seconds: float, output: Path | None
 ) -> QualityBound:
-    """Returns the bounds proved, in so many seconds each, and writes their files."""
+    """Returns the proved bounds, within the given seconds each, and writes their files."""
     with Interrupt.caught() as interrupt, Watch.on_terminal(given.problem.name) as watch:
         limits = limits.proved(interrupt, seconds, given.plan, watch=watch)
     if output is not None:
@@ -175,13 +175,13 @@ def _proved(
                 contents[output / f"seen-by-{number}.bound.json"] = encode(file)
         save_files(contents)
         for old in output.glob("seen-by-*.json"):
-            if old not in contents:  # of more drones, or of another scene
+            if old not in contents:  # from more drones, or from another scene
                 old.unlink()
     return limits
 
 
 def _bound_record(limits: QualityBound, found: Quality, obeys_rules: bool) -> Record:
-    """Returns bounds on quality as plain data; shares are parts of 1."""
+    """Returns bounds on quality as plain data; shares are 0 to 1."""
     numbers = range(1, limits.cameras + 1) if limits.person_steps else ()
     return {
         "person_steps": limits.person_steps,
@@ -198,7 +198,9 @@ def _bound_record(limits: QualityBound, found: Quality, obeys_rules: bool) -> Re
 
 
 def _assumptions(options: Mapping[str, float]) -> Assumptions:
-    """Returns the assumptions of options; a UsageError names the one that is out of range."""
+    """Returns the assumptions given by options; a UsageError names the option that is out of
+    range.
+    """
     try:
         within(options["attitude_error"], 0, 180, "attitude_error", "degrees")
         attitude = math.radians(options["attitude_error"])
@@ -208,7 +210,7 @@ def _assumptions(options: Mapping[str, float]) -> Assumptions:
 
 
 def _record(found: Quality) -> Record:
-    """Returns a plan's quality as plain data, in which shares are parts of 1."""
+    """Returns a plan's quality as plain data; shares are 0 to 1."""
     return {
         **found.summary._asdict(),
         "worst": found.worst,
@@ -218,7 +220,7 @@ def _record(found: Quality) -> Record:
 
 
 def _people(found: Quality) -> Listing:
-    """Returns a table with a line per person, of many of those who are seen least."""
+    """Returns a table with a line per person; if there are many, of those who are seen least."""
     people = found.by_person
     if len(people) > _MOST_PEOPLE:
         people = sorted(people, key=lambda person: (person.by_two, person.by_three))

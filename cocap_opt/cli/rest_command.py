@@ -1,4 +1,4 @@
-"""The part of `plan` that plans the rest of a mission again, from where its drones are."""
+"""The part of `plan` that replans the rest of a mission."""
 
 import logging
 import sys
@@ -75,7 +75,9 @@ class RestOptions:
 
     @property
     def asked(self) -> bool:
-        """True if the rest of a mission is to be planned; refuses options that then say nothing."""
+        """True if the rest of a mission is to be planned; rejects options that have no meaning
+        otherwise.
+        """
         if self.from_step is not None:
             return True
         given = {
@@ -91,12 +93,12 @@ class RestOptions:
         return False
 
     def require(self, output: Path | None, scene: str) -> Path:
-        """Returns the file of the plan that is flown; refuses files that nothing is written to."""
+        """Returns the file of the flown plan; rejects output files that cannot be written."""
         if self.plan is None:
             raise UsageError("--plan: must name the plan that was flown up to that step")
         Option("--bound-limit").require_limit(self.bound_limit)
         if self.certificate is not None and not self.bound_limit:
-            raise UsageError("--certificate: must be left out where --bound-limit is 0")
+            raise UsageError("--certificate: must be left out if --bound-limit is 0")
         if self.without and output is not None:
             raise UsageError(
                 "-o: must be left out with --without, as a whole plan has all drones; "
@@ -124,12 +126,12 @@ def replan(
     json: bool,
     verbose: bool,
 ) -> int:
-    """Plans the rest of a mission, writes it, bounds it, and prints both.
+    """Plans the rest of a mission, writes it, computes a bound, and prints both.
 
     Parameters
     ----------
-    planner : its name, and its record
-    allowance : of the plan; the bound has a limit of its own
+    planner : name and record of the planner
+    allowance : limits for the plan; the bound has its own limit
     """
     path = options.require(output, scene)
     problem = load(scene, seed)
@@ -138,12 +140,13 @@ def replan(
     with Interrupt.caught() as interrupt, Watch.on_terminal(rest.scene.name) as watch:
         judged = _planned(replanning, scene, seed, planner, allowance, interrupt, watch)
         made = _plans(rest, judged, planner[0], allowance, options, output)
-        save(record_of(_row(rest, seed, planner[0], judged)), "plan", made)  # it is waited for
+        # written at once, as the crew is waiting for it
+        save(record_of(_row(rest, seed, planner[0], judged)), "plan", made)
         if judged.result.plan is None:
             say_why_no_plan(scene, seed, rest.scene)
         first = output or options.rest_plan
         if first is not None and judged.valid and options.bound_limit:
-            say(f"{first}: the plan is written, its bound is looked for")
+            say(f"{first}: the plan is written; computing its bound")
         bounded = replanning.bounded(
             judged, options.bound_limit, interrupt, watch=watch, report=watch.report()
         )
@@ -165,7 +168,7 @@ def replan(
 def _replanning(
     options: RestOptions, scene: str, problem: Problem, free: bool, path: Path
 ) -> Replanning:
-    """Returns the rest that is to be planned, and the old one.
+    """Returns the rest to plan, and the old rest.
 
     Raises
     ------
@@ -190,11 +193,11 @@ def _replanning(
 
 
 def _say_made_for(content: PlanFile | Plan, problem: Problem, path: Path, step: int) -> None:
-    """Logs that a plan was made for another scene, of which its first steps keep the rules."""
+    """Logs that a plan was made for another scene, but that its first steps obey the rules."""
     if isinstance(content, Plan) or content.digest == problem_digest(problem):
         return
     _log.warning(
-        "%s: was made for %s; its steps 0..%d keep the rules here, too, and are taken as flown",
+        "%s: was made for %s; its steps 0..%d obey the rules here, too, and count as flown",
         path, other_scene(content.scene, problem.name), step,
     )  # fmt: skip
 
@@ -208,17 +211,17 @@ def _planned(
     stop: Stop,
     watch: Watch,
 ) -> Judged[Any]:
-    """Returns the new plan of the rest, which a planner of somebody's own may fail to give."""
+    """Returns the new plan of the rest; a third-party planner may fail to return one."""
     name, method = planner
     rest, seconds = replanning.rest.scene, allowance.seconds
     warn_of_limit(rest, method, seconds, seed, scene=scene, watch=watch)
     try:
-        with redirect_stdout(sys.stderr):  # what a planner prints is no part of the answer
+        with redirect_stdout(sys.stderr):  # output of a planner is not part of the answer
             return replanning.planned(method, allowance.begin(stop), name, watch=watch, seed=seed)
     except UnsupportedError as error:
         raise UsageError(f"--planner: {error}") from error
     except (OwnPlannerError, RefereeError) as error:
-        if name in SOLVERS:  # a bug of ours
+        if name in SOLVERS:  # a bug of this project
             raise
         raise UsageError(f"--planner: {error}") from error
 
@@ -231,7 +234,9 @@ def _plans(
     options: RestOptions,
     output: Path | None,
 ) -> dict[str, Wanted]:
-    """Returns the files of a plan of the rest: of the whole mission, and of the rest's scene."""
+    """Returns the files of a replanned mission: its whole plan, and the rest in the scene of the
+    rest.
+    """
     of_rest = judged.plan_file(rest.scene, planner, allowance)
     return {
         "file": (output, None if of_rest is None else _of_whole(rest, judged, of_rest)),
@@ -241,7 +246,7 @@ def _plans(
 
 
 def _of_whole(rest: Rest, judged: Judged[Any], of_rest: PlanFile) -> PlanFile | None:
-    """Returns the file of the plan of the whole mission; None where a drone is lost."""
+    """Returns the file of the plan of the whole mission; None if a drone is lost."""
     plan = rest.joined(of_rest.plan)
     if plan is None:
         return None
@@ -261,7 +266,7 @@ def _row(rest: Rest, seed: int, planner: str, judged: Judged[Any]) -> PlanRow:
 
 
 def _of_the_mission(replanning: Replanning, judged: Judged[CertifiedResult]) -> Record:
-    """Returns the part of an answer that is of the mission, besides its rest."""
+    """Returns the part of an answer about the mission, except its rest."""
     rest = replanning.rest
     answer: Record = {
         "from_step": rest.step,

@@ -1,4 +1,4 @@
-"""The commands that show what sweeps have found."""
+"""The commands that show the results of sweeps."""
 
 import logging
 import sys
@@ -38,7 +38,7 @@ Against = Annotated[
     str | None, Parameter(help=f"planner to compare the others with (default: {AGAINST})")
 ]
 
-_PIPED = "markdown"  # the format of tables in a pipe, if none is named
+_PIPED = "markdown"  # format of tables in a pipe, if none is chosen
 _ENDINGS = {"markdown": (".md", ".txt"), "latex": (".tex",), "html": (".html",)}
 
 
@@ -109,13 +109,13 @@ def _is_csv(path: Path) -> bool:
 
 
 def _require_several(rows: Sequence[GapRow]) -> None:
-    """Refuses results of a single planner, which there is nothing to compare with."""
+    """Rejects results of a single planner, which cannot be compared with anything."""
     if len({row.planner for row in rows}) < 2:
         raise UsageError("--compare: needs the results of two planners or more")
 
 
 def _format(style: str | None, output: Path | None) -> str:
-    """Returns the format of tables: the one that is named, or the one of the file's ending."""
+    """Returns the format of tables: the chosen one, or that of the file's ending."""
     if output is None:
         return style or _PIPED
     endings = {
@@ -142,7 +142,7 @@ def _report(
     Example: cocap-opt report results -o report.html
     """
     from cocap_opt.experiments.report.report import (
-        report_page,  # matplotlib and pandas are slow to import
+        report_page,  # matplotlib and pandas take long to import
     )
 
     Option("-o").ending(output, (".html",))
@@ -158,7 +158,7 @@ def _report(
 
 
 def _against(planner: str | None, rows: Sequence[GapRow]) -> str:
-    """Returns the planner that others are compared with, which must be in the results."""
+    """Returns the planner with which others are compared; it must be in the results."""
     if planner is None:
         return AGAINST
     Option("--against").require_one_of(planner, dict.fromkeys(row.planner or "" for row in rows))

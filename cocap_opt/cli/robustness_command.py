@@ -1,4 +1,4 @@
-"""The command `robustness`, which says what slips leave of a flight."""
+"""The command `robustness`, which shows how deviations affect a flight."""
 
 import logging
 import math
@@ -33,7 +33,7 @@ _USUAL = Changes()
 
 
 def _listed(numbers: Sequence[float]) -> str:
-    """Returns numbers as an option takes them."""
+    """Returns numbers in the form of an option's value."""
     return " ".join(f"{number:g}" for number in numbers)
 
 
@@ -97,7 +97,8 @@ def _robustness(
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = flown.flight(problem, given.plan, is_local=True)  # where it is does not matter
+        # its place on the Earth does not matter
+        flight = flown.flight(problem, given.plan, is_local=True)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
@@ -117,14 +118,16 @@ def _robustness(
         print_result({**answer, "changes": found.records(), "notes": notes}, json)
     else:
         kind = "smooth" if flown.smooth else "straight"
-        title = f"{problem.name}, {kind}: what is left of J = {found.changes[0].reward:,.2f}"
+        title = f"{problem.name}, {kind}: remaining part of J = {found.changes[0].reward:,.2f}"
         Listing(title, [_shown(row) for row in found.changes], notes).print()
         _losses(found).print()
     return 0
 
 
 def _losses(found: WhatIf) -> Listing:
-    """Returns the table of lost drones below the plan, with who is no longer seen by two."""
+    """Returns the table of lost drones below the plan, with people who are no longer seen by
+    two.
+    """
     notes = [
         "a lost drone films nothing from that step on and has left the scene; where it comes down "
         "was not checked. The table shows its worst step: the last one at which its loss costs as "
@@ -141,7 +144,7 @@ def _losses(found: WhatIf) -> Listing:
 
 
 def _seen(left: ChangeRow, seen: Seen) -> Record:
-    """Returns a row of the losses as people read it."""
+    """Returns a row of the losses for people to read."""
     shares = {"J (%)": left.share, "seen by two (%)": seen.by_two, "by none (%)": seen.by_none}
     percents = {
         name: None if part is None else f"{100 * part:.1f}" for name, part in shares.items()
@@ -150,7 +153,7 @@ def _seen(left: ChangeRow, seen: Seen) -> Record:
 
 
 def _shown(row: ChangeRow) -> Record:
-    """Returns a row of the changes as people read it."""
+    """Returns a row of the changes for people to read."""
     columns: Record = {
         "change": row.change,
         "J (%)": None if row.share is None else f"{100 * row.share:.1f}",
@@ -166,7 +169,7 @@ def _shown(row: ChangeRow) -> Record:
 
 
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
-    """Yields sentences on what the numbers mean."""
+    """Yields sentences that explain the numbers."""
     problem = flight.flown.problem
     yield "J includes the time between steps"
     yield "distances are the smallest at any moment, those to people seen from above"
@@ -178,12 +181,12 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     elif delay is not None:
         yield f"the {problem.rules} holds while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:
-        yield "the scene's rules ask for no distance between drones between the steps"
+        yield "the scene's rules require no distance between drones between the steps"
     yield from map(str, people_and_delay(flight, to_people))
 
 
 def _asking(found: WhatIf) -> Iterator[str]:
-    """Yields a sentence on the distances to plan with, where there are any."""
+    """Yields a sentence on the distances to plan with, if there are any."""
     rows = [*found.changes, *(row.left for row in found.losses)]
     if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
         yield (

@@ -1,4 +1,4 @@
-"""The commands about scenes: listing them, an example of a recipe, and what is compiled ahead."""
+"""The commands about scenes: lists of them, an example recipe, and compilation in advance."""
 
 import os
 import sys
@@ -76,7 +76,7 @@ def _recipe(
 
 
 def _print_example(json: bool) -> int:
-    from cocap_opt.scenarios.recipe import EXAMPLE  # its readers are slow to import
+    from cocap_opt.scenarios.recipe import EXAMPLE  # its readers take long to import
 
     if json:
         print_result({"recipe": EXAMPLE}, json)
@@ -107,7 +107,7 @@ def _compile() -> int:
     if not is_there():
         raise UsageError("numba is not installed; `pip install -e '.[fast]'` installs it")
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        raise UsageError("NUMBA_DISABLE_JIT: is set, so that numba compiles nothing")
+        raise UsageError("NUMBA_DISABLE_JIT: is set, so numba compiles nothing")
     clock = Clock()
     title = f"compiling, some {ALL_SECONDS:.0f} s, once on a machine"
     with Watch.on_terminal(title) as watch:
@@ -116,13 +116,13 @@ def _compile() -> int:
             try:
                 kernel.load()
             except CompilingError as error:
-                raise UsageError(f"{error}; what it had kept is removed: try again") from error
+                raise UsageError(f"{error}; the stored code was removed: try again") from error
     if not all(kernel.is_kept for kernel in kernels()):
         raise UsageError(
-            "nothing could be kept: set NUMBA_CACHE_DIR to a folder that can be written"
+            "the compiled code could not be stored: set NUMBA_CACHE_DIR to a writable folder"
         )
     names = [kernel.name for kernel in kernels()]
-    told = f"{', '.join(names[:-1])} and {names[-1]} are compiled, and kept for all later runs"
+    told = f"{', '.join(names[:-1])} and {names[-1]} are compiled, and stored for all later runs"
     print_result({"seconds": clock.seconds, "message": told}, json=False)
     return 0
 

@@ -1,4 +1,4 @@
-"""The command `sheet`, which writes what the crew of a flight carries."""
+"""The command `sheet`, which writes a printed sheet for the crew of a flight."""
 
 import logging
 from typing import Annotated

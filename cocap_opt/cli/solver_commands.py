@@ -53,7 +53,7 @@ from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt, Stop
 from cocap_opt.text import pair
 
-AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
+AT_THE_ROOT = "column-generation"  # a bound that also gives a plan
 _WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)
 _NOT_COMPILED = (
     "numba is not installed; with it (`pip install -e '.[fast]'`) step envelopes may lower the "
@@ -102,12 +102,12 @@ def _plan(
         warn_of_limit(problem, method, allowance.seconds, seed, scene=scene, watch=watch)
         stop = allowance.begin(interrupt)
         try:
-            with redirect_stdout(sys.stderr):  # what a planner prints is no part of the answer
+            with redirect_stdout(sys.stderr):  # output of a planner is not part of the answer
                 judged = run_keeping(problem, method, stop, name=planner, watch=watch, seed=seed)
         except UnsupportedError as error:
             raise UsageError(f"--planner: {error}") from error
         except (OwnPlannerError, RefereeError) as error:
-            if planner in SOLVERS:  # a bug of ours
+            if planner in SOLVERS:  # a bug of this project
                 raise
             raise UsageError(f"--planner: {error}") from error
         if not judged.valid:
@@ -200,7 +200,7 @@ def _solve(
     """
     gap = Option("--gap").require_share(gap)
     if gap and method not in EXACT:
-        raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
+        raise UsageError(f"--gap: {method} always stops at the root; omit the option")
     allowance = budget.allowance
     check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
@@ -222,7 +222,7 @@ def _solve(
 
 
 def _motion(problem: Problem) -> str:
-    """Says how far drones may move in a step, and how fast that is where steps have a duration."""
+    """Returns the distance that drones may move in a step; with a duration, also the speed."""
     edge = problem.height_map.resolution
     kinds = []
     moves = {(bot.motion.radius, bot.motion.longest_aside(edge)) for bot in problem.robots}
@@ -235,7 +235,7 @@ def _motion(problem: Problem) -> str:
 
 
 def _chosen_starts(problem: Problem, plan: Plan | None) -> Record:
-    """Returns where the drones of a plan start, in words, if they had a choice."""
+    """Returns the starts of a plan's drones, in words, if they had a choice."""
     if plan is None or not problem.has_free_starts:
         return {}
     words = []
@@ -247,7 +247,7 @@ def _chosen_starts(problem: Problem, plan: Plan | None) -> Record:
 
 
 class _Task(NamedTuple):
-    """The scene of a command; with a start, the variant of the scene that it fits."""
+    """The scene of a command, or the variant of it that fits a given start."""
 
     scene: str
     seed: int
@@ -261,7 +261,8 @@ class _Task(NamedTuple):
         about: Record = {"free": True} if free else {"rules": str(problem.rules)}
         about |= {"motion": _motion(problem)}
         if path is not None:
-            # A start is judged anew, so that it may come from other rules or another objective.
+            # A start is evaluated anew, so it may come from a scene with other rules or another
+            # objective.
             fitting, start, _ = PlanReader(scene, problem).plan(path, any_scene=True)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
@@ -272,7 +273,7 @@ class _Task(NamedTuple):
     def certified(
         self, method: str, allowance: Allowance, stop: Stop, gap: float, path: Path | None
     ) -> Judged[CertifiedResult]:
-        """Runs a bound or an exact method, shows progress, and writes a trace if asked to."""
+        """Runs a bound or an exact method, shows progress, and writes a trace if requested."""
         problem, trace = self.problem, Trace()
         with Watch.on_terminal(f"{problem.name} seed {self.seed}") as watch:
             warn_of_limit(
@@ -292,7 +293,9 @@ class _Task(NamedTuple):
         return judged
 
     def surpassed(self, judged: Judged[CertifiedResult]) -> str:
-        """Says that the search has a better plan than the start, which a bound does not write."""
+        """Returns a message if the search found a better plan than the start, which `bound` does
+        not write.
+        """
         if self.start is None or not judged.valid:
             return ""
         given = check(self.problem, self.start).reward
@@ -300,7 +303,7 @@ class _Task(NamedTuple):
             return ""
         return (
             f"reward and gap are those of a better plan than the start, whose J is {given:,.2f}: "
-            "`solve --start` with -o writes it"
+            "use `solve --start` with -o to write it"
         )
 
     def answer(self, method: str, judged: Judged[CertifiedResult]) -> Record:
@@ -319,12 +322,12 @@ class _Task(NamedTuple):
 
 
 def _nearness(problem: Problem, judged: Judged[Any]) -> Record:
-    """Returns the distances of the plan for which the scene has no rule, where they are small."""
+    """Returns small distances of the plan for which the scene has no rule."""
     return {} if judged.result.plan is None else nearness(problem, judged.result.plan)
 
 
 def _take_by_take(problem: Problem, judged: Judged[Any]) -> Record:
-    """Returns J and the quality of a plan in each take, where there are takes."""
+    """Returns J and the quality of a plan in each take, if there are takes."""
     rows = take_rows(problem, judged.result.plan)
     return {"takes": rows} if rows else {}
 

@@ -1,4 +1,4 @@
-"""The command `takes`: plans for each take beside a plan for all, each in every take."""
+"""The command `takes`: compares plans for each take with a plan for all, each in every take."""
 
 import logging
 import math
@@ -26,7 +26,7 @@ from cocap_opt.stop import Interrupt
 _log = logging.getLogger(__name__)
 
 _DRAWN = 3  # takes
-_KINDS = "scene", "bound", "plan"  # of files
+_KINDS = "scene", "bound", "plan"  # kinds of files
 
 
 def _takes(
@@ -72,14 +72,14 @@ def _takes(
     with Interrupt.caught() as interrupt, Watch.on_terminal(problem.name) as watch:
         found = hedging(problem, seconds, interrupt, show=watch.show)
     if interrupt.pressed:
-        _log.warning("stopped by Ctrl-C: plans and bounds are those that were found until then")
+        _log.warning("stopped by Ctrl-C: shows the plans and bounds found so far")
     files = {} if output is None else _saved(found, output)
     _say(found, seed, files, output, json)
     return 0
 
 
 def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | None) -> Problem:
-    """Returns the scene with its takes, or with takes that are drawn if it has none."""
+    """Returns the scene with its takes, or with randomly drawn takes if it has none."""
     options = {
         "--delay": spread.delay or None, "--aside": spread.aside or None,
         "--speed": spread.speed or None, "--count": count, "--draw-seed": seed,
@@ -104,7 +104,7 @@ def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | N
 
 
 def _saved(found: Hedging, folder: Path) -> dict[str, list[str]]:
-    """Writes the plans and certificates, and the scenes that they are of; returns their names."""
+    """Writes the plans and certificates, and their scenes; returns the names of the files."""
     contents = {}
     for k, row in enumerate((found.hedged, *found.plans)):
         name = f"take-{k - 1}" if k else "hedged"
@@ -118,14 +118,16 @@ def _saved(found: Hedging, folder: Path) -> dict[str, list[str]]:
     save_files({folder / name: content for name, content in contents.items()})
     strays = {path.name for kind in _KINDS for path in folder.glob(f"take-*.{kind}.json")}
     if others := sorted(strays - contents.keys()):
-        _log.warning("%s: not of this scene, and not written now: %s", folder, ", ".join(others))
+        _log.warning(
+            ("%s: belong to another scene and were not written now: %s"), folder, ", ".join(others)
+        )
     return {"files": sorted(contents)}
 
 
 def _say(
     found: Hedging, seed: int, files: dict[str, list[str]], output: Path | None, json: bool
 ) -> None:
-    """Prints the table and what it says."""
+    """Prints the table and the sentences on it."""
     notes = list(found.sentences())
     if json:
         answer: Record = {
@@ -157,12 +159,12 @@ def _record(row: PlanForTake) -> Record:
 
 
 def _told(value: object) -> object:
-    """Returns J as it is told."""
+    """Returns J in words."""
     return f"{value:,.2f}" if isinstance(value, float) else value
 
 
 def _told_bound(value: object, rewards: Sequence[float]) -> object:
-    """Returns a bound as it is told, of which plans have so much J."""
+    """Returns a bound in words, relative to the J of plans."""
     if not isinstance(value, float):
         return value
     return told_bound(value, max(rewards, default=None)) if math.isfinite(value) else "not proved"

@@ -25,7 +25,7 @@ _SHARE = 0.95
 @Parameter(name="*")
 @dataclass(frozen=True)
 class _RequiredViews:
-    """The options that say what a team is to reach."""
+    """The options that define what a team must reach."""
 
     share: Annotated[
         float, Parameter(help="share of person-steps to be seen by --cameras drones or more")
@@ -96,7 +96,9 @@ def _team(
     """  # fmt: skip
     asked = _asked(drones, camera, heights, required)
     if retry and out is None:
-        raise UsageError("--retry: name the folder with --out; without one nothing is kept")
+        raise UsageError(
+            "--retry: name the folder with --out; without --out, results are not stored"
+        )
     seconds = Option("--time-limit").require_seconds(time_limit)
     work = None if work_limit is None else Option("--work-limit").require_whole(work_limit)
     settings = team_settings(seconds, work, out is not None or workforce.is_elsewhere)
@@ -118,12 +120,14 @@ def _team(
 def _of_starts(problem: Problem, out: Path | None) -> Iterator[str]:
     """Yields why teams have more J than plans of the scene, if its drones' starts are fixed."""
     if not problem.has_free_starts:
-        kept = "" if out is not None else "; -o FOLDER keeps plans and starts"
+        kept = "" if out is not None else "; use -o FOLDER to store plans and starts"
         yield f"teams start where it is best, not at the scene's starts{kept}"
 
 
 def _asked(drones: str, camera: str | None, heights: str | None, required: _RequiredViews) -> Asked:
-    """Returns the teams that the options ask for; UsageError names the one that is out of range."""
+    """Returns the teams that the options request; UsageError names an option that is out of
+    range.
+    """
     Option("--share").require_part(required.share)
     return Asked.of(
         Option("--drones").numbers(drones),

@@ -1,4 +1,4 @@
-"""The command `verify`, which checks what plans and certificates in files claim of a scene."""
+"""The command `verify`, which checks the claims of plans and certificates about a scene."""
 
 import math
 import os
@@ -106,7 +106,7 @@ def _verify(
     files = file or plan_with_scene(scene)
     if not files:
         if not os.path.exists(scene):
-            load_planned(scene, seed)  # there may be no such file
+            load_planned(scene, seed)  # the file may not exist
         _require_scene(scene)
         raise UsageError("FILE: name a plan, a certificate or a proof")
     time_limit = Option("--time-limit").require_limit(time_limit)
@@ -114,7 +114,7 @@ def _verify(
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if all_terms and not explain:
-        raise UsageError("--all: is for explanations; add --explain")
+        raise UsageError("--all: applies to explanations; add --explain")
     if second_opinion and not claims.bounds:
         raise UsageError("--second-opinion: name a certificate or a proof")
     if plain and not claims.bounds:
@@ -162,9 +162,9 @@ def _data(explained: Explained) -> Record:
 
 
 def _require_scene(scene: str) -> None:
-    """Refuses the file of a plan or a bound where a scene is to be named."""
+    """Rejects the file of a plan or a bound in place of a scene."""
     path = Path(scene)
-    if not os.path.isfile(path):  # unlike Path.is_file, false, too, for an impossible name
+    if not os.path.isfile(path):  # unlike Path.is_file, also False for an impossible name
         return
     with suppress(FileError):  # it may be a scene
         found = read_claim(path)
@@ -183,7 +183,9 @@ def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
 
 
 def _proof(verified: Verified) -> Record:
-    """Returns the kind of a bound's proof in words, and how many nodes its searches took."""
+    """Returns the kind of a bound's proof in words, and the number of nodes that its searches
+    took.
+    """
     if verified.proved is None:
         return {}
     nodes = verified.proved.pricing.nodes
@@ -192,7 +194,7 @@ def _proof(verified: Verified) -> Record:
 
 
 def _of_bound(verified: Verified) -> Iterator[str]:
-    """Yields in words which plans a bound holds for, and why it may be high."""
+    """Yields which plans a bound holds for, and why it may be high."""
     views = verified.problem.objective.views
     if verified.bound_there < 0:
         yield _NO_PLAN
@@ -213,7 +215,7 @@ def _of_bound(verified: Verified) -> Iterator[str]:
 
 
 def _told(objective: Objective, given: Objective) -> str:
-    """Says in which weights an objective differs from another."""
+    """Returns the weights in which an objective differs from another, in words."""
     before = msgspec.structs.asdict(given)
     found = msgspec.structs.asdict(objective)
     return ", ".join(
@@ -234,17 +236,17 @@ def _weight(value: object) -> str:
 
 
 class _Claims(NamedTuple):
-    """The claims to be checked; with a plan, for the variant of the scene that it was made for."""
+    """The claims to check; with a plan, for the variant of the scene for which it was made."""
 
     problem: Problem
     plan: Plan | None
-    plan_file: PlanFile | None  # what claims something of the plan
+    plan_file: PlanFile | None  # contains claims about the plan
     bounds: dict[Path, CertificateFile | ProofFile]
     about: Record  # for the answer
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, files: Sequence[Path]) -> "_Claims":
-        """Reads all files, in an order of their own, before any is checked."""
+        """Reads all files, in a fixed order, before any is checked."""
         problem = load_planned(scene, seed)
         about: Record = {"free": True} if free else {}
         reader = PlanReader(scene, problem)
@@ -276,12 +278,12 @@ class _Claims(NamedTuple):
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
     def proved(self, seconds: float, plain: bool) -> tuple[dict[str, ProvedBound], list[str]]:
-        """Returns the bounds that are proved by file, and what is wrong with others, in words.
+        """Returns the proved bounds by file, and the errors in others, in words.
 
         Parameters
         ----------
-        seconds : limit of all of it; infinite if there is none
-        plain : without compiled code
+        seconds : time limit of all checks; infinite if there is none
+        plain : True: use no compiled code
         """
         bounds, failed = dict[str, ProvedBound](), list[str]()
         if not self.bounds:
@@ -307,11 +309,11 @@ class _Claims(NamedTuple):
 
     @property
     def cut_short(self) -> str:
-        """Words for what a limit has left of the plan, which may be valid and only hover."""
+        """Remark on how complete the plan was at a limit; it may be valid and only hover."""
         return self.plan_file.ending.left_of(self.plan_file.plan) if self.plan_file else ""
 
     def by_person(self, verified: Verified) -> Record:
-        """Returns the rewards of people, which take the place of those of faces in a terminal."""
+        """Returns the rewards of people, which replace those of faces in a terminal."""
         verdict = verified.verdict
         if verdict is None or not verdict.face_reward:
             return {}
@@ -319,7 +321,7 @@ class _Claims(NamedTuple):
         return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
 
     def _filmed(self) -> Record:
-        """Returns quality and distances of a plan that can be flown, as `plan` tells them."""
+        """Returns quality and distances of a plan that can be flown, as `plan` reports them."""
         assert self.plan is not None
         found = Quality.of(self.problem, self.plan).summary
         return {
@@ -331,7 +333,7 @@ class _Claims(NamedTuple):
         }
 
     def _made_otherwise(self, verified: Verified) -> Iterator[str]:
-        """Yields which files were made with another version of coverage, in words."""
+        """Yields which files were made with another version of coverage."""
         if self.plan_file and (words := other_coverage(self.plan_file.coverage_version)):
             yield f"the plan: {words}"
         if words := verified.other_coverage:
@@ -340,7 +342,7 @@ class _Claims(NamedTuple):
             yield words
 
     def answer(self, verified: Verified) -> Record:
-        """Returns the record of its findings that `verify` prints."""
+        """Returns the record of findings that `verify` prints."""
         found: Record = {
             "valid": not verified.violations, "violations": [*verified.violations], **self.about
         }  # fmt: skip

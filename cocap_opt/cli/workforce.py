@@ -1,4 +1,6 @@
-"""The options of sweeps that say who computes: this process, several, or those of a scheduler."""
+"""The options of sweeps that choose where to compute: in this process, in several, or on a
+scheduler.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -14,7 +16,7 @@ from cocap_opt.run.options import Option, UsageError
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Workforce:
-    """The options that say who computes."""
+    """The options that choose the workers."""
 
     workers: Workers = None
     scheduler: Annotated[
@@ -35,14 +37,16 @@ class Workforce:
     def hired(self, settings: Settings) -> Hired:
         """Returns the workers that the options name."""
         if self.workers is not None and self.scheduler is not None:
-            raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
+            raise UsageError(
+                "--workers: a scheduler has its own workers; omit one of the two options"
+            )
         Option("--workers").require_cores(self.workers)
         limit = self.cell_limit
         if limit is not None and not limit > 0:
             raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {limit}")
         if limit is not None and not self.is_elsewhere:
             raise UsageError(
-                "--cell-limit: is for --workers or --scheduler; this process has no limit"
+                "--cell-limit: requires --workers or --scheduler; this process has no limit"
             )
         return Hired(self.workers, self.scheduler, limit or settings.cell_limit)
 

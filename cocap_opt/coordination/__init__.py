@@ -1,4 +1,4 @@
-"""Relations between robots: teams, best responses to them, and searches made of these."""
+"""Coordination of robots: teams, best responses, and searches that use them."""
 
 __all__ = [
     "best_response",

@@ -1,6 +1,6 @@
-"""Best responses: one robot's best path given what the others see, and what a plan gains by it.
+"""Best responses: one robot's best path given what the others see, and the plan's gain by it.
 
-What a robot must keep clear of, other robots' paths or one conflict, are charges on its graph.
+Other robots' paths, or a conflict, that a robot must avoid are charges on its graph.
 """
 
 from collections.abc import Iterable
@@ -21,11 +21,11 @@ from cocap_opt.stop import Stop, never
 def avoid_paths(
     model: Model, robot_class: RobotClass, others: Iterable[tuple[Cell, ...]]
 ) -> Charges:
-    """Returns charges that close all places and moves in conflict with other robots' paths.
+    """Returns charges that close all places and moves that conflict with other robots' paths.
 
     Parameters
     ----------
-    others : the T+1 cells of each of them
+    others : the T+1 cells of each other robot's path
     """
     if model.problem.rules.none:
         return NO_CHARGES
@@ -38,11 +38,12 @@ def avoid_paths(
 
 
 def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Charges:
-    """Returns the charges `before` plus those that keep a robot out of a conflict.
+    """Returns the charges `before` plus charges that keep a robot out of a conflict.
 
-    Under a separation not both robots may be near the point in the middle between them: the one
-    that gives way keeps half the separation from it, at the step or at the moment between two
-    when they are nearest. Any two that do not are too close, so that no plan is lost in both.
+    Under a separation rule, two robots cannot both be near the midpoint between them: the one that
+    gives way keeps half the separation from it, at the step or at the moment of closest approach
+    between two steps. Two robots that are both closer than that are too close to each other, so
+    every valid plan satisfies one of the two constraints.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
     Raises
     ------
     ValueError
-        If the robot cannot be where the conflict says that it is.
+        If the robot cannot be in the place that the conflict gives.
     """
     robot_class = model.class_of[conflict.robots[which]]
     if isinstance(conflict, VertexConflict):
@@ -61,7 +62,7 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
     places = [model.places.place_of(robot_class, cell) for cell in cells]
     closed = [place for place in places if place is not None]
     if len(closed) < len(places):
-        raise ValueError("the conflict is not one of this drone")
+        raise ValueError("the conflict does not involve this drone")
     if isinstance(conflict, VertexConflict):
         near = _near_middle(model, robot_class, conflict)
         new = Charges.closing(_at(conflict.t, np.append(near, closed)[:, None]), _NOTHING)
@@ -73,7 +74,7 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
 
 
 def _near_middle(model: Model, robot_class: RobotClass, conflict: VertexConflict) -> IntArray:
-    """Returns the places [n] of a class near the point in the middle between two robots."""
+    """Returns the places [n] of a class near the midpoint between two robots."""
     rules, graph = model.problem.rules, robot_class.graph
     first, second = model.problem.positions(conflict.cells)
     if not rules.near_point((second - first) / 2):
@@ -86,7 +87,9 @@ def _near_middle(model: Model, robot_class: RobotClass, conflict: VertexConflict
 def _passing_middle(
     model: Model, robot_class: RobotClass, conflict: SwapConflict | PassConflict
 ) -> IntArray:
-    """Returns the moves [n, 2] of a class that pass where and when two robots are nearest."""
+    """Returns the moves [n, 2] of a class that pass near the place and moment of closest
+    approach.
+    """
     rules = model.problem.rules
     tails, heads = (model.problem.positions(cells) for cells in zip(*conflict.moves, strict=True))
     meeting = rules.meeting(tails, heads)
@@ -99,7 +102,7 @@ _NOTHING = np.zeros((0, 3), dtype=np.int64)
 
 
 def _at(t: int, closed: IntArray) -> IntArray:
-    """Returns the places or moves [n, k] closed at a step as keys of charges [n, k + 1]."""
+    """Returns closed places or moves [n, k] of a step as keys of charges [n, k + 1]."""
     return np.column_stack([np.full(len(closed), t), closed])
 
 
@@ -110,25 +113,25 @@ def best_response(
     charges: Charges = NO_CHARGES,
     stop: Stop = never,
 ) -> Path | None:
-    """Returns a robot's path of the largest marginal gain; None where the charges leave none.
+    """Returns a robot's path of largest marginal gain; None if the charges leave no path.
 
     One backward sweep over all states of the time-expanded graph, then the path is read off
-    forward. It is exact and needs the coverage of every reachable state.
+    forward. It is exact; the coverage of every reachable state must be available.
 
     Parameters
     ----------
-    pixels : [Z] px/m2 that the other robots have in every view sum
+    pixels : [Z] px/m2 that the other robots have of every view sum
     charges : costs of places, moves and states; infinite where the robot must not go
     stop : stopping criterion, checked at every step
 
     Raises
     ------
     LimitReached
-        If a limit is reached before the path is there.
+        If a limit is reached before the path is found.
     """
     robot_class, bonuses = model.class_of[robot], Bonuses.of(model.problem.objective)
     graph, reward = robot_class.graph, marginal_reward(model, robot_class, pixels)
-    # Another array of that size would take as long to make as the sweep itself.
+    # Allocating another array of that size would take as long as the sweep itself.
     in_place = (reward, len(reward) - 1)
     value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal, stop, in_place)
     path = best_path(graph, value, model.starts(robot), bonuses, charges)
@@ -136,23 +139,23 @@ def best_response(
 
 
 class Replan(NamedTuple):
-    """One robot's best path past all others, which keep theirs."""
+    """One robot's best path given all others, which keep their paths."""
 
     robot: int
-    gain: float  # of J
+    gain: float  # gain of J
     plan: Plan
 
 
 def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
-    """Returns for each robot the best change of its path alone that obeys the rules, and its gain.
+    """Returns, for each robot, the best change of its path alone that obeys the rules, and its
+    gain.
 
-    A robot that no path leads past the others is left out. The gain, in units of J, is below 0
-    where the robot gives up a conflict for it. Where pixels add up over time, the path is not
-    always the best.
+    Robots that have no such path are left out. The gain, in units of J, is negative if the new path
+    sacrifices J to resolve a conflict. If pixels add up over time, the path is not always the best.
 
     Parameters
     ----------
-    plan : one that can be flown
+    plan : a plan that can be flown
     stop : stopping criterion, checked now and then
 
     Raises

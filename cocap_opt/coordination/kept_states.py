@@ -1,9 +1,9 @@
-"""The states that are worth a look: some at each step, found as in beam search.
+"""Selects promising states: some at each step, as in beam search.
 
-Nearly all states of a robot stay out of question whatever the others do. Of those that the states
-kept at one step lead to, those are kept through which the best paths lead. What is ahead of a state
-is known exactly, by value iteration with nobody in the way. States restricted to so many a step are
-a restricted decision diagram (Bergman, Cire, van Hoeve and Hooker 2016).
+Nearly all states of a robot are irrelevant whatever the others do. Of the states that can be
+reached from those kept at one step, the ones on the best paths are kept. The value-to-go of a state
+is known exactly, by value iteration with nobody in the way. A graph with a limited number of states
+per step is a restricted decision diagram (Bergman, Cire, van Hoeve and Hooker 2016).
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,24 +21,25 @@ from cocap_opt.stop import Stop
 
 
 class Layer(NamedTuple):
-    """The n states kept at one step, and the m edges to them from those of the step before."""
+    """The n states kept at one step, and the m edges to them from the states of the step before."""
 
     states: IntArray  # [n] increasing
-    before: FloatArray  # [k, n] best rewards of the steps before, of each kind of worth
+    before: FloatArray  # [k, n] best rewards of the steps before, for each kind of worth
     tails: IntArray  # [m] positions among the states of the step before, increasing
-    heads: IntArray  # [m] positions among `states`; of one tail the calmest edge comes first
+    heads: IntArray  # [m] positions among `states`; for each tail, the calmest edge first
     rewards: FloatArray  # [m] of the edges themselves
 
 
-Worth = tuple[FloatArray, FloatArray]  # [T+1, S] each: rewards of states, and with what is ahead
+# [T+1, S] each: rewards of states, and rewards including the value-to-go
+Worth = tuple[FloatArray, FloatArray]
 
 
 def worth_of(model: Model, robot_class: RobotClass, reward: FloatArray, stop: Stop) -> Worth:
-    """Returns the worth of a class's states with nobody in the way; raises LimitReached.
+    """Returns the worth of a class's states if nobody is in the way; raises LimitReached.
 
     Parameters
     ----------
-    reward : [T+1, S] of the states
+    reward : [T+1, S] rewards of the states
     """
     bonuses, goal = Bonuses.of(model.problem.objective), robot_class.goal
     return reward, backward_sweep(robot_class.graph, reward, bonuses, goal=goal, stop=stop)
@@ -51,14 +52,14 @@ def worths_of(model: Model, rewards: Sequence[FloatArray], stop: Stop) -> list[W
 
 
 class Beam:
-    """Finds the states that are kept, step by step.
+    """Selects the states to keep, step by step.
 
     Parameters
     ----------
-    width : states that are kept at a step at most, beside the one on the robot's path in `team`,
-        as many by each kind of worth
-    worth : of the states of its class, k kinds of it
-    known : [T+1, S] states that are kept wherever they are reached
+    width : largest number of states kept at a step, in addition to the one on the robot's path in
+        `team`; an equal number by each kind of worth
+    worth : k kinds of worth of the states of the robot's class
+    known : [T+1, S] True for states that are always kept if they are reached
     """
 
     def __init__(
@@ -75,7 +76,8 @@ class Beam:
         self._bonuses = Bonuses.of(team.model.problem.objective)
         lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
         self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
-        self._position = np.empty(self._graph.n_states, dtype=np.int64)  # of `_numbered` states
+        # position of each state that `_numbered` has found
+        self._position = np.empty(self._graph.n_states, dtype=np.int64)
 
     def layers(self) -> Iterator[Layer]:
         """Yields the layers of all steps."""
@@ -86,7 +88,7 @@ class Beam:
             yield layer
 
     def _first(self) -> Layer:
-        """Returns the layer of step 0: the best starts, and that of the robot's path."""
+        """Returns the layer of step 0: the best starts, and the start of the robot's path."""
         states, nothing = self._numbered(self._starts), np.zeros(0, dtype=np.int64)
         kept = states == self._path[0]
         if self._known is not None:
@@ -97,7 +99,7 @@ class Beam:
         return Layer(states[kept], before, nothing, nothing, np.zeros(0))
 
     def _after(self, t: int, layer: Layer) -> Layer:
-        """Returns the layer after that of step t."""
+        """Returns the layer that follows the layer of step t."""
         tails, heads = self._edges(t, layer.states)
         rewards = np.zeros(len(heads))
         if not self._bonuses.none:
@@ -117,7 +119,7 @@ class Beam:
         )
 
     def _edges(self, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns all edges from states at t: positions of the tails, and states at t+1."""
+        """Returns all edges from states at t: positions of their tails, and states at t+1."""
         orientation, place = np.divmod(states, self._graph.n_places)
         places = self._graph.heads_at(t, place)[self._moves].T[:, :, None]  # [n, K, 1]
         turned = self._turns[orientation][:, None, :]  # [n, 1, turns]
@@ -125,7 +127,7 @@ class Beam:
         return np.nonzero(there)[0], (turned * self._graph.n_places + places)[there]
 
     def _numbered(self, states: IntArray) -> IntArray:
-        """Returns which states there are, increasing, and takes down their positions."""
+        """Returns the distinct states, increasing, and stores their positions."""
         numbers = np.arange(len(states))
         self._position[states] = numbers
         found = np.sort(states[self._position[states] == numbers])
@@ -133,7 +135,9 @@ class Beam:
         return found
 
     def _kept(self, t: int, states: IntArray, through: FloatArray) -> BoolArray:
-        """Returns those of one kind that are kept at t, by the best path's value through each."""
+        """Returns the states kept at t by one kind of worth: those with the best paths through
+        them.
+        """
         kept = through > CLOSED
         if np.count_nonzero(kept) > self._width:
             kept[np.argsort(-through, kind="stable")[self._width :]] = False
@@ -142,7 +146,9 @@ class Beam:
 
 
 def _turns(graph: TimeGraph) -> IntArray:
-    """Returns the orientations that one step can turn to [O, n], smallest turn first, then -1."""
+    """Returns the orientations to which one step can turn [O, n], smallest turn first, padded with
+    -1.
+    """
     headings, pitches = graph.shape[:2]
     turns = np.full((graph.n_orientations, max(map(len, graph.turns))), -1)
     for tail, heads in enumerate(graph.turns):
@@ -154,7 +160,7 @@ def _turns(graph: TimeGraph) -> IntArray:
 
 
 def without_dead_ends(layers: list[Layer]) -> list[Layer]:
-    """Returns layers in which all states but the last ones have a way on."""
+    """Returns layers in which every state before the last step has a successor."""
     result = [layers[-1]]
     for layer in reversed(layers[:-1]):
         after, goes_on = result.pop(), np.zeros(len(layer.states), dtype=np.bool_)

@@ -1,8 +1,8 @@
-"""Low levels: planners of one robot against what the others see and occupy.
+"""Low levels: planners for one robot, given what the others see and occupy.
 
-A low level is complete: it finds a path wherever there is one. That is what lets CoCap call an
-exhausted constraint tree a proof. A lazy one, whose attribute `is_lazy` is true, evaluates only the
-views that it touches; the others need the coverage of all states before.
+A low level is complete: it finds a path whenever one exists. Because of this, an exhausted
+constraint tree of CoCap is a proof. A lazy low level, with the attribute `is_lazy` True, evaluates
+only the views that it needs; the others need the coverage of all states in advance.
 """
 
 from collections.abc import Callable
@@ -17,31 +17,32 @@ from cocap_opt.stop import Limit, Stop, never
 
 
 class SingleRobotTask(NamedTuple):
-    """One robot to be planned against what the others see and occupy."""
+    """A task: plan one robot, given what the others see and occupy."""
 
     model: Model
     robot: int
-    pixels: FloatArray  # [Z] px/m2 that the other robots have in every view sum
+    pixels: FloatArray  # [Z] px/m2 that the other robots have of every view sum
     charges: Charges = NO_CHARGES  # infinite where the robot must not go
     stop: Stop = never
 
 
 class SingleRobotPath(NamedTuple):
-    """A robot's path and what it sees along it."""
+    """A robot's path and its view sums."""
 
     path: Path | None  # None: there is no path
     pixels: FloatArray  # [Z] px/m2 along the path
-    evaluated: int  # states whose coverage was needed for the first time
-    limit: Limit | None = None  # that was near when it was found: there may be a better one
+    evaluated: int  # number of states whose coverage was evaluated for the first time
+    # the limit that ended the search early, if any: there may be a better path
+    limit: Limit | None = None
 
     @classmethod
     def of(cls, model: Model, robot: int, path: Path | None) -> Self:
-        """Returns a path for which no state was evaluated; None: there is none."""
+        """Returns a path for which no state was evaluated; None: there is no path."""
         pixels = model.problem.no_pixels() if path is None else model.robot_pixels(robot, path)
         return cls(path, pixels, 0)
 
     def added_to(self, pixels: FloatArray) -> FloatArray:
-        """Returns view sums [Z] and those along this path together."""
+        """Returns view sums [Z] plus those along this path."""
         return pixels + self.pixels
 
 
@@ -53,14 +54,15 @@ LowLevel = Callable[[SingleRobotTask], SingleRobotPath]
 
 
 def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
-    """Find the best path of one robot for its marginal view reward over what the others see.
+    """Finds the best path of one robot for its marginal view reward over what the others see.
 
-    It is exact (`coordination.best_response`) and needs the coverage of every reachable state.
+    The path is exact (`coordination.best_response`); the coverage of every reachable state must be
+    available.
 
     Raises
     ------
     LimitReached
-        If a limit is reached before the path is there.
+        If a limit is reached before the path is found.
     """
     model = task.model
     task.stop.check()

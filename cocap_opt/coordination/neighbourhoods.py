@@ -1,14 +1,14 @@
-"""Large neighbourhood search: teams that are better and better, a few robots changed at a time.
+"""Large neighbourhood search: improves a team by changing a few robots at a time.
 
-A neighbourhood is up to eight robots that see much of the same. One of three things happens to it.
-Two that are near each other exchange what is left of their paths, which changes no views: in a
-queue before a narrow passage they change places, and may then find better ways to them. Or one
-takes the best path that it would have alone in the air, and those in its way are planned anew. Or
-some, chosen at random, are planned anew one by one in a random order, each clear of all others; now
-and then the first of these must leave its former path from a random step on, as in CoCap's tree a
-robot must that gives way: otherwise two robots know two ways to share the work, and no third. If
-the plan is nearly as good as before, the neighbourhood settles in rounds of best responses. What
-does not gain in the end is forgotten.
+A neighbourhood is up to eight robots with similar views. One of three moves is made. (1) Two robots
+that are near each other exchange the rest of their paths, which changes no views: in a queue before
+a narrow passage they change places, and may then find better paths to these places. (2) One robot
+takes the path that would be best if it were alone in the air, and the robots in its way are
+replanned. (3) Some robots, chosen at random, are replanned one by one in random order, each clear
+of all others; sometimes the first of these must leave its former path at a random step, as a robot
+that gives way must in CoCap's tree: otherwise two robots would only find the two ways of sharing
+the work in which one goes first. If the plan is nearly as good as before, the neighbourhood makes
+rounds of best responses. Moves that gain nothing in the end are undone.
 
 Source: Shaw 1998; for paths of many robots MAPF-LNS, Li et al. 2021.
 """
@@ -22,13 +22,13 @@ from cocap_opt.coordination.responses import Responses, in_rounds
 from cocap_opt.data import IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 
-# Measured on passage, seeds 40 to 51, five random seeds each: J is 0.04 % higher with
-# _EXCHANGING = 0.3 than with none. The others make less difference than random seeds do.
-LARGEST = 8  # robots of a neighbourhood, which `_neighbours` chooses where there are more
-_EXCHANGING = 0.3  # share of the neighbourhoods in which two robots go on along each other's paths
+# Measured on scene `passage`, seeds 40 to 51, five random seeds each: J is 0.04 % higher with
+# _EXCHANGING = 0.3 than with 0. The other parameters matter less than random seeds do.
+LARGEST = 8  # robots of a neighbourhood; `_neighbours` selects them if there are more
+_EXCHANGING = 0.3  # share of neighbourhoods in which two robots exchange the rest of their paths
 _GIVING_WAY = 0.4  # share of the others in which one robot flies as if it were alone
-_DEVIATING = 0.3  # share of those left whose first robot must leave its former path
-_PROMISING = 0.005  # relative loss up to which a neighbourhood is worth settling
+_DEVIATING = 0.3  # share of the remaining ones in which the first robot must leave its former path
+_PROMISING = 0.005  # relative loss up to which best responses in a neighbourhood are worthwhile
 
 
 def neighbourhood_search(
@@ -38,10 +38,11 @@ def neighbourhood_search(
 
     Parameters
     ----------
-    team : whole, and obeys the rules
-    asked : once `responses` was asked for this many paths, no other neighbourhood is begun
+    team : a whole team that obeys the rules
+    asked : number of paths requested from `responses` after which no further neighbourhood is
+        started
     """
-    # A neighbourhood whose responses are all remembered asks for none: tries are counted, too.
+    # A neighbourhood whose responses are all cached requests no paths, so tries are counted, too.
     tries = asked - responses.asked
     while responses.asked < asked and tries > 0 and team.size > 1:
         tries -= 1
@@ -65,7 +66,9 @@ def neighbourhood_search(
 
 
 def _neighbours(team: PlannedTeam, robot: int) -> IntArray:
-    """Returns a robot and those that see most of what it sees [n]; all where they are few."""
+    """Returns a robot and those whose views overlap most with its own [n]; all robots if there are
+    few.
+    """
     if team.size <= LARGEST:
         return np.arange(team.size)
     roots = np.sqrt([single.pixels for single in team.found if single is not None])
@@ -77,9 +80,10 @@ def _neighbours(team: PlannedTeam, robot: int) -> IntArray:
 def _exchanged(
     team: PlannedTeam, neighbours: IntArray, rng: np.random.Generator
 ) -> PlannedTeam | None:
-    """Returns the team in which two of the neighbours go on along each other's paths.
+    """Returns the team in which two of the neighbours exchange the rest of their paths.
 
-    None where they cannot: they must move and see alike, and be near each other at some step.
+    Returns None if no two can: they must have the same motion and cameras, and be near each other
+    at some step.
     """
     first, second = rng.permutation(neighbours)[:2].tolist()
     conflict = team.model.problem.paths_conflict
@@ -97,7 +101,7 @@ def _exchanged(
 
 
 def _crossings(team: PlannedTeam, first: int, second: int) -> IntArray:
-    """Returns the first steps at which two robots can have each other's states."""
+    """Returns the first steps from which two robots can have each other's states."""
     robot_class = team.model.class_of[first]
     if robot_class is not team.model.class_of[second]:
         return np.zeros(0, dtype=np.int64)
@@ -114,9 +118,9 @@ def _crossings(team: PlannedTeam, first: int, second: int) -> IntArray:
 def _with_its_way(
     team: PlannedTeam, robot: int, responses: Responses, rng: np.random.Generator
 ) -> PlannedTeam | None:
-    """Returns the team in which a robot has its best path, and those in its way others.
+    """Returns the team in which a robot has its best path, and the robots in its way are replanned.
 
-    None where it has that path already, or leaves the others no way.
+    Returns None if it already has that path, or leaves the others no path.
     """
     single = responses.best(team, robot, rules=False)
     if single.path is None:
@@ -132,7 +136,7 @@ def _with_its_way(
 def _some_anew(
     team: PlannedTeam, neighbours: IntArray, responses: Responses, rng: np.random.Generator
 ) -> PlannedTeam | None:
-    """Returns the team with some of the neighbours planned anew; None where no way is left."""
+    """Returns the team with some of the neighbours replanned; None if one has no path left."""
     first, *others = rng.permutation(neighbours)[: rng.integers(2, len(neighbours) + 1)].tolist()
     left = team.without((first, *others))
     if rng.random() >= _DEVIATING:
@@ -143,7 +147,7 @@ def _some_anew(
 
 
 def _anew(team: PlannedTeam, robots: list[int], responses: Responses) -> PlannedTeam | None:
-    """Returns the team with these robots planned in order; None where no way is left."""
+    """Returns the team with the given robots replanned in order; None if one has no path left."""
     for robot in robots:
         single = responses.best(team, robot)
         if single.path is None:
@@ -155,7 +159,7 @@ def _anew(team: PlannedTeam, robots: list[int], responses: Responses) -> Planned
 def _leaving(team: PlannedTeam, robot: int, rng: np.random.Generator) -> Charges:
     """Returns charges that close the places of a robot's path from a random step on."""
     robot_class, path = team.model.class_of[robot], np.array(team.path(robot), dtype=np.int64)
-    end = len(path) - (robot_class.goal is not None)  # the goal stays open
+    end = len(path) - (robot_class.goal is not None)  # the goal remains open
     if end < 2:
         return NO_CHARGES
     steps = np.arange(rng.integers(1, end), end)

@@ -1,7 +1,7 @@
-"""A best response over few states, compiled; tests hold it to NumPy's to the last bit.
+"""A compiled best response over few states; tests check that it equals NumPy's to the last bit.
 
-Reading the edges from memory is most of the time: a number of four bytes for each, unless moves are
-rewarded or charged. Only imported where numba is.
+Most of the time is spent on reading the edges from memory: four bytes per edge, unless moves are
+rewarded or charged. Imported only if numba is installed.
 """
 
 from functools import partial
@@ -13,18 +13,19 @@ from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.returns import return_of
 
-# Nothing is allocated in here, and so no references are counted.
+# Nothing is allocated here, so references need not be counted.
 _compiled = partial(compiled, nogil=True, error_model="numpy", _nrt=False)
 _inlined = partial(_compiled, kept=False, forceinline=True)
 _return_of = _inlined(return_of)
-_Numbers = NDArray[np.uint32]  # of nodes, or of view sums; never negative, which is not asked then
+# numbers of nodes or view sums; unsigned, so that no check for negative indices is compiled
+_Numbers = NDArray[np.uint32]
 
 
 @_inlined
 def _along(
     value: FloatArray, heads: _Numbers, rewards: FloatArray, charges: FloatArray, edge: int
 ) -> float:
-    """The value of taking an edge that may be rewarded or charged."""
+    """Returns the value of an edge that may be rewarded or charged."""
     reward = rewards[edge] if len(rewards) else 0.0
     worth: float = value[heads[edge]] + (reward - charges[edge])
     return worth
@@ -41,16 +42,16 @@ def best_nodes(
 
     Parameters
     ----------
-    first_entry : [N+1] of each node
-    view_sums, pixels : [E] of each entry
-    seen, before, weights, n_roots, caps : [Z] px/m2 that others see, what that is worth, and the
-        weights and returns of view sums
-    first_edge : [N+1] of each node
-    heads, rewards, charges : [M] of each edge; no rewards where all are 0
-    is_charged : [N] whether a node has edges that are charged
-    cost : [N] of nodes
+    first_entry : [N+1] first entry of each node
+    view_sums, pixels : [E] view sum and pixels of each entry
+    seen, before, weights, n_roots, caps : [Z] px/m2 that others see, their worth, and the weights
+        and returns of view sums
+    first_edge : [N+1] first edge of each node
+    heads, rewards, charges : [M] of each edge; rewards are empty if all are 0
+    is_charged : [N] True if a node has charged edges
+    cost : [N] cost of each node
     starts, last : number of nodes of the first step, and the first node of the last one
-    value, path : [N] and [T+1] are written: the values of nodes, and the nodes of the best path
+    value, path : [N] and [T+1], outputs: the values of nodes, and the nodes of the best path
     """
     for node in range(len(cost) - 1, -1, -1):
         worth = 0.0
@@ -88,7 +89,7 @@ def best_nodes(
 
 
 def call_once() -> None:
-    """Calls the kernel for one node, so that it is loaded, or compiled and kept."""
+    """Calls the kernel for one node, so that it is loaded, or compiled and stored."""
     first, numbers = np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.uint32)
     none, zero = np.zeros(0), np.zeros(1)
     views = first, numbers, none, none, none, none, 0, none

@@ -1,7 +1,7 @@
-"""Best responses: a robot of a team is planned for what it adds to what the others see.
+"""Best responses: plans one robot of a team for its marginal gain over what the others see.
 
-All planners that plan one robot after the other are made of these: `one_by_one` plans those that
-are not planned yet, `in_rounds` plans each again against all others until nobody gains.
+All planners that plan one robot after another use these functions: `one_by_one` plans the robots
+that have no path yet, `in_rounds` replans each robot against all others until nobody gains.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,18 +13,18 @@ from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop
 
-# Yields a team as it is planned, step by step, with the responses that it asks for.
+# Yields a team as it is planned, step by step, using responses.
 Planning = Callable[[PlannedTeam, "Responses"], Iterator[PlannedTeam]]
 
 
 class Responses:
-    """Finds the best path of one robot against its team, and remembers it.
+    """Finds and caches the best path of one robot given its team.
 
     Attributes
     ----------
-    asked : number of paths that the low level was asked for
-    evaluated : states whose coverage it needed
-    limit : that was near when a path was chosen by few views; None if none was
+    asked : number of paths requested from the low level
+    evaluated : number of states whose coverage was evaluated
+    limit : the limit because of which a path was chosen after few evaluated views, if any
     """
 
     def __init__(self, low_level: LowLevel, stop: Stop) -> None:
@@ -34,20 +34,20 @@ class Responses:
         self.limit: Limit | None = None
 
     def nobody(self, problem: Problem) -> PlannedTeam:
-        """Returns a team without any planned robot, with the coverage that the low level needs.
+        """Returns a team in which no robot is planned, with the coverage that the low level needs.
 
-        If a limit ends coverage early, the robots are planned with what there is
+        If a limit ends coverage early, the robots are planned with the available coverage
         (`Model.covered_by`).
         """
         model, is_lazy = compiled(problem), getattr(self._low_level, "is_lazy", False)
         return PlannedTeam.nobody(model if is_lazy else model.covered_by(self._stop))
 
     def best(self, team: PlannedTeam, robot: int, rules: bool = True) -> SingleRobotPath:
-        """Returns a robot's best path against all others that are planned.
+        """Returns a robot's best path given all other planned robots.
 
         Parameters
         ----------
-        rules : it keeps clear of the others' paths; if False, collisions are ignored
+        rules : True: keep clear of the others' paths; False: ignore collisions
 
         Raises
         ------
@@ -62,7 +62,7 @@ class Responses:
         return self._known[task]
 
     def charged(self, team: PlannedTeam, robot: int, charges: Charges) -> SingleRobotPath:
-        """Returns a robot's best path under charges, be it clear of the others or not.
+        """Returns a robot's best path under charges, whether or not it is clear of the others.
 
         Raises
         ------
@@ -80,13 +80,14 @@ class Responses:
 def one_by_one(
     team: PlannedTeam, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
 ) -> Iterator[PlannedTeam]:
-    """Yields the team after each robot is planned, until all are or one has no path left.
+    """Yields the team after each robot is planned, until all are planned or one has no path left.
 
-    Under the rules each keeps clear of those before it, and of the starts of those after it.
+    Under the rules, each robot keeps clear of the robots before it, and of the starts of those
+    after it.
 
     Parameters
     ----------
-    order : of the robots to be planned; if None, those that are not planned yet, by number
+    order : robots to plan, in order; None: those that are not planned yet, by number
     """
     todo = [i for i, single in enumerate(team.found) if not single] if order is None else [*order]
     for n, robot in enumerate(todo):
@@ -101,14 +102,14 @@ def one_by_one(
 def in_rounds(
     team: PlannedTeam, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
 ) -> Iterator[PlannedTeam]:
-    """Yields the team after each best response that gains, until no robot has one.
+    """Yields the team after each best response that gains, until no robot can gain.
 
     Parameters
     ----------
-    order : of the robots that respond, again and again; all by number if None
+    order : robots that respond in turn; None: all, by number
     """
     robots = list(range(team.size)) if order is None else list(order)
-    quiet = 0  # robots in a row that could gain nothing
+    quiet = 0  # number of consecutive robots that could not gain
     for robot in cycle(robots):
         if quiet == len(robots):
             return
@@ -132,17 +133,17 @@ def then_in_rounds(
 
 
 def greedily(nobody: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
-    """Yields the team after each robot is planned, collisions ignored."""
+    """Yields the team after each robot is planned, ignoring collisions."""
     return one_by_one(nobody, responses, rules=False)
 
 
 def greedily_in_rounds(nobody: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
-    """Yields the team as `then_in_rounds` does, collisions ignored."""
+    """Yields the team as `then_in_rounds` does, ignoring collisions."""
     return then_in_rounds(nobody, responses, rules=False)
 
 
 def followed(team: PlannedTeam, changes: Iterator[PlannedTeam]) -> tuple[PlannedTeam, Limit | None]:
-    """Returns the last of a team's changes, and the limit that has stopped them, if one has."""
+    """Returns the last of a team's changes, and the limit that stopped them, if any."""
     try:
         for changed in changes:
             team = changed

@@ -1,11 +1,11 @@
-"""Value iteration over few states of each robot, for search near a plan.
+"""Value iteration over few states of each robot, for searching near a plan.
 
-With the states that are worth a look (`kept_states`) and the edges between them in arrays, a best
-response takes a seventh of the time of one over all states on a small map, and no longer on a large
-one; compiled (`response_kernel`), a fraction of that. It may miss the best path, which a best
-response over all states then finds. Half of the states are the best if all others keep their paths,
-half if the robot were alone: others will change theirs. Or all of them are the best at some prices,
-which know what others can see.
+With only the promising states (`kept_states`) and the edges between them in arrays, a best response
+takes a seventh of the time of one over all states on a small map, and does not slow down on a large
+map; compiled (`response_kernel`), it takes a fraction of that. It may miss the best path, which a
+best response over all states then finds. Half of the states are the best if all others keep their
+paths, half are the best if the robot were alone, since others will change their paths.
+Alternatively, all of them are the best at given prices, which account for the other robots' views.
 """
 
 from collections.abc import Sequence
@@ -33,18 +33,18 @@ from cocap_opt.stop import Clock, Stop
 
 KERNEL = Kernel("cocap_opt.coordination.response_kernel", "best responses", compiling=3.0)
 
-# States of a robot that are kept at a step. Measured on passage and bottleneck-tight, seeds 0 to 9:
-# J is 0.14 and 0.09 % below the optimum with 80, 0.11 and 0.05 % with 120, and 0.12 and 0.07 % with
-# 160 and 42 responses for each robot, which take as long.
+# Number of states of a robot that are kept at a step. Measured on scenes `passage` and
+# `bottleneck-tight`, seeds 0 to 9: J is 0.14 and 0.09 % below the optimum with 80, 0.11 and 0.05 %
+# with 120, and 0.12 and 0.07 % with 160 states and 42 responses per robot, which take as long.
 _WIDTH = 120
 
 
 class RestrictedValueIteration:
-    """A low level that finds the best path over the states that are worth most to a robot.
+    """A low level that finds a robot's best path over its most promising states.
 
     Parameters
     ----------
-    graphs : the states of each robot
+    graphs : the kept states of each robot
     """
 
     def __init__(self, graphs: Sequence["_Graph"]) -> None:
@@ -52,17 +52,19 @@ class RestrictedValueIteration:
 
     @classmethod
     def beside(cls, team: PlannedTeam, stop: Stop, width: int = _WIDTH) -> Self:
-        """Returns that over the states worth most beside the others of a team, and alone.
+        """Returns a low level over the states that are best given the other robots' paths, and best
+        alone.
 
         Parameters
         ----------
-        team : whole
-        width : states that are kept at each step at most, beside those of the path in `team`
+        team : a whole team
+        width : largest number of states kept at each step, in addition to those of the path in
+            `team`
 
         Raises
         ------
         LimitReached
-            If a limit is reached before the states are there.
+            If a limit is reached before the states are found.
         """
         model, nothing, graphs = team.model, team.model.problem.no_pixels(), []
         rewards = [marginal_reward(model, robot_class, nothing) for robot_class in model.classes]
@@ -86,19 +88,19 @@ class RestrictedValueIteration:
         stop: Stop,
         width: int,
     ) -> Self:
-        """Returns that over the states worth most by rewards of each class.
+        """Returns a low level over the states that are best by given rewards.
 
         Parameters
         ----------
-        team : whole
-        rewards : [T+1, S] of the states of each class
-        known : [T+1, S] of each class, the states that are kept wherever they are reached
-        width : states that are kept at each step at most, beside those
+        team : a whole team
+        rewards : rewards [T+1, S] of the states of each class
+        known : [T+1, S] for each class, True for states that are always kept if they are reached
+        width : largest number of other states kept at each step
 
         Raises
         ------
         LimitReached
-            If a limit is reached before the states are there.
+            If a limit is reached before the states are found.
         """
         model, graphs = team.model, []
         worths = worths_of(model, rewards, stop)
@@ -110,7 +112,7 @@ class RestrictedValueIteration:
         return cls(graphs)
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Plan a task.
+        """Plans a task.
 
         Raises
         ------
@@ -123,10 +125,11 @@ class RestrictedValueIteration:
 
 
 class _Keys:
-    """Keys of the N nodes, several of which may share one."""
+    """Keys of the N nodes; several nodes may share a key."""
 
     def __init__(self, keys: IntArray) -> None:
-        self._keys, self.of = np.unique(keys, return_inverse=True)  # [U], [N] positions among them
+        # [U] distinct keys, [N] each node's position among them
+        self._keys, self.of = np.unique(keys, return_inverse=True)
         self._by_key = np.argsort(self.of, kind="stable")
         self._first = self.of[self._by_key].searchsorted(np.arange(len(self._keys) + 1))
 
@@ -134,24 +137,26 @@ class _Keys:
         return len(self._keys)
 
     def found(self, keys: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns which of some keys are among those of nodes, and at which positions."""
+        """Returns which of some keys occur among those of the nodes, and their positions."""
         at = self._keys.searchsorted(keys)
         at[at == len(self._keys)] = 0
         which = np.flatnonzero(self._keys[at] == keys)
         return which, at[which]
 
     def members(self, at: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns the nodes [m] of some keys, by their positions, and the number [m] of the key."""
+        """Returns the nodes [m] with some keys, given by position, and the number [m] of each
+        node's key.
+        """
         sizes = self._first[at + 1] - self._first[at]
         return self._by_key[spans(self._first[at], sizes)], np.repeat(np.arange(len(at)), sizes)
 
 
 class _Graph:
-    """The kept states of a robot at all steps, the N nodes, and the M edges between them."""
+    """The kept states of a robot at all steps (N nodes), and the M edges between them."""
 
     @classmethod
     def of(cls, beam: Beam, model: Model, robot: int) -> Self:
-        """Returns the states that a beam keeps of a robot, but for dead ends."""
+        """Returns the states of a robot that a beam keeps, without dead ends."""
         return cls(model, robot, without_dead_ends(list(beam.layers())))
 
     def __init__(self, model: Model, robot: int, layers: list[Layer]) -> None:
@@ -165,14 +170,14 @@ class _Graph:
         self._place = states % graph.n_places  # [N]
         self._places = _Keys(t * graph.n_places + self._place)
         self._nodes = _Keys(t * graph.n_states + states)
-        self._charges = np.zeros(len(self._heads))  # [M] of moves, 0 between two responses
+        self._charges = np.zeros(len(self._heads))  # [M] charges of moves; 0 between two responses
 
     def _connect(self, layers: list[Layer], first: IntArray) -> None:
         """Numbers the edges.
 
         Parameters
         ----------
-        first : first node of each step, and N
+        first : first node of each step, followed by N
         """
         into = [
             (layer, *ends) for layer, *ends in zip(layers[1:], first[:-2], first[1:-1], strict=True)
@@ -181,12 +186,13 @@ class _Graph:
         self._heads = np.concatenate([layer.heads + head for layer, _, head in into])
         rewards = np.concatenate([layer.rewards for layer, *_ in into])
         self._rewards = rewards if rewards.any() else rewards[:0]
-        self._numbers_of_heads = self._heads.astype(np.uint32)  # less to read
+        # smaller numbers, which take less time to read
+        self._numbers_of_heads = self._heads.astype(np.uint32)
         self._indptr = tails.searchsorted(np.arange(first[-1] + 1))
         self._starts = int(first[1])  # nodes of the first step
         self._last = slice(int(first[-2]), int(first[-1]))  # nodes of the last step
-        # From the last step but one to the first, its nodes and edges; the position [m] of each
-        # edge's head among the nodes of the next step, and [n] of each node's first edge.
+        # From the last step but one to the first: its nodes and edges; the position [m] of each
+        # edge's head among the nodes of the next step; and [n] each node's first edge.
         self._steps: list[tuple[slice, slice, IntArray, IntArray]] = []
         for node, end in reversed([*pairwise(first[:-1].tolist())]):
             indptr = self._indptr[node : end + 1]
@@ -195,7 +201,7 @@ class _Graph:
             self._steps.append((slice(node, end), edges, *ends))
 
     def _look(self, model: Model, robot: int, nodes: IntArray) -> None:
-        """Takes down what nodes see, entry by entry."""
+        """Stores the views of the nodes, entry by entry."""
         table = model.coverage(model.class_of[robot])
         self._seeing, entries = table.entries(nodes)  # the node of each entry, increasing
         self._entries = self._seeing.searchsorted(np.arange(len(nodes) + 1))  # first of each node
@@ -206,11 +212,11 @@ class _Graph:
         self._weights = self._weights_of_all[self._view_sums]
 
     def best_path(self, pixels: FloatArray, charges: Charges) -> Path | None:
-        """Returns the best path; None where the charges leave none.
+        """Returns the best path; None if the charges leave no path.
 
         Parameters
         ----------
-        pixels : [Z] px/m2 that the other robots have in every view sum
+        pixels : [Z] px/m2 that the other robots have of every view sum
         """
         cost, charged = self._cost_of_nodes(charges), self._charge_edges(charges)
         try:
@@ -247,11 +253,12 @@ class _Graph:
         gain = self._returns.gains(pixels, self._view_sums, self._pixels)
         gain *= self._weights
         value = np.bincount(self._seeing, gain, len(cost)) - cost
-        along = np.empty(len(self._heads))  # value of taking each edge
+        along = np.empty(len(self._heads))  # value of each edge
         after, is_rewarded = self._last, len(self._rewards) > 0
         for nodes, edges, heads, tails in self._steps:
             values = along[edges]
-            value[after].take(heads, out=values, mode="clip")  # without a copy, unlike "raise"
+            # mode "clip" avoids a copy, unlike "raise"
+            value[after].take(heads, out=values, mode="clip")
             if is_rewarded or ((edges.start <= charged) & (charged < edges.stop)).any():
                 rewards = self._rewards[edges] if is_rewarded else 0.0
                 values += rewards - self._charges[edges]
@@ -281,7 +288,7 @@ class _Graph:
         return cost
 
     def _charge_edges(self, charges: Charges) -> IntArray:
-        """Charges the edges for their moves; returns those that are charged."""
+        """Charges the edges for their moves; returns the charged edges."""
         _, (charged, costs), _ = charges.parts
         if not len(charged):
             return _NONE
@@ -290,7 +297,7 @@ class _Graph:
         nodes, of_node = self._places.members(at)
         sizes = self._indptr[nodes + 1] - self._indptr[nodes]
         edges = spans(self._indptr[nodes], sizes)
-        of_edge = which[np.repeat(of_node, sizes)]  # of the charges, that of each edge
+        of_edge = which[np.repeat(of_node, sizes)]  # the charge's number for each charged edge
         same = self._place[self._heads[edges]] == heads[of_edge]
         found: IntArray = edges[same]
         np.add.at(self._charges, found, costs[of_edge[same]])

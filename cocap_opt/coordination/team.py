@@ -1,7 +1,7 @@
-"""A plan in progress: the paths of a team as they are found, robot by robot.
+"""A plan in progress: the paths of a team, found robot by robot.
 
-Planners hold the paths that they have so far in it, column generation its best plan. Both compare
-plans by `Team.gains_over`.
+Planners use it for the paths found so far, column generation for its best plan. Both compare plans
+with `Team.gains_over`.
 """
 
 from collections.abc import Collection, Iterable, Iterator
@@ -16,20 +16,20 @@ from cocap_opt.model import Model, Path
 from cocap_opt.objective import objective
 from cocap_opt.problem import Cell, Conflict
 
-# Relative. J is a sum of thousands of roots at most, each of which is right to 1e-16: what is left
-# of that in a difference is no gain, or rounds of best responses may go on with it for ever.
+# Relative. J is a sum of thousands of roots, each accurate to 1e-16: smaller differences do not
+# count as gains, otherwise rounds of best responses might never end.
 _LEAST_GAIN = 1e-12
 
 
 class _FoundPath(Protocol):
-    """A path of one robot and what is seen along it, as a planner or column generation keeps it."""
+    """A path of one robot and its view sums, as a planner or column generation stores it."""
 
     @property
     def path(self) -> Path | None:
-        """State numbers at the steps 0..T; None where the robot has no path."""
+        """State numbers at steps 0..T; None if the robot has no path."""
 
     def added_to(self, pixels: FloatArray) -> FloatArray:
-        """Returns view sums [Z] and those along this path together, as a new array."""
+        """Returns view sums [Z] plus those along this path, as a new array."""
 
 
 P = TypeVar("P", bound=_FoundPath)
@@ -37,11 +37,11 @@ P = TypeVar("P", bound=_FoundPath)
 
 @dataclass(frozen=True)
 class Team(Generic[P]):
-    """Paths found so far and the pixels along them, robot by robot.
+    """Paths found so far and their pixels, robot by robot.
 
     Attributes
     ----------
-    found : [R] a path of each robot; None where it is not planned yet
+    found : [R] the path of each robot; None if it is not planned yet
     """
 
     model: Model
@@ -49,7 +49,7 @@ class Team(Generic[P]):
 
     @classmethod
     def nobody(cls, model: Model) -> Self:
-        """Returns a team without any planned robot."""
+        """Returns a team in which no robot is planned."""
         return cls(model, (None,) * len(model.problem.robots))
 
     @property
@@ -77,7 +77,7 @@ class Team(Generic[P]):
         return self.model.places.cells_along(robot, self.path(robot))
 
     def pixels(self, without: int | None = None) -> FloatArray:
-        """Returns the view sums [Z] of all robots that are planned, or of all but one."""
+        """Returns the view sums [Z] of all planned robots, or of all but one."""
         pixels = self.model.problem.no_pixels()
         for i, single in enumerate(self.found):
             if i != without and single is not None:
@@ -85,11 +85,11 @@ class Team(Generic[P]):
         return pixels
 
     def avoiding(self, robot: int, waiting: Iterable[int] = ()) -> Charges:
-        """Returns charges that keep a robot clear of the paths of all others that are planned.
+        """Returns charges that keep a robot clear of the paths of all other planned robots.
 
         Parameters
         ----------
-        waiting : robots that stay at their first starts all the time, beside those that are planned
+        waiting : further robots, which stay at their first starts all the time
         """
         problem = self.model.problem
         paths = [self.cells(i) for i in range(self.size) if i != robot and self.found[i]]
@@ -109,21 +109,21 @@ class Team(Generic[P]):
 
     @property
     def obeys_the_rules(self) -> bool:
-        """True if the whole team has no conflict."""
+        """True if the whole team has no conflicts."""
         return next(self._conflicts(), None) is None
 
     def _conflicts(self) -> Iterator[Conflict]:
         return self.model.plan(self.paths).conflicts(self.model.problem)
 
     def with_path(self, robot: int, single: P | None) -> Self:
-        """Returns the team with a first or another path for one robot; with None, with no path."""
+        """Returns the team with a new path for one robot; None: with no path."""
         return replace(self, found=(*self.found[:robot], single, *self.found[robot + 1 :]))
 
     def without(self, robots: Collection[int]) -> Self:
-        """Returns the team in which some robots are not planned."""
+        """Returns the team in which the given robots are not planned."""
         found = (None if i in robots else single for i, single in enumerate(self.found))
         return replace(self, found=tuple(found))
 
     def gains_over(self, other: "Team[P]") -> bool:
-        """Returns True if J is greater than another team's by more than rounding."""
+        """Returns True if J exceeds another team's J by more than rounding."""
         return self.value > other.value * (1 + _LEAST_GAIN)

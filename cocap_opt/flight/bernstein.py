@@ -1,8 +1,8 @@
-"""Polynomials over 0..1 by their Bernstein coefficients, between which all of their values lie.
+"""Polynomials over 0..1, given by their Bernstein coefficients, which bound all their values.
 
-That the coefficients bound the values makes proofs of subdivision: a polynomial whose coefficients
-are all positive is positive at every moment, and halves have tighter coefficients than wholes.
-Source: Farouki, "The Bernstein polynomial basis: A centennial retrospective", 2012.
+Since the coefficients bound the values, subdivision gives proofs: a polynomial with only positive
+coefficients is positive at every moment, and halves have tighter coefficients than wholes. Source:
+Farouki, "The Bernstein polynomial basis: A centennial retrospective", 2012.
 """
 
 import math
@@ -13,22 +13,22 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
 
-_DEEPEST = 40  # halvings, after which what is not proved is not believed
-_FINE = 1e-9  # share of a largest value to which it is found
+_DEEPEST = 40  # number of halvings after which a claim that is not proved counts as false
+_FINE = 1e-9  # relative accuracy of a largest value
 
 
 class Peak(NamedTuple):
-    """The largest value that any of several polynomials takes, and its place."""
+    """The largest value of several polynomials, and where it occurs."""
 
-    value: float  # at most so much, at every moment
+    value: float  # an upper bound at every moment
     which: int  # number of the polynomial
     share: float  # 0..1
 
     @classmethod
     def of(cls, coefficients: FloatArray) -> Self:
-        """Returns the peak of polynomials [N, n+1], N > 0, to a billionth.
+        """Returns the peak of polynomials [N, n+1], N > 0, with a relative accuracy of 1e-9.
 
-        The value is a bound that none of them exceeds.
+        The value is an upper bound of all of them.
         """
         index, low, width = np.arange(len(coefficients)), np.zeros(len(coefficients)), 1.0
         peak = cls(-math.inf, 0, 0.0)
@@ -70,7 +70,9 @@ def squared_length(vectors: FloatArray) -> FloatArray:
 
 
 def elevated(coefficients: FloatArray, degree: int) -> FloatArray:
-    """Returns the same polynomials [.., n+1] with the coefficients [.., degree+1] of a degree."""
+    """Returns the coefficients [.., degree+1] of the same polynomials [.., n+1] for a higher
+    degree.
+    """
     return product(coefficients, np.ones(degree - coefficients.shape[-1] + 2))
 
 
@@ -85,7 +87,7 @@ def parted(coefficients: FloatArray, share: float = 0.5) -> tuple[FloatArray, Fl
 
 
 def values(coefficients: FloatArray, shares: FloatArray) -> FloatArray:
-    """Returns the values [n, ..] of polynomials [n, .., d+1], each at a share [n] of its own."""
+    """Returns the values [n, ..] of polynomials [n, .., d+1], each at its own share [n]."""
     degree = coefficients.shape[-1] - 1
     k = np.arange(degree + 1)
     weights = _binomials(degree) * shares[:, None] ** k * (1 - shares[:, None]) ** (degree - k)
@@ -95,13 +97,13 @@ def values(coefficients: FloatArray, shares: FloatArray) -> FloatArray:
 
 
 def ever_positive(conditions: list[FloatArray]) -> BoolArray:
-    """Returns an array [N], true if all of some polynomials are positive at the same moment.
+    """Returns an array [N], True if all polynomials of a group are positive at the same moment.
 
-    Whatever cannot be proved not to be counts as if it were.
+    A group for which the opposite cannot be proved counts as True.
 
     Parameters
     ----------
-    conditions : of each of the polynomials that must be positive together [N, n+1]
+    conditions : coefficients [N, n+1] of each polynomial of the groups
     """
     found = np.zeros(len(conditions[0]), dtype=np.bool_)
     index = np.arange(len(found))

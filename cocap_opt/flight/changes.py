@@ -1,4 +1,4 @@
-"""The robustness of flights, as a table: J, least distances and rules under each change."""
+"""The robustness of flights as a table: J, least distances and rules under each deviation."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -14,24 +14,25 @@ from cocap_opt.problem.takes import told_take
 
 KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
-TIGHT = 1.0  # s; a crew's clock counts whole seconds, so nobody sees that somebody is less late
+TIGHT = 1.0  # s; a crew's clock shows whole seconds, so smaller delays go unnoticed
 MOST_ASIDE = 100.0  # m
-_TOUCH = 1e-6  # cm, less is rounding
+_TOUCH = 1e-6  # cm; smaller values are rounding errors
 
 
 class ChangeRow(NamedTuple):
-    """A change, and what is left of the flight.
+    """A deviation from the plan, and the outcome of the flight.
 
     Attributes
     ----------
-    change : in words
+    change : the deviation in words
     reward : J between the steps, too
-    share : of J of the flight as planned; None if that is 0
-    least_distance : m, between drones; None for one drone
-    people_distance : m, to the middle of anybody, from above; None where the scene asks for none
-    rules : kept, or to whom drones come too close; none where the scene has none between the steps
-    ask_drones, ask_people : m, the distance to ask for, that of the scene and what is missing,
-        rounded up to centimetres; None where none is missing
+    share : share of the J of the flight as planned; None if that is 0
+    least_distance : least distance between drones, m; None for one drone
+    people_distance : least horizontal distance from the middle of a person, m; None if the scene
+        requires none
+    rules : kept, or to whom drones come too close; none if the scene has no rules between the steps
+    ask_drones, ask_people : distance to plan with in m, i.e. that of the scene plus the missing
+        distance, rounded up to centimetres; None if none is missing
     """
 
     change: str
@@ -47,12 +48,12 @@ class ChangeRow(NamedTuple):
     def of(
         cls, flight: Flight, words: str, outcome: Outcome, moves: float, planned: float
     ) -> "ChangeRow":
-        """Returns the row of a change.
+        """Returns the row of a deviation.
 
         Parameters
         ----------
         moves : rewards for moves, a part of J
-        planned : J as planned
+        planned : J of the flight as planned
         """
         problem = flight.flown.problem
         asks = problem.airspace.people_aside > 0
@@ -72,13 +73,13 @@ class ChangeRow(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """Changes of a plan, each of which makes a row.
+    """Deviations from a plan, each of which makes a row.
 
     Attributes
     ----------
-    late : s, by which people are late, and early
-    aside : m, by which people walk to the left of where they would, and to the right
-    lag : s, by which any one drone is late
+    late : time in s by which people are late, and early
+    aside : distance in m by which people are displaced to the left, and to the right
+    lag : time in s by which any one drone is late
     """
 
     late: Sequence[float] = (1.0, 2.0)
@@ -86,12 +87,12 @@ class Changes(NamedTuple):
     lag: Sequence[float] = (0.5, 1.0, 2.0)
 
     def rows(self, flight: Flight) -> list[ChangeRow]:
-        """Returns a row per change, as planned first; of drones that lag it has the worst.
+        """Returns a row per deviation, the flight as planned first; for lagging drones, the worst.
 
         Raises
         ------
         ProblemError
-            If a change is none, or larger than the flight is long; one line.
+            If a deviation is 0, or longer than the flight; the message is one line.
         """
         self._require(flight.flown.seconds)
         robustness, moves = Robustness(flight.flown), flight.verdict.reward_moves
@@ -101,7 +102,9 @@ class Changes(NamedTuple):
         ]
 
     def _outcomes(self, robustness: Robustness, problem: Problem) -> Iterator[tuple[str, Outcome]]:
-        """Yields each change in words, and what is left; another change is another line here."""
+        """Yields each deviation in words, with its outcome; add a line here for another
+        deviation.
+        """
         yield "as planned", robustness.as_planned
         for k, take in enumerate(problem.takes):
             yield told_take(take.name), robustness.with_take(k)
@@ -115,32 +118,32 @@ class Changes(NamedTuple):
             yield f"any drone {lag:g} s late", robustness.with_laggard(lag)
 
     def _require(self, seconds: float) -> None:
-        """Refuses values that are not changes, or too large."""
+        """Rejects values that are not deviations, or are too large."""
         for name, most, unit in (
             ("late", seconds, "s, as long as the flight"), ("aside", MOST_ASIDE, "m"),
             ("lag", seconds, "s, as long as the flight"),
         ):  # fmt: skip
             for value in getattr(self, name):
-                if not 0 < value <= most:  # true for nan, too
+                if not 0 < value <= most:  # True for nan, too
                     raise ProblemError(
                         f"{name}: must be more than 0 and at most {most:g} {unit}, not {value:g}"
                     )
 
 
 def _asked(stated: float, missing: float | None) -> float | None:
-    """Returns the distance (m) to ask for, in place of the stated one; None if none is missing."""
+    """Returns the distance (m) to plan with instead of the stated one; None if none is missing."""
     return None if missing is None else math.ceil(100 * (stated + missing) - _TOUCH) / 100
 
 
 def tolerated_delay(flight: Flight, rules: CollisionRules | None = None) -> float | None:
-    """Returns seconds below which drones may be behind each other.
+    """Returns the delay in s below which drones may lag behind each other.
 
-    They are rounded down to hundredths, and inf where any delay will do. None: there is one drone
-    only, or the scene has no separation.
+    The result is rounded down to hundredths, and inf if delays do not matter. None: there is only
+    one drone, or the scene has no separation.
 
     Parameters
     ----------
-    rules : have a separation, of several drones; None: the scene's own
+    rules : rules with a separation; None: those of the scene
     """
     if rules is None:
         rules = flight.flown.problem.rules
@@ -150,9 +153,10 @@ def tolerated_delay(flight: Flight, rules: CollisionRules | None = None) -> floa
 
 
 def tolerated_delay_of_people(flight: Flight) -> float | None:
-    """Returns seconds below which drones may be ahead of people or behind them, rounded down.
+    """Returns the seconds below which drones may be ahead of people or behind them, rounded down.
 
-    inf: any delay will do. None: there is nobody, or the scene asks for no distance to people.
+    inf: delays do not matter. None: there are no people, or the scene requires no distance from
+    people.
     """
     problem = flight.flown.problem
     if not problem.actors or not problem.airspace.people_aside:
@@ -161,19 +165,19 @@ def tolerated_delay_of_people(flight: Flight) -> float | None:
 
 
 def people_and_delay(flight: Flight, delay: float | None) -> Iterator[Note]:
-    """Yields what late drones, or late people, are to each other.
+    """Yields notes on the delays of drones and people relative to each other.
 
     Parameters
     ----------
-    delay : `tolerated_delay_of_people`
+    delay : result of `tolerated_delay_of_people`
     """
     problem = flight.flown.problem
     if not problem.actors:
         return
     if delay is None:
         yield Note(
-            "the scene requires no distance to people, so how close a late drone comes to them was "
-            "not checked",
+            "the scene requires no distance from people, so how close a late drone comes to "
+            "them was not checked",
             remedy="set people under [airspace] of a recipe to require one",
         )
         return
@@ -182,8 +186,8 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[Note]:
         yield Note(f"{kept} for any delay or lead of drones and people")
     elif delay == 0:
         yield Note(
-            f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "
-            "distance to people"
+            f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a "
+            "larger distance from people"
         )
     else:
         yield Note(
@@ -193,7 +197,7 @@ def people_and_delay(flight: Flight, delay: float | None) -> Iterator[Note]:
 
 
 def tight_timing(flight: Flight) -> Iterator[str]:
-    """Yields the distances that are lost if somebody is late by less than a crew can see."""
+    """Yields warnings about distances that are lost by delays too small for a crew to notice."""
     problem = flight.flown.problem
     for kept, delay, nobody in (
         (f"drones keep the {problem.rules}", tolerated_delay(flight),
@@ -202,12 +206,12 @@ def tight_timing(flight: Flight) -> Iterator[str]:
          "no drone or person is early or late by {} or more"),
     ):  # fmt: skip
         if delay is not None and delay < TIGHT:
-            only = nobody.format(f"{delay:.2f} s") if delay else "all are exactly on time"
+            only = nobody.format(f"{delay:.2f} s") if delay else "everybody is exactly on time"
             yield f"{kept} only if {only}; a crew's clock shows whole seconds only"
 
 
 def written_delay(delay: float | None) -> float | str | None:
-    """Returns a tolerated delay as JSON has it, which knows no infinite numbers."""
+    """Returns a tolerated delay for JSON, which has no infinite numbers."""
     return UNLIMITED if delay is not None and math.isinf(delay) else delay
 
 

@@ -1,15 +1,15 @@
-"""Delays that flights bear: by so much drones, or people, may be late and keep apart.
+"""Delays that flights tolerate: how late drones or people may be without coming too close.
 
-Nothing keeps drones that fly waypoints to a common clock. This finds the least difference between
-two moments at which one drone at the first and another at the second would be too close, over all
-pairs of moments: drones that keep below it keep the separation, whether the delay grows, shrinks or
-stays. A drone hovers before its flight and after it, which adds nothing: who comes too close to it
-then is no later than at the flight's first moment, or its last.
+Drones that fly waypoints have no common clock. This module finds the smallest difference between
+two moments such that one drone at the first moment and another at the second would be too close,
+over all pairs of moments: drones with smaller delays obey the separation, whether the delay grows,
+shrinks or stays the same. A drone hovers before and after its flight, which adds no cases: a
+drone that comes too close to it then is no later than at the flight's first or last moment.
 
-Two pieces of flights and a square of their moments are quartered until nothing is left below a
-difference at which two drones are too close indeed. In a square, planes that part the pieces bound
-the difference from below: on each axis across a plane, a piece is no farther from a line through
-its ends than its Bernstein coefficients are. So the answer is never too large.
+Pairs of pieces of flights, with the square of their moments, are quartered until the smallest
+difference at which two drones are too close is known. In a square, planes that separate the pieces
+bound the difference from below: along each axis across a plane, a piece is no farther from the line
+through its ends than its Bernstein coefficients are. So the result is never too large.
 """
 
 from itertools import product
@@ -22,24 +22,26 @@ from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import CollisionRules
 from cocap_opt.problem.rules import TOLERANCE
 
-FINE = 2e-3  # s, by which an answer may be too small
-_FINEST = 1e-5  # of a piece, and
-_MOST = 500_000  # squares at once, below and above which it may be smaller still
-_HALVES = tuple(product((0, 1), repeat=2))  # of one piece and of the other: a square's quarters
+FINE = 2e-3  # s, by which a result may be too small
+_FINEST = 1e-5  # share of a piece: smallest square
+_MOST = 500_000  # squares at once; with more, the result may be even smaller
+# halves of one piece and of the other: a square's quarters
+_HALVES = tuple(product((0, 1), repeat=2))
 _ENDS = tuple(product((0, -1), repeat=2))
 _ROUNDING = 1e-9  # m
-_SLOW = 1e-4  # m in a piece, which bounds nothing
+_SLOW = 1e-4  # m in a piece; slower pieces give no bound
 
 
 def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
-    """Returns the seconds below which two drones keep a separation, however one is late.
+    """Returns the delay in seconds below which two drones obey a separation, no matter which one is
+    late.
 
-    It is the largest such number, or too small by up to `FINE`, but for flights that nearly touch;
-    inf where no delay matters, 0 where they are too close without any.
+    It is the largest such number, or too small by up to `FINE`, except for flights that nearly
+    touch; inf if delays do not matter, 0 if the drones are too close without a delay.
 
     Parameters
     ----------
-    rules : have a separation
+    rules : rules with a separation
     """
     pieces = flown.pieces[:, :, :3]
     first, second = np.argwhere(~np.eye(len(pieces), dtype=np.bool_)).T
@@ -47,10 +49,11 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
 
 
 def bearable_delay_of_people(flown: Trajectory) -> float:
-    """Returns the seconds below which drones keep away from people, however either is late.
+    """Returns the delay in seconds below which drones keep their distance from people, no matter
+    who is late.
 
-    It is as exact as `bearable_delay`, and inf where the scene asks for no distance to people.
-    People stand before their walks and after them.
+    It is as accurate as `bearable_delay`, and inf if the scene requires no distance from people.
+    People stand still before and after their walks.
     """
     airspace, pieces, most = flown.problem.airspace, flown.pieces[:, :, :3], np.inf
     for actor in flown.problem.actors if airspace.people_aside else ():
@@ -63,12 +66,14 @@ def bearable_delay_of_people(flown: Trajectory) -> float:
 def _bearable(
     left: FloatArray, right: FloatArray, rules: CollisionRules, most: float, piece_seconds: float
 ) -> float:
-    """Returns the seconds by which the first of pairs [n, N, 3, 6] may be late; `most` if more."""
+    """Returns the seconds by which the first of pairs [n, N, 3, 6] may be late, or `most` if it is
+    more.
+    """
     count, fine = left.shape[1], FINE / piece_seconds
     most /= piece_seconds
     for ahead in range(count):
         if ahead - 1 >= most:
-            break  # pieces that begin so far apart are less apart by up to one piece
+            break  # pieces whose beginnings are this far apart may be up to one piece closer
         first = left[:, ahead:].reshape(-1, *left.shape[2:])
         second = right[:, : count - ahead].reshape(first.shape)
         most = _least(first, second, ahead, rules, most, fine)
@@ -78,17 +83,17 @@ def _bearable(
 def _least(
     left: FloatArray, right: FloatArray, ahead: int, rules: CollisionRules, most: float, fine: float
 ) -> float:
-    """Returns the least difference (pieces) between moments at which drones may be too close.
+    """Returns the smallest difference (in pieces) between moments at which drones may be too close.
 
     Parameters
     ----------
     left, right : [n, 3, 6] pieces of flights
-    ahead : pieces by which the first ones begin later; less than 0 no difference counts
-    most : pieces, beyond which nothing matters
-    fine : pieces, by which the answer may be too small
+    ahead : pieces by which the first ones begin later; negative differences do not count
+    most : largest relevant difference, in pieces
+    fine : pieces by which the result may be too small
     """
     apart, width, answer = np.full(len(left), float(ahead)), 1.0, most
-    clash = most + fine  # the least difference at which two are too close, as far as it is known
+    clash = most + fine  # smallest known difference at which two drones are too close
     while len(left):
         least = np.maximum(apart + width * _bound(left, right, rules), 0.0)
         undecided = (least < answer) & (least <= apart + width)
@@ -114,15 +119,15 @@ def _least(
 
 
 def _ways(first: FloatArray, second: FloatArray, ahead: FloatArray) -> FloatArray:
-    """Returns the ways [n, 3] between pieces at shares of them that differ by so much [n]."""
+    """Returns the vectors [n, 3] between pieces, at shares of the pieces that differ by [n]."""
     ahead = np.clip(ahead, -1.0, 1.0)
     return values(second, (1 - ahead) / 2) - values(first, (1 + ahead) / 2)
 
 
 def _bound(first: FloatArray, second: FloatArray, rules: CollisionRules) -> FloatArray:
-    """Returns the least lead [n] of pieces [n, 3, 6] over others at which they may break rules.
+    """Returns the smallest lead [n] of pieces [n, 3, 6] over others at which they may break rules.
 
-    The lead is a difference of shares, -1..1; inf: they surely break none.
+    The lead is a difference of shares, -1..1; inf: they certainly break no rule.
     """
     aside = slice(None, 2 if rules.vertical else None)
     a, b = first[:, aside], second[:, aside]
@@ -142,7 +147,7 @@ def _bound(first: FloatArray, second: FloatArray, rules: CollisionRules) -> Floa
 def _bound_along(
     first: FloatArray, second: FloatArray, normal: FloatArray, separation: float
 ) -> FloatArray:
-    """Returns the same least lead as `_bound`, for a separation (m) along normals [n, d] alone."""
+    """Returns the lead of `_bound` for a separation (m) along normals [n, d] only."""
     p, q = (np.einsum("nd,ndk->nk", normal, piece) for piece in (first, second))
     far = separation - TOLERANCE + _ROUNDING
     shares = np.linspace(0.0, 1.0, p.shape[-1])
@@ -150,8 +155,8 @@ def _bound_along(
     above = (p - p[:, :1] - faster * shares).max(axis=-1)
     below = (q - q[:, :1] - slower * shares).min(axis=-1)
     faster, slower = faster[:, 0], slower[:, 0]
-    # Too close where q - p < far, thus spare < faster (u - v): u and v are the shares, and
-    # faster u - slower v is at most faster (u - v) + the larger of faster - slower and 0.
+    # Too close if q - p < far, thus spare < faster (u - v): u and v are the shares, and faster u -
+    # slower v is at most faster (u - v) + the larger of faster - slower and 0.
     spare = q[:, 0] + below - p[:, 0] - above - far - np.maximum(faster - slower, 0.0)
     found = np.full(len(p), -1.0)
     moves = faster > _SLOW

@@ -1,7 +1,8 @@
-"""Latitudes and longitudes (WGS 84) of points of a scene, through pyproj, imported only here.
+"""Latitudes and longitudes (WGS 84) of points of a scene, computed by pyproj, which only this
+module imports.
 
-An operation that pyproj only guesses (a ballpark transformation), or that is not the best one
-because a grid is not installed, is refused. Heights are not converted.
+Operations that pyproj only guesses (ballpark transformations), or that are not the best because a
+grid is not installed, are rejected. Heights are not converted.
 """
 
 import math
@@ -15,30 +16,30 @@ from cocap_opt.problem import Earth
 from cocap_opt.text import pair
 
 WGS_84 = "EPSG:4326"
-# By which lengths of a projection may differ from those on the ground. Those of surveys do by 0.4 %
-# where they are meant for (UTM 0.04 to 0.1 %, Lambert-93 0.1 to 0.35 %), those of continents by up
-# to 3.5 % (EPSG:3034 at 50 and at 70 degrees); all by `Proj.get_factors` of pyproj 3.7.
+# Largest relative difference between lengths in a projection and on the ground. Survey projections
+# differ by 0.4 % within their area (UTM 0.04 to 0.1 %, Lambert-93 0.1 to 0.35 %), continental ones
+# by up to 3.5 % (EPSG:3034 at 50 and at 70 degrees); all by `Proj.get_factors` of pyproj 3.7.
 STRETCH = 0.02
-_AHEAD = 10.0  # m, so far ahead is the point that shows a direction
-_SHOWN = 60  # letters of a system's name in a message
-_AROUND = 0.01  # degrees around a point, for which pyproj chooses an operation
+_AHEAD = 10.0  # m; distance of the auxiliary point that gives a direction
+_SHOWN = 60  # characters of a system's name in a message
+_AROUND = 0.01  # degrees; area around a point for which pyproj chooses an operation
 
 Place = tuple[float, float]  # latitude and longitude, degrees
 
 
 class Geodesy:
-    """The way from a scene's coordinates to the Earth.
+    """Converts a scene's coordinates to positions on the Earth.
 
     Parameters
     ----------
     earth : the place of the scene
-    point : m, x and y of a point of the scene, around which the conversion is chosen
+    point : x and y of a point of the scene in m; the conversion is chosen for its surroundings
 
     Raises
     ------
     ProblemError
-        If pyproj or a grid that it needs is not installed, or the system is none that is known, or
-        none of true metres that go east and north.
+        If pyproj or a grid that it needs is not installed, or if the system is unknown, or does not
+        have true metres and axes to the east and north.
     """
 
     def __init__(self, earth: Earth, point: tuple[float, float]) -> None:
@@ -54,14 +55,14 @@ class Geodesy:
 
     @staticmethod
     def is_meant_for(crs: str, place: Place) -> bool | None:
-        """Returns True if a place is in the area for which a reference system is made.
+        """Returns True if a place is in the area of use of a reference system.
 
-        None if the system names no area.
+        Returns None if the system names no area.
 
         Raises
         ------
         ProblemError
-            If the system is none that is taken here.
+            If the system is not accepted.
         """
         return _holds(_system(crs).area_of_use, place)
 
@@ -75,7 +76,7 @@ class Geodesy:
     def metres(self, latitude: FloatArray, longitude: FloatArray) -> FloatArray:
         """Returns the points [n, 2] (m) of the scene at latitudes and longitudes [n] (degrees).
 
-        They are not finite where the system is not defined.
+        They are not finite if the system is not defined there.
         """
         east, north = self._to_earth.transform(
             longitude, latitude, direction=self._pyproj.enums.TransformDirection.INVERSE
@@ -86,12 +87,12 @@ class Geodesy:
     def compass(self, x: FloatArray, y: FloatArray, yaw: FloatArray) -> FloatArray:
         """Returns directions [n] in degrees from true north, clockwise, 0..360.
 
-        The grid's north is none; its convergence is in them.
+        They are relative to true north, including the convergence of the grid.
 
         Parameters
         ----------
         x, y : [n] m, points of the scene
-        yaw : [n] rad, from +x, counter-clockwise
+        yaw : [n] angle from +x, counter-clockwise, rad
         """
         latitude, longitude = self.degrees(x, y)
         aside = self.degrees(x + _AHEAD * np.cos(yaw), y + _AHEAD * np.sin(yaw))
@@ -99,13 +100,15 @@ class Geodesy:
         return np.asarray(azimuth) % 360.0
 
     def convergence(self, x: float, y: float) -> float:
-        """Returns the degrees from true north, clockwise, in which +y goes at a point (m)."""
+        """Returns the direction of +y at a point (m), in degrees clockwise from true north."""
         here, there = np.array([x]), np.array([y])
         turned = float(self.compass(here, there, np.array([math.pi / 2]))[0])
         return (turned + 180.0) % 360.0 - 180.0
 
     def lengths(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Returns the metres [n-1] on the ground from each point [n] of the scene to the next."""
+        """Returns the distances [n-1] (m) on the ground between consecutive points [n] of the
+        scene.
+        """
         latitude, longitude = self.degrees(x, y)
         return np.asarray(self._ellipsoid.line_lengths(longitude, latitude))
 
@@ -118,13 +121,13 @@ class Geodesy:
 
     @cached_property
     def name(self) -> str:
-        """Name of the reference system, with its code where it has one."""
+        """Name of the reference system, with its code if it has one."""
         code = self._crs.to_authority()
         return f"{self._crs.name} ({':'.join(code)})" if code else str(self._crs.name)
 
     @property
     def accuracy(self) -> float | None:
-        """Metres by which latitudes and longitudes may be off; None if unknown."""
+        """Possible error in m of latitudes and longitudes; None if unknown."""
         metres = float(self._to_earth.accuracy)
         return metres if metres >= 0 else None
 
@@ -134,7 +137,7 @@ class Geodesy:
         return self._pyproj.Geod(ellps="WGS84")
 
     def _near(self, point: tuple[float, float]) -> Place:
-        """Returns about the latitude and longitude of a point, by the system's own datum."""
+        """Returns the approximate latitude and longitude of a point, by the system's own datum."""
         if self._earth.origin is not None:
             return self._earth.origin
         transformer = self._pyproj.Transformer.from_crs(
@@ -145,7 +148,9 @@ class Geodesy:
         return float(latitude), float(longitude)
 
     def _require_defined(self, longitude: Any, latitude: Any, at: tuple[float, float]) -> None:
-        """Refuses a system that gives a point of the scene, at (m) in it, no place."""
+        """Raises an error if the system is not defined at a point of the scene, given in its
+        coordinates `at` (m).
+        """
         if not (np.isfinite(longitude).all() and np.isfinite(latitude).all()):
             raise FieldError(
                 "crs",
@@ -154,7 +159,7 @@ class Geodesy:
             )
 
     def _best(self, near: Place) -> Any:
-        """Returns the best operation to WGS 84 around a latitude and longitude."""
+        """Returns the best operation to WGS 84 near a latitude and longitude."""
         import warnings
 
         latitude, longitude = near
@@ -162,7 +167,8 @@ class Geodesy:
             longitude - _AROUND, latitude - _AROUND, longitude + _AROUND, latitude + _AROUND
         )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that the best is not there, which is refused below
+            # the warning that the best operation is not available, which is checked below
+            warnings.simplefilter("ignore")
             group = self._pyproj.transformer.TransformerGroup(
                 self._crs, WGS_84, always_xy=True, allow_ballpark=False, area_of_interest=around
             )
@@ -175,14 +181,14 @@ class Geodesy:
         return group.transformers[0]
 
     def _obstacle(self, near: Place, unavailable: list[Any]) -> str:
-        """Says why there is no good operation around a latitude and longitude."""
+        """Returns the reason why there is no good operation near a latitude and longitude."""
         latitude, longitude = near
         if _holds(self._crs.area_of_use, near) is False:
             return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
         grids = sorted(grid.short_name for operation in unavailable[:1] for grid in operation.grids)
         if grids:
             return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
-        return "has a datum whose relation to that is unknown"
+        return "has a datum whose relation to WGS 84 is unknown"
 
     def _from_earth(self, place: Place) -> tuple[float, float]:
         """Returns the coordinates (m) in the system of a latitude and longitude."""
@@ -196,10 +202,12 @@ class Geodesy:
         return east, north
 
     def _require_true(self, latitude: float, longitude: float) -> None:
-        """Refuses a projection whose metres are none on the ground, such as web Mercator."""
+        """Rejects a projection whose metres are not true metres on the ground, such as web
+        Mercator.
+        """
         factors = self._pyproj.Proj(self._crs).get_factors(longitude, latitude)
         scales = factors.meridional_scale, factors.parallel_scale
-        if not all(abs(scale - 1) <= STRETCH for scale in scales):  # true for nan, too
+        if not all(abs(scale - 1) <= STRETCH for scale in scales):  # True for nan, too
             zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
             raise FieldError(
                 "crs",
@@ -209,7 +217,7 @@ class Geodesy:
 
 
 def _holds(area: Any, place: Place) -> bool | None:
-    """Returns True if a place is in an area of pyproj, which may reach over longitude 180."""
+    """Returns True if a place is in an area of pyproj, which may cross longitude 180."""
     if area is None:
         return None
     latitude, longitude = place
@@ -219,7 +227,7 @@ def _holds(area: Any, place: Place) -> bool | None:
 
 
 def _system(text: str) -> Any:
-    """Returns the projection, without the heights of a compound system."""
+    """Returns the projection, without the vertical part of a compound system."""
     pyproj = _pyproj()
     try:
         crs = pyproj.CRS.from_user_input(text)
@@ -227,7 +235,7 @@ def _system(text: str) -> Any:
         shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}.."
         raise FieldError(
             "crs",
-            f"must be a reference system that is known, such as EPSG:25830, not {shown!r}",
+            f"must be a known reference system, such as EPSG:25830, not {shown!r}",
         ) from error
     crs = crs.sub_crs_list[0] if crs.is_compound else crs
     units = {axis.unit_name for axis in crs.axis_info}
@@ -246,7 +254,7 @@ def _system(text: str) -> Any:
 
 
 def _pyproj() -> Any:
-    """Returns pyproj with the parts that are used."""
+    """Returns pyproj with the modules that are used."""
     try:
         import pyproj
         import pyproj.aoi
@@ -261,7 +269,7 @@ def _pyproj() -> Any:
 
 
 def told_accuracy(metres: float | None) -> str:
-    """Returns in words how exact latitudes and longitudes are; None: that is unknown."""
+    """Describes the accuracy of latitudes and longitudes; None: unknown."""
     if metres is None:
         return "conversion to WGS 84 of unknown accuracy"
     return f"conversion to WGS 84 exact{f' to {metres:g} m' if metres else ''}"

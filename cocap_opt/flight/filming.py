@@ -1,7 +1,7 @@
-"""J of flights, evaluated between the steps, too: what is filmed at every moment of a flight.
+"""J of flights, evaluated between the steps, too: the views at every moment of a flight.
 
-People are seen from where the drones are, on the grid or off it, and where the objective counts the
-drones that see a person, those count from whose pose enough of the person is visible.
+People are seen from the drones' positions, whether on the grid or not. If the objective counts the
+drones that see a person, a drone counts if enough of the person is visible from its pose.
 """
 
 import math
@@ -16,21 +16,21 @@ from cocap_opt.vision.projection import Projection
 from cocap_opt.vision.seen import SeenColumns
 from cocap_opt.vision.sights import ConeSight, PinholeSight
 
-PARTS = 4  # moments of a step
-_AT_ONCE = 256  # poses, to bound the memory
+PARTS = 4  # moments per step
+_AT_ONCE = 256  # poses at once, which limits memory
 
 
 def parts_of(problem: Problem) -> int:
-    """Returns the number of moments at which each step is looked at; 1 if there are many steps."""
+    """Returns the number of moments at which each step is evaluated; 1 if there are many steps."""
     return max(1, min(PARTS, MOST_STEPS // problem.horizon))
 
 
 def view_reward(flown: Trajectory, parts: int) -> float:
-    """Returns the part of J that views make, of a flight looked at at some moments of each step.
+    """Returns the part of J from views, for a flight evaluated at some moments of each step.
 
-    Each moment of a step counts a share of the step; with one moment it is that of the step's
-    end, and the result is the view reward of the plan. People walk and turn straight from step
-    to step; weights of faces and of people are those of the step's end.
+    Each moment counts as a share of its step; with one moment per step, at its end, the result is
+    the view reward of the plan. People walk and turn straight from step to step; weights of faces
+    and of people are those at the step's end.
     """
     film = Film(flown.problem, parts, float(flown.pieces[:, :, 2].min()))
     return film.reward(film.coverages(flown.at(film.moments)))
@@ -39,16 +39,16 @@ def view_reward(flown: Trajectory, parts: int) -> float:
 class Film:
     """The coverage of a scene's people at some moments of each step.
 
-    Coverage has a column for each face and, where the objective has views, one for each person, as
-    `Problem.step_view_sums` numbers them: W in all.
+    Coverage has a column for each face and, if the objective counts views, one for each person,
+    numbered as in `Problem.step_view_sums`: W in total.
 
     Parameters
     ----------
-    problem : has a `step`
-    parts : moments of a step
-    lowest : m, no camera is lower
-    late : s by which people are late; early, if it is less than 0. They stand before they begin
-        and after they end
+    problem : the scene, whose `step` must be given
+    parts : moments per step
+    lowest : lowest altitude of a camera, m
+    late : delay of the people in s; negative: they are early. They stand still before and after
+        their walks
     """
 
     def __init__(self, problem: Problem, parts: int, lowest: float, late: float = 0.0) -> None:
@@ -60,11 +60,11 @@ class Film:
         self.moments: FloatArray = np.arange(count, dtype=np.float64) * (problem.step / parts)
 
     def coverages(self, views: Samples) -> list[FloatArray]:
-        """Returns the coverage [moments, W] by each drone, seen at the moments."""
+        """Returns the coverage [moments, W] by each drone at the moments."""
         return [self.coverage(i, views) for i in range(len(self._problem.robots))]
 
     def coverage(self, robot: int, views: Samples) -> FloatArray:
-        """Returns the coverage [moments, W] by one of the drones, seen at the moments."""
+        """Returns the coverage [moments, W] by one drone at the moments."""
         problem, of_drone = self._problem, views.drone == robot
         camera, counted = problem.robots[robot].camera, problem.objective.views
         yaw, tilt = views.yaw[of_drone], -views.pitch[of_drone]
@@ -93,7 +93,7 @@ class Film:
         return coverage
 
     def reward(self, coverages: list[FloatArray]) -> float:
-        """Returns the part of J that views make, of the coverage [moments, W] by each drone."""
+        """Returns the part of J from views, given the coverage [moments, W] by each drone."""
         dense, coverage = self._problem, np.sum(coverages, axis=0)
         shares = np.full(dense.horizon + 1, 1 / self._parts)
         shares[0] = 1.0 - dense.first_step
@@ -108,7 +108,7 @@ class Film:
 
 
 def _dense(problem: Problem, parts: int, late: float) -> Problem:
-    """Returns the scene with so many steps in place of each, in which nothing else is checked."""
+    """Returns the scene with several steps in place of each, without further checks."""
     actors = tuple(_denser(actor, problem.horizon, parts, late) for actor in problem.actors)
     return problem.replace(
         horizon=problem.horizon * parts, actors=actors, rules=NO_RULES, airspace=Airspace(),
@@ -117,9 +117,9 @@ def _dense(problem: Problem, parts: int, late: float) -> Problem:
 
 
 def _denser(actor: Actor, horizon: int, parts: int, late: float) -> Actor:
-    """Returns a person at the moments between the steps, too, late by so many steps."""
+    """Returns a person at the moments between the steps, too, delayed by a number of steps."""
     poses = actor.poses[: horizon + 1].copy()
-    poses[:, 3] = np.unwrap(poses[:, 3])  # the short way round
+    poses[:, 3] = np.unwrap(poses[:, 3])  # by at most half a turn between steps
     steps = np.arange(horizon * parts + 1) / parts - late
     columns = [np.interp(steps, np.arange(horizon + 1), column) for column in poses.T]
     importance = actor.importance

@@ -1,4 +1,6 @@
-"""The scene that a plan is flown in: how long a step lasts, how close to people drones may come."""
+"""The scene in which a plan is flown: the length of a step, and the allowed distance from
+people.
+"""
 
 from typing import NamedTuple, Self
 
@@ -8,12 +10,12 @@ from cocap_opt.problem import Airspace, Plan, Problem
 
 
 class FlightScene(NamedTuple):
-    """A scene whose steps have a duration, and in which drones may be closer to people.
+    """A scene with a step length, in which drones may be allowed closer to people.
 
     Attributes
     ----------
-    problem : with the duration of a step, and with the distances to people that flights keep
-    asked : the scene's own airspace, where flights may be closer to people than it says; else None
+    problem : the problem with the length of a step, and with the distances from people for flights
+    asked : the scene's own airspace, if flights may be closer to people than it says; else None
     """
 
     problem: Problem
@@ -21,20 +23,22 @@ class FlightScene(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem, step: float | None, margin: float | None) -> Self:
-        """Returns the scene that plans of a problem are flown in.
+        """Returns the scene in which plans of a problem are flown.
 
         Parameters
         ----------
-        step : s, how long a step lasts; None: the problem says it
-        margin : m, by which drones may be closer to people than the problem says, aside
-            (`people_aside`) and over heads (`people_above`); None: they may not
+        step : length of a step in s; None: as defined by the problem
+        margin : distance in m by which drones may be closer to people than the problem says,
+            horizontally (`people_aside`) and over heads (`people_above`); None: they may not
 
         Raises
         ------
         FieldError
-            If nobody or two say how long a step lasts, or drones would keep no distance to people.
+            If the step length is given twice or not at all, or if drones would keep no distance
+            from people.
         ProblemError
-            If no step may last so long, or drones cannot make their moves in it; one line.
+            If the step length is out of range, or drones cannot make their moves within a step; the
+            message is one line.
         """
         timed = _timed(problem, step)
         if margin is None:
@@ -48,12 +52,12 @@ class FlightScene(NamedTuple):
         return self._replace(problem=self.problem.replace(earth=None))
 
     def flight(self, plan: Plan, smooth: bool) -> Flight:
-        """Returns the flights of a plan; raises what `Flight.of` does."""
+        """Returns the flights of a plan; raises the same errors as `Flight.of`."""
         return Flight.of(self.problem, plan, smooth)._replace(asked=self.asked)
 
 
 def _timed(problem: Problem, step: float | None) -> Problem:
-    """Returns the problem with the duration of a step, which comes once."""
+    """Returns the problem with the length of a step, which must be given exactly once."""
     if problem.step is None and step is None:
         words = f"must be given, as {problem.name} defines no step length"
         raise FieldError("step", words)
@@ -66,16 +70,16 @@ def _timed(problem: Problem, step: float | None) -> Problem:
 def _nearer(airspace: Airspace, margin: float) -> Airspace:
     """Returns the airspace in which drones may be closer to people by a margin (m)."""
     if not airspace.people_aside:
-        raise FieldError("margin", "the scene requires no distance to people; leave it out")
+        raise FieldError("margin", "the scene requires no distance from people; leave it out")
     aside, over = airspace.people_aside - margin, airspace.people_above
     try:
         if margin >= 0 and aside > 0:
             above = None if over is None else max(over - margin, 0.0)
             return airspace.replace(people_aside=aside, people_above=above)
-    except ProblemError:  # what is left is no more than rounding
+    except ProblemError:  # the remaining distance is no more than rounding
         pass
     raise FieldError(
         "margin",
-        "must be at least 0 m and less than the scene's distance to people, "
+        "must be at least 0 m and less than the scene's distance from people, "
         f"{airspace.people_aside:g} m",
     ) from None

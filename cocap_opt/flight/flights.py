@@ -1,4 +1,4 @@
-"""Flights of plans, checked for being flown, and their rows for tables and files."""
+"""Flights of plans, checked before they are flown, and their rows for tables and files."""
 
 import math
 from collections.abc import Iterator
@@ -19,23 +19,23 @@ from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import BODY, Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
 
-PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
+PER_STEP = 10  # default number of rows per step of a smooth flight
 MOST_ROWS = 5_000_000
-_TOUCH = 1e-6  # m, less is rounding
-_EVEN = ", even with the quickest changes of speed; "
+_TOUCH = 1e-6  # m; smaller values are rounding errors
+_EVEN = ", even with the quickest changes of speed;"
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
-_ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
+_ANGLES = "yaw_rate", "gimbal_rate"  # computed in rad/s
 
 
 class LimitError(ProblemError):
-    """A drone cannot fly this.
+    """A drone cannot fly this flight.
 
     Attributes
     ----------
-    step : s, duration of a step with which the same plan could be flown
-    any_plan : s, with which another plan could be flown, too
-    way_out : another one, in words that go on after those; empty where there is none
+    step : length of a step in s with which the same plan could be flown
+    any_plan : length of a step in s with which any plan could be flown
+    way_out : another remedy, appended to the message; empty if there is none
     """
 
     def __init__(self, words: str, step: float, any_plan: float, way_out: str = "") -> None:
@@ -48,16 +48,16 @@ class Flight(NamedTuple):
 
     Attributes
     ----------
-    flown : straight or smooth
-    straight : the plan's own
-    verdict : the referee's, on the plan
+    flown : the flights, straight or smooth
+    straight : the straight flights of the plan
+    verdict : the referee's verdict on the plan
     geodesy : None if the scene is not georeferenced
-    demands : the largest of each kind on each drone
-    slowed : steps of drones at which they pass more slowly than they could
-    shortened : steps of drones at which they change speed in less time than they could
-    start : when step 0 is, with its offset from UTC; None if unspecified
-    asked : the scene's airspace, where drones fly closer to people than it says; else None
-    cut_short : what a limit has left of the plan, in words; empty where it is whole
+    demands : the largest demand of each kind on each drone
+    slowed : steps of drones at which they pass more slowly than possible
+    shortened : steps of drones at which they change speed in less time than possible
+    start : time of step 0, with its offset from UTC; None if unspecified
+    asked : the scene's airspace, if drones fly closer to people than it says; else None
+    cut_short : remark on how complete the plan was at a limit; empty if it is complete
     """
 
     flown: Trajectory
@@ -74,18 +74,18 @@ class Flight(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
-        """Returns the flights of a plan of a scene whose steps have a duration.
+        """Returns the flights of a plan, in a scene with a step length.
 
         Raises
         ------
         ProblemError
-            If the plan breaks a rule, or its flights do between the steps, or a drone cannot fly
-            them, or the place of the scene cannot be found on the Earth; one line.
+            If the plan breaks a rule, or its flights do so between the steps, or a drone cannot fly
+            them, or the scene's place on the Earth cannot be computed; the message is one line.
         """
         verdict = check(problem, plan)
         broken = (*verdict.violations, *verdict.conflicts)
         if broken:
-            raise ProblemError(f"{broken[0]}; what is flown must obey the scene's rules")
+            raise ProblemError(f"{broken[0]}; flights must obey the scene's rules")
         straight = Trajectory.straight(problem, plan)
         flown, found, slowed, shortened = (
             Smooth.of(problem, plan) if smooth else Smooth(straight, tuple(dangers(straight)), 0, 0)
@@ -98,18 +98,18 @@ class Flight(NamedTuple):
 
     @property
     def is_smooth(self) -> bool:
-        """True if speeds do not jump."""
+        """True if speeds are continuous."""
         return self.flown is not self.straight
 
     def columns(self, every: float | None = None) -> dict[str, FloatArray]:
         """Returns the flights as columns: drone, t (s), x, y, z (m), yaw, pitch (degrees), ..
 
-        Heights have the names of what they are above: the scene's zero (z), the ground and the
-        map's surface below the drone's start, where they are known, and the sea or the ellipsoid.
+        The names of heights give their datum: the scene's zero (z), the ground and the map's
+        surface below the drone's start, if these are known, and the sea or the ellipsoid.
 
         Parameters
         ----------
-        every : s between rows; None: a row at each step, and ten a step of smooth flights
+        every : time between rows in s; None: a row per step, or ten per step for smooth flights
         """
         problem = self.flown.problem
         found = self.samples(every)
@@ -129,7 +129,7 @@ class Flight(NamedTuple):
         return columns
 
     def samples(self, every: float | None = None) -> Samples:
-        """Returns the drones' places and angles at the moments of `columns`."""
+        """Returns the drones' positions and angles at the moments of `columns`."""
         return self.flown.at(self._moments(every))
 
     def off_between_rows(self, every: float | None) -> float:
@@ -137,12 +137,12 @@ class Flight(NamedTuple):
         return self.flown.distance_from_chords(self._moments(every))
 
     def between_rows(self, every: float | None, rows: str = "rows") -> Iterator[Note]:
-        """Yields what straight lines between rows are, if they are not the flight."""
+        """Yields a note on straight lines between rows, if they differ from the flight."""
         off = self.off_between_rows(every)
         if off > _TOUCH:
             yield Note(
-                f"{rows} are on the flight that was checked; straight lines between them leave it "
-                f"by up to {off:.2g} m: a smaller --every keeps closer to it"
+                f"{rows} are on the flight that was checked; straight lines between them leave "
+                f"it by up to {off:.2g} m: use a smaller --every to keep closer to it"
             )
 
     def record(self) -> dict[str, Any]:
@@ -174,7 +174,7 @@ class Flight(NamedTuple):
         return found
 
     def rows(self) -> list[dict[str, Any]]:
-        """Returns the tightest moment of each drone."""
+        """Returns the most demanding moment of each drone."""
         rows = []
         for demand in Demand.tightest(self.demands):
             scale = 180 / math.pi if demand.kind in _ANGLES else 1.0
@@ -188,13 +188,15 @@ class Flight(NamedTuple):
         return rows
 
     def notes(self) -> Iterator[Note]:
-        """Yields what was not checked or is unknown, and then how to read the axes."""
+        """Yields notes on what was not checked or is unknown, followed by how to read the axes."""
         yield from self.nearer_to_people()
         yield from self._left_open()
         yield from self.axes()
 
     def nearer_to_people(self) -> Iterator[Note]:
-        """Yields how near to people drones may come, if that is closer than the scene says."""
+        """Yields a note on how close to people drones may come, if that is closer than the scene
+        says.
+        """
         if self.asked is not None:
             kept = self.flown.problem.airspace
             nearer, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
@@ -202,12 +204,14 @@ class Flight(NamedTuple):
                 nearer += f" or {kept.people_above:g} m over heads"
                 asked += f" and {self.asked.people_above:g}"
             yield Note(
-                f"--margin lets drones come closer to people: {nearer}; the scene asks for "
+                f"--margin lets drones come closer to people: {nearer}; the scene requires "
                 f"{asked} m"
             )
 
     def _left_open(self) -> Iterator[Note]:
-        """Yields what was not checked or is unknown, and that drones are in the air already."""
+        """Yields notes on what was not checked or is unknown, and on drones that are already in the
+        air.
+        """
         problem = self.flown.problem
         if problem.begins_in_the_air:
             numbers = ", ".join(f"drone {i} is {r.number}" for i, r in enumerate(problem.robots))
@@ -217,19 +221,19 @@ class Flight(NamedTuple):
             )
         if not self.is_smooth:
             yield Note(
-                "speeds jump at each step, so acceleration was not checked",
+                "speeds are discontinuous at each step, so acceleration was not checked",
                 Kind.UNCHECKED,
-                "smooth flights (--smooth) do not jump",
+                "smooth flights (--smooth) have continuous speeds",
             )
         yield from self.near_without_rule()
         if any(robot.motion.corner_cutting for robot in problem.robots):
             yield Note(
-                "the scene lets drones cut corners: walls were checked at the steps only",
+                "the scene lets drones cut corners: walls were checked only at the steps",
                 Kind.UNCHECKED,
             )
         if all(robot.limits is None for robot in problem.robots):
             most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
-            asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
+            asked = f"; the flight requires {most:.3g} m/s2" if self.is_smooth else ""
             yield Note(
                 f"the limits of these drones are unknown and were not checked{asked}",
                 Kind.UNCHECKED,
@@ -238,24 +242,25 @@ class Flight(NamedTuple):
             yield Note("height datum unknown", remedy="set `heights` under [earth] of a recipe")
 
     def near_without_rule(self) -> Iterator[Note]:
-        """Yields how near drones come to each other, where no rule asks for a distance.
+        """Yields a note on how close drones come to each other, if no rule requires a distance.
 
-        Nothing if that is too close, which `too_near` says.
+        Yields nothing if that is too close, which `too_near` reports.
         """
         nearest = Nearest.of_drones(self.flown)
         if self.flown.problem.rules.separation or nearest is None or nearest.is_too_near:
             return
         kind = "smooth" if self.is_smooth else "straight"
         yield Note(
-            "the scene's rules ask for no distance between drones between the steps: on this "
+            "the scene's rules require no distance between drones between the steps: on this "
             f"{kind} flight they come within {nearest.distance:.2f} m of each other",
             Kind.NO_RULE,
         )
 
     def too_near(self) -> Iterator[Note]:
-        """Yields which drones come too close to each other or to people, where no rule forbids it.
+        """Yields notes on drones that come too close to each other or to people, if no rule forbids
+        it.
 
-        That is closer than scenes that are to be flown ask for.
+        Too close means closer than the default distances of flown scenes.
         """
         yield from self._drones_too_near()
         asked = self.asked or self.flown.problem.airspace
@@ -269,7 +274,7 @@ class Flight(NamedTuple):
             )
 
     def _drones_too_near(self) -> Iterator[Note]:
-        """Yields the two drones that come nearest to each other, and when, if that is too close."""
+        """Yields a note on the closest approach of two drones, if it is too close."""
         nearest = Nearest.of_drones(self.flown)
         if self.flown.problem.rules.separation or nearest is None:
             return
@@ -283,7 +288,9 @@ class Flight(NamedTuple):
             yield Note(words, Kind.URGENT, remedy)
 
     def axes(self) -> Iterator[Note]:
-        """Yields that y goes to the grid's north, and how far that is from the true one."""
+        """Yields a note on the direction of the axes, and on the angle between grid north and true
+        north.
+        """
         if self.geodesy is None:
             return
         turned = self.geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
@@ -301,8 +308,8 @@ class Flight(NamedTuple):
 
 
 def _moments(flown: Trajectory, every: float) -> FloatArray:
-    """Returns times (s) from 0 to the end, so far apart; the end is among them."""
-    if not 0 < every <= LARGEST:  # false for nan, too
+    """Returns times (s) from 0 to the end, with the given spacing; includes the end."""
+    if not 0 < every <= LARGEST:  # True for nan, too
         words = f"must be a number of seconds > 0 and at most {LARGEST:,.0f}, not {every!r}"
         raise FieldError("every", words)
     rows = flown.seconds / every * len(flown.pieces)
@@ -325,10 +332,12 @@ def _geodesy(problem: Problem) -> Geodesy | None:
 
 
 def _way_out(danger: Danger, straight: Trajectory) -> str:
-    """Says what to do where no smooth flight is safe: by how much a plan must keep farther away."""
+    """Returns a remedy if no smooth flight is safe: the additional distance that a plan must
+    keep.
+    """
     if same := dangers(straight):
         return f"{_EVEN}the straight flight is not safe either: {same[0]}"
-    problem, other = straight.problem, "the straight flight is safe: leave --smooth out"
+    problem, other = straight.problem, "the straight flight is safe: omit --smooth"
     if danger.person is None:
         return f"{_EVEN}{other}"
     (drone,), airspace = danger.drones, problem.airspace
@@ -350,7 +359,7 @@ def _up(metres: float) -> str:
 def _require_limits(
     problem: Problem, found: list[Demand], step: float, is_smooth: bool, shortened: int
 ) -> None:
-    """Refuses flights that a drone cannot fly, with the shortest step that suffices."""
+    """Raises an error, with the shortest sufficient step, if a drone cannot fly the flights."""
     broken = [demand for demand in found if not demand.is_kept]
     if not broken:
         return

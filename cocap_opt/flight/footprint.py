@@ -1,7 +1,8 @@
 """Footprints: the parts of the ground that are in the images of cameras.
 
 The ground is that of the map (`HeightMap.ground`), level in each cell; beyond the map it is as low
-as the lowest. Obstacles and people take nothing off a footprint, though they may hide it.
+as the lowest cell. Obstacles and people do not reduce a footprint, although they may hide parts of
+it.
 """
 
 import math
@@ -14,21 +15,21 @@ from cocap_opt.problem import Camera
 from cocap_opt.vision.projection import Projection
 from cocap_opt.world import HeightMap
 
-REACH = 10.0  # times the height above the ground
+REACH = 10.0  # multiple of the height above the ground
 _HALVINGS = 30
-_MOST = 2_000_000  # pieces of rays at once, to bound the memory
+_MOST = 2_000_000  # pieces of rays at once, which limits memory
 
 
 class Footprints(NamedTuple):
-    """Footprints of images, quadrilaterals counter-clockwise seen from above.
+    """Footprints of images: quadrilaterals, counter-clockwise seen from above.
 
     Attributes
     ----------
-    corners : [n, 4, 3] m, where the image's lower left, lower right, upper right and upper left
-        corners meet the ground; nan: its lower corners do not within the reach
-    reach : [n] m, distance from the drone, seen from above, at which the footprint ends
-    cut : [n] true where an upper corner looks farther, or above the horizon: in its place is the
-        point on the same side of the image that meets the ground at the reach
+    corners : [n, 4, 3] m, points at which the image's lower left, lower right, upper right and
+        upper left corners meet the ground; nan if its lower corners do not do so within the reach
+    reach : [n] horizontal distance from the drone at which the footprint ends, m
+    cut : [n] True if an upper corner looks farther than the reach, or above the horizon: it is
+        replaced by the point on the same side of the image that meets the ground at the reach
     """
 
     corners: FloatArray
@@ -44,7 +45,7 @@ class Footprints(NamedTuple):
 
         Parameters
         ----------
-        place : [n, 3] m, of the map, above its ground
+        place : [n, 3] positions of cameras above the ground of the map, m
         yaw : [n] rad, 0 along +x, counter-clockwise
         pitch : [n] rad, below the horizon is negative
         """
@@ -66,11 +67,13 @@ def _side(
 
     Parameters
     ----------
-    side : -1 the left one, 1 the right one
+    side : -1 for the left side, 1 for the right side
     """
 
     def meets(row: FloatArray, through: BoolArray) -> FloatArray:
-        """Returns where rays through rows of some images (-1 lowest, 1 uppermost) end."""
+        """Returns the points at which rays through rows of some images (-1 lowest, 1 uppermost)
+        end.
+        """
         right, up, forward = np.moveaxis(axes[through], 1, 0)
         aside, above = side * camera.width / 2, row[:, None] * camera.height / 2
         rays = camera.focal * forward + aside * right + above * up
@@ -97,7 +100,7 @@ class _Ground:
     def __init__(self, height_map: HeightMap) -> None:
         self._map, self._size = height_map, height_map.resolution
         self._corner = np.array(height_map.origin)
-        # A frame around the map stands for all that is beyond it.
+        # A frame around the map represents everything beyond it.
         ground = height_map.ground
         self._heights = np.pad(ground, 1, constant_values=float(ground.min()))
 
@@ -112,7 +115,9 @@ class _Ground:
         return result
 
     def met(self, eyes: FloatArray, rays: FloatArray, reach: FloatArray) -> FloatArray:
-        """Returns where rays [n, 3] from eyes [n, 3] meet the ground; nan if not in reach [n]."""
+        """Returns the points at which rays [n, 3] from eyes [n, 3] meet the ground; nan if not
+        within reach [n].
+        """
         lines = self._lines(reach)
         size = max(1, _MOST // sum(lines))
         parts = [
@@ -122,7 +127,7 @@ class _Ground:
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 
     def _lines(self, reach: FloatArray) -> tuple[int, int]:
-        """Returns the number of lines between cells along x and y that a ray crosses at most."""
+        """Returns the largest number of lines between cells along x and y that a ray crosses."""
         most = float(reach.max(initial=0.0)) / self._size + 2
         x, y = (math.ceil(min(most, float(count))) for count in self._heights.shape)
         return x, y
@@ -155,7 +160,7 @@ class _Ground:
 
         Parameters
         ----------
-        at, way : [n] of the rays' starts, in cells, and of their directions, along one axis
+        at, way : [n] starts of the rays, in cells, and their directions, along one axis
         """
         ahead = np.where(way > 0, np.floor(at) + 1 - at, at - np.ceil(at) + 1)
         with np.errstate(divide="ignore"):

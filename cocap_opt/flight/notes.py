@@ -1,4 +1,4 @@
-"""Notes on flights and their files: a sentence each, and a kind by which readers choose theirs."""
+"""Notes on flights and their files: a sentence each, with a kind by which they are selected."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class Note:
 
     Attributes
     ----------
-    text : for everybody
-    remedy : what the author of the scene can do, of no use to a crew; empty if nothing
+    text : the note, for all readers
+    remedy : a remedy for the author of the scene, not for the crew; empty if there is none
     """
 
     text: str
@@ -37,10 +37,10 @@ class Note:
     remedy: str = ""
 
     def __str__(self) -> str:
-        """Returns all of the note."""
+        """Returns the whole note."""
         return "; ".join(filter(None, (self.text, self.remedy)))
 
 
 def notes_of(notes: Iterable[Note], *kinds: Kind) -> list[str]:
-    """Returns the words of the notes that are of some kinds."""
+    """Returns the texts of the notes that have one of some kinds."""
     return [str(note) for note in notes if note.kind in kinds]

@@ -1,17 +1,17 @@
-"""Flights in which drones rest at both ends of a step: the laws of time by which they then move.
+"""Flights in which drones rest at both ends of a step, and the time laws of their moves.
 
-A drone that rests at both steps flies the straight line of the plan, by some law s(tau) of time,
-0 at the first step and 1 at the next. It knows where it is safe, whatever the rest of the plan:
+A drone that rests at both steps flies the straight line of the plan, with a time law s(tau) that is
+0 at the first step and 1 at the next. Its safety is known, regardless of the rest of the plan:
 
-- It keeps away from walls and zones as the straight move does, being nowhere else.
-- Drones with the same law are as far apart as on straight flights at some moment: all of them are
-  the same share of their moves on.
-- From a person, who walks evenly, it is farther away than an even flight would be, but for
-  |s(tau) - tau| of its move: the `stray` of the law.
+- It keeps clear of walls and zones like the straight move, as it flies the same line.
+- At every moment, drones with the same law are as far apart as on straight flights at some moment,
+  since all have completed the same share of their moves.
+- Its distance from a person, who walks at a constant speed, is at least that of a flight at
+  constant speed, less |s(tau) - tau| of its move: the `stray` of the law.
 - Its speeds and accelerations are those of the move, times constants of the law.
 
-So where moves keep the limits of drones at rest (`Rests.stride`), and the stray from people, there
-is a smooth flight of every plan, whatever its moves are and in whatever order.
+So if moves obey the limits of drones at rest (`Rests.stride`), and the distance from people
+includes the stray, every plan has a smooth flight, whatever its moves and their order.
 """
 
 from functools import cached_property
@@ -24,17 +24,18 @@ from cocap_opt.flight.bernstein import Peak, derivative, elevated
 from cocap_opt.flight.trajectory import DEGREE, split
 from cocap_opt.problem import Limits, Stride
 
-PARTS = 8  # pieces of a step in which a law is made
-_OVER = 1 + 1e-7  # times a constant, so that rounding exceeds no limit
+PARTS = 8  # pieces of a step that make up a law
+_OVER = 1 + 1e-7  # factor on a constant, so that rounding exceeds no limit
 
 
 class Rests:
-    """A law of time between two rests, with continuous speed and acceleration.
+    """A time law between two rests, with continuous speed and acceleration.
 
     Parameters
     ----------
-    ramp : pieces of the step, 1..4 of `PARTS`, in which the drone reaches an even speed, and in
-        which it loses it; `PARTS`: it never has one, and its acceleration is small
+    ramp : pieces of the step, 1..4 of `PARTS`, in which the drone accelerates to a constant speed,
+        and in which it decelerates; `PARTS`: its speed is never constant, and its acceleration is
+        small
     """
 
     def __init__(self, ramp: int) -> None:
@@ -57,7 +58,7 @@ class Rests:
 
     @cached_property
     def rate(self) -> float:
-        """The largest speed, times that of an even flight."""
+        """The largest speed, relative to that of a flight at constant speed."""
         return Peak.of(derivative(self.law) * PARTS).value * _OVER
 
     @cached_property
@@ -68,7 +69,7 @@ class Rests:
 
     @cached_property
     def stray(self) -> float:
-        """The largest share of its move by which a drone is behind its even pace, or ahead."""
+        """The largest deviation from constant speed, as a share of the move."""
         even = np.linspace(0.0, 1.0, PARTS * DEGREE + 1)
         pieces = np.array([even[k * DEGREE : (k + 1) * DEGREE + 1] for k in range(PARTS)])
         return max(Peak.of(self.law - pieces).value, Peak.of(pieces - self.law).value) * _OVER
@@ -78,11 +79,11 @@ class Rests:
 
         Parameters
         ----------
-        step : s
+        step : length of a step, s
         """
 
         def most(rates: list[float | None], seconds: float, share: float) -> float | None:
-            """Returns the metres at the lowest rate that is known, within what numbers may be."""
+            """Returns the distance (m) for the lowest known rate, within the range of numbers."""
             known = [rate for rate in rates if rate is not None]
             return min(min(known) * seconds / share, LARGEST) if known else None
 
@@ -93,9 +94,9 @@ class Rests:
         )
 
     def between(self, points: FloatArray) -> FloatArray:
-        """Returns the coefficients [.., T, PARTS, d, 6] of ways through points [.., T+1, d].
+        """Returns the coefficients [.., T, PARTS, d, 6] of flights through points [.., T+1, d].
 
-        They begin and end exactly there, and who stays has the same coefficients.
+        They begin and end exactly at the points; a drone that stays has constant coefficients.
         """
         a, b = points[..., :-1, None, :, None], points[..., 1:, None, :, None]
         share = self.law[:, None, :]
@@ -104,5 +105,5 @@ class Rests:
 
 
 GENTLE = Rests(PARTS)
-LAWS = GENTLE, Rests(2), Rests(1)  # the gentlest first
-TURNS = Rests(1)  # of angles, of whose accelerations nothing is known
+LAWS = GENTLE, Rests(2), Rests(1)  # gentlest first
+TURNS = Rests(1)  # for angles, whose accelerations have no known limits

@@ -1,9 +1,9 @@
-"""Flights that are not as planned: people are late, early or aside, a drone lags or is lost.
+"""Flights that deviate from the plan: people are late, early or displaced, a drone lags or is lost.
 
-Drones do not react: they fly as planned, and hover before and after. One that is lost at a step has
-left the scene from there on; what becomes of it is not looked at. Least distances, and whether
-rules are kept, are computed on the polynomials at every moment, not sampled: two pieces of flights
-of which one is late are cut where either of them ends. J is looked at at some moments of each step.
+Drones do not react: they fly as planned, and hover before and after. A drone that is lost at a step
+is absent from then on; its fall is not considered. Least distances, and whether rules are obeyed,
+are computed on the polynomials at every moment, not sampled: if one of two flights is late, their
+pieces are cut at the ends of both. J is evaluated at some moments of each step.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,19 +25,19 @@ from cocap_opt.flight.trajectory import (
 )
 from cocap_opt.problem import Actor, Airspace, CollisionRules
 
-_FINE = 1e-4  # m, to which a missing distance is found
+_FINE = 1e-4  # m; accuracy of a missing distance
 
 
 class Outcome(NamedTuple):
-    """The rest of a flight that is not as planned.
+    """The outcome of a flight that deviates from the plan.
 
     Attributes
     ----------
     reward : part of J that views make
-    apart : m, least distance between two drones; inf for one drone
-    aside : m, least distance between a drone and the middle of a person, seen from above
-    missing : m, by which drones come closer than the rules allow, to "drones" and to "people";
-        without those to whom they come no nearer
+    apart : least distance between two drones, m; inf for one drone
+    aside : least horizontal distance between a drone and the middle of a person, m
+    missing : amounts in m by which drones come closer than the rules allow, to "drones" and to
+        "people"; amounts of 0 are left out
     """
 
     reward: float
@@ -47,12 +47,12 @@ class Outcome(NamedTuple):
 
     @property
     def too_near(self) -> frozenset[str]:
-        """To whom drones come closer than the rules allow: to "drones", to "people"."""
+        """Kinds of things to which drones come closer than the rules allow: "drones", "people"."""
         return frozenset(self.missing)
 
 
 class Robustness:
-    """Flights whose people or drones do something else than planned.
+    """Flights whose people or drones deviate from the plan.
 
     Parameters
     ----------
@@ -67,18 +67,19 @@ class Robustness:
 
     @cached_property
     def as_planned(self) -> Outcome:
-        """The outcome if everybody does as planned."""
+        """The outcome if nobody deviates from the plan."""
         return self.with_people()
 
     def with_people(self, late: float = 0.0, left: float = 0.0) -> Outcome:
-        """Returns the outcome if all people are late, or aside.
+        """Returns the outcome if all people are late or displaced.
 
         Parameters
         ----------
-        late : s; early, if it is less than 0. Before they begin and after they end they stand
-        left : m to their left; to their right, if it is less than 0
+        late : delay of the people in s; negative: they are early. They stand still before and after
+            their walks
+        left : displacement of the people to their left in m; negative: to their right
         """
-        # Without airspace, for people may now stand where a drone begins.
+        # Without airspace, since people may now stand where a drone starts.
         problem = self._problem.replace(
             actors=tuple(_moved(actor, left) for actor in self._problem.actors),
             airspace=Airspace(),
@@ -92,11 +93,11 @@ class Robustness:
         return self._outcome(reward, self._flown.between_drones, drones, walks)
 
     def with_take(self, k: int) -> Outcome:
-        """Returns the outcome if people walk as in one take, of a scene that has takes."""
+        """Returns the outcome if people walk as in a single take, for a scene with takes."""
         return Robustness(replace(self._flown, problem=self._problem.of_take(k))).as_planned
 
     def with_laggard(self, lag: float) -> Outcome:
-        """Returns the worst of the outcomes if a drone is late by seconds >= 0, any of them."""
+        """Returns the worst outcome if any one drone is late by this many seconds (>= 0)."""
         found = [self._lagging(i, lag) for i in range(len(self._ways))]
         return Outcome(
             min(outcome.reward for outcome in found),
@@ -109,9 +110,9 @@ class Robustness:
         )
 
     def with_lost(self, robot: int, step: int) -> Outcome:
-        """Returns the outcome if a drone is lost at a step, and contributes nothing from there on.
+        """Returns the outcome if a drone is lost at a step, and contributes nothing from then on.
 
-        What it sees before counts. The rest flies on as planned.
+        Its views before that count. All other drones fly as planned.
         """
         coverages = [*self._coverages]
         coverages[robot] = coverages[robot].copy()
@@ -130,10 +131,10 @@ class Robustness:
         )
 
     def _lagging(self, robot: int, lag: float) -> Outcome:
-        """Returns the outcome if a drone is late, but for what the others do to each other."""
+        """Returns the outcome if a drone is late, without the distances among the other drones."""
         pieces, duration = lag / self._flown.piece_seconds, self._ways.shape[1]
         way, others = self._ways[robot], np.delete(self._ways, robot, axis=0)
-        longer = duration + int(np.ceil(pieces))  # until the last of them has landed
+        longer = duration + int(np.ceil(pieces))  # until the last drone has finished
         between = _punctual(others, pieces, longer) - _late(way, pieces, longer)
         coverages = [*self._coverages]
         views = self._flown.at(np.maximum(self._film.moments - lag, 0.0))
@@ -154,12 +155,13 @@ class Robustness:
         drones: Iterable[FloatArray],
         walks: list[FloatArray],
     ) -> Outcome:
-        """Returns the outcome of ways [n, 3, 6] between drones, and of drones among people.
+        """Returns the outcome, given vectors [n, 3, 6] between drones, and flights of drones among
+        people.
 
         Parameters
         ----------
-        drones : of each, [n, 3, 6]; one that is lost has fewer pieces
-        walks : of each person, [n, 3, 6]
+        drones : flight [n, 3, 6] of each drone; a lost drone has fewer pieces
+        walks : walk [n, 3, 6] of each person
         """
         rules, airspace = self._problem.rules, self._problem.airspace
         missing, aside = dict[str, float](), np.inf
@@ -189,10 +191,10 @@ class Robustness:
 
 
 def missing_distance(ways: FloatArray, rules: CollisionRules) -> float:
-    """Returns the metres by which ways [n, 3, 6] fall short of a separation; 0 if they keep it.
+    """Returns the distance in m by which vectors [n, 3, 6] violate a separation; 0 if they obey it.
 
-    With so much less of it, and the same distance in height, they keep it. It is too large by up to
-    a tenth of a millimetre.
+    They obey a separation reduced by this amount, with the same vertical distance. The result is
+    too large by up to a tenth of a millimetre.
     """
     ways = ways[come_too_near(ways, rules)]
     kept, broken = 0.0, rules.separation
@@ -206,7 +208,7 @@ def missing_distance(ways: FloatArray, rules: CollisionRules) -> float:
 
 
 def _moved(actor: Actor, left: float) -> Actor:
-    """Returns a person who walks so many metres to the left of where they would."""
+    """Returns a person who walks this many metres to the left of the planned walk."""
     if not left:
         return actor
     poses = actor.poses.copy()
@@ -216,12 +218,14 @@ def _moved(actor: Actor, left: float) -> Actor:
 
 
 def _punctual(pieces: FloatArray, late: float, count: int) -> FloatArray:
-    """Returns pieces [.., 2 count, d, n] of flights [.., N, d, n], cut for others that are late."""
+    """Returns pieces [.., 2 count, d, n] of flights [.., N, d, n], cut where late flights have
+    their cuts.
+    """
     return np.concatenate(parted(_at(pieces, np.arange(count)), late % 1), axis=-3)
 
 
 def _late(pieces: FloatArray, late: float, count: int) -> FloatArray:
-    """Returns pieces [.., 2 count, d, n] of late flights, cut as `_punctual` cuts the others."""
+    """Returns pieces [.., 2 count, d, n] of late flights, cut like those of `_punctual`."""
     began = np.arange(count) - int(np.floor(late))
     before = parted(_at(pieces, began - 1), 1 - late % 1)[1]
     after = parted(_at(pieces, began), 1 - late % 1)[0]
@@ -229,7 +233,9 @@ def _late(pieces: FloatArray, late: float, count: int) -> FloatArray:
 
 
 def _at(pieces: FloatArray, numbers: IntArray) -> FloatArray:
-    """Returns pieces by number; before and after a flight, those of its first or last place."""
+    """Returns pieces by number; numbers before and after a flight give its first or last
+    position.
+    """
     last = pieces.shape[-3] - 1
     found: FloatArray = pieces[..., np.clip(numbers, 0, last), :, :].copy()
     found[..., numbers < 0, :, :] = pieces[..., :1, :, :1]

@@ -1,8 +1,8 @@
-"""Proofs that flights keep away from matter, zones, people and each other, and when they are near.
+"""Proves that flights keep clear of matter, zones, people and each other; finds closest approaches.
 
-Nothing is sampled. Of drones, and of drones and people, the squared distance is a polynomial, which
-is proved to be large enough by its coefficients (`bernstein`). Against matter and zones a piece
-of a flight is halved until the box of its coefficients lies in free cells only.
+Nothing is sampled. The squared distance between drones, and between drones and people, is a
+polynomial, which is proved to be large enough by its coefficients (`bernstein`). For matter and
+zones, a piece of a flight is halved until the box of its coefficients contains only free cells.
 
 Proved, of the polynomials of a `Trajectory`, from step 0 to the last
 - drones keep the separation, or the vertical distance, of the scene's rules;
@@ -38,17 +38,17 @@ from cocap_opt.world.columns import Columns
 
 _DEEPEST = 40  # halvings
 _TOUCH = 1e-9  # cells
-_Piece = tuple[int, bytes]  # drone and coefficients
+_Piece = tuple[int, bytes]  # number of a drone, and coefficients
 
 
 class Danger(NamedTuple):
-    """Something that drones do in a step and may not.
+    """A violation of a rule by drones within a step.
 
     Attributes
     ----------
-    step : it is between this one and the next
+    step : the violation is between this step and the next
     part : piece of the step
-    person : to whom they come too close, if it is that
+    person : the person to whom they come too close, if any
     """
 
     step: int
@@ -64,15 +64,14 @@ class Danger(NamedTuple):
 
 
 def dangers(flown: Trajectory, known: dict[_Piece, str] | None = None) -> list[Danger]:
-    """Returns the pieces in which flights break a rule of their scene; none if they are safe.
+    """Returns the pieces in which flights break a rule of their scene; empty if they are safe.
 
-    Walls are not looked at for drones that may cut corners (`Motion.corner_cutting`): their plans
-    do not keep away from them between the steps either.
+    Walls are not checked for drones that may cut corners (`Motion.corner_cutting`): their plans do
+    not keep clear of walls between the steps either.
 
     Parameters
     ----------
-    known : remembers what pieces of flights in the same scene enter, for other flights of which
-        some pieces are the same
+    known : a cache of what pieces of flights in the same scene enter, for flights that share pieces
     """
     matter = _in_matter(flown, {} if known is None else known)
     found = [*_between_drones(flown), *_near_people(flown), *matter]
@@ -91,7 +90,7 @@ def _between_drones(flown: Trajectory) -> Iterator[Danger]:
 
 
 def _near_people(flown: Trajectory) -> Iterator[Danger]:
-    """Yields where drones come too close to people, who walk straight from step to step."""
+    """Yields the violations of the distance from people, who walk straight from step to step."""
     problem = flown.problem
     airspace, count = problem.airspace, flown.pieces.shape[1]
     if not airspace.people_aside:
@@ -106,11 +105,11 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
 
 
 def come_too_near(ways: FloatArray, rules: CollisionRules) -> BoolArray:
-    """Returns an array [n], true if ways [n, 3, 6] break a separation at any moment.
+    """Returns an array [n], True if vectors [n, 3, 6] break a separation at any moment.
 
-    What cannot be proved not to counts as if it did.
+    A separation that cannot be proved counts as broken.
     """
-    # Polynomials that are positive together while the separation is broken.
+    # Polynomials that are all positive if and only if the separation is broken.
     if not rules.vertical:
         return ever_positive([(rules.separation - TOLERANCE) ** 2 - squared_length(ways)])
     most, z = rules.vertical - TOLERANCE, ways[:, 2]
@@ -119,7 +118,9 @@ def come_too_near(ways: FloatArray, rules: CollisionRules) -> BoolArray:
 
 
 def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
-    """Yields where drones come too close to matter, or leave the map or the airspace."""
+    """Yields the pieces in which drones come too close to matter, or leave the map or the
+    airspace.
+    """
     for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
         for k, piece in enumerate(path[:, :3]):
             key = i, piece.tobytes()
@@ -131,7 +132,9 @@ def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
 
 
 def _entered(piece: FloatArray, problem: Problem, motion: Motion) -> str:
-    """Says what a piece [3, 6] of a flight enters, if it does; who stays enters nothing."""
+    """Returns words for what a piece [3, 6] of a flight enters; empty if nothing, or if the drone
+    stays.
+    """
     workspace = problem.workspace
     if (piece == piece[:, :1]).all():
         return ""
@@ -144,19 +147,19 @@ def _entered(piece: FloatArray, problem: Problem, motion: Motion) -> str:
 
 
 def _is_free(piece: FloatArray, problem: Problem, columns: Columns, clearance: float) -> bool:
-    """Returns True if a piece of a flight is proved to pass free cells only.
+    """Returns True if a piece of a flight is proved to pass only free cells.
 
     Parameters
     ----------
     piece : [3, 6] coefficients of x, y (m from the corner of the map) and z
-    columns : what closes cells
-    clearance : m, above and below
+    columns : the columns that close cells
+    clearance : clearance above and below, m
     """
 
     def close(low: FloatArray, high: FloatArray) -> bool:
-        """Returns True if a box [3], in cells and m, reaches what is closed, or off the map.
+        """Returns True if a box [3], in cells and m, reaches into closed space, or off the map.
 
-        Less than the tolerance of the rules is no reach: what touches a ceiling may be there.
+        Less than the tolerance of the rules does not count: a drone may touch the ceiling.
         """
         first = np.floor(low[:2] - _TOUCH).astype(np.int64)
         last = np.floor(high[:2] + _TOUCH).astype(np.int64)
@@ -180,33 +183,34 @@ def _is_free(piece: FloatArray, problem: Problem, columns: Columns, clearance: f
 
 
 class Nearest(NamedTuple):
-    """The moment at which two are nearest to each other."""
+    """The closest approach of two drones, or of a drone and a person."""
 
     distance: float  # m
     t: float  # s since step 0
     first: int  # number of a drone
     second: int  # number of another drone, or of a person
-    place: FloatArray  # [3] m, of the first
+    place: FloatArray  # [3] m, position of the first
 
     @property
     def is_too_near(self) -> bool:
-        """True if it is closer than scenes that are to be flown ask for."""
+        """True if the distance is less than the default for flown scenes."""
         return self.distance < SEPARATION - TOLERANCE
 
     @classmethod
     def of_people_without_rule(cls, flown: Trajectory, airspace: Airspace) -> Self | None:
-        """Returns when a drone is nearest to a person, if that is too close and no rule forbids it.
+        """Returns the closest approach of a drone to a person, if it is too close and no rule
+        forbids it.
 
         Parameters
         ----------
-        airspace : that the scene asks for
+        airspace : the airspace that the scene requires
         """
         nearest = None if airspace.people_aside else cls.of_people(flown)
         return nearest if nearest is not None and nearest.is_too_near else None
 
     @classmethod
     def of_drones(cls, flown: Trajectory) -> Self | None:
-        """Returns when two drones are nearest to each other; None for one drone."""
+        """Returns the closest approach of two drones; None for one drone."""
         ways = flown.between_drones
         if not len(ways):
             return None
@@ -215,9 +219,9 @@ class Nearest(NamedTuple):
 
     @classmethod
     def of_people(cls, flown: Trajectory) -> Self | None:
-        """Returns when a drone is nearest to the middle of a person, seen from above.
+        """Returns the closest horizontal approach of a drone to the middle of a person.
 
-        None: the scene has no people.
+        Returns None if the scene has no people.
         """
         problem, pieces = flown.problem, flown.pieces
         if not problem.actors:
@@ -229,7 +233,7 @@ class Nearest(NamedTuple):
 
     @classmethod
     def _of(cls, flown: Trajectory, ways: FloatArray, first: IntArray, second: IntArray) -> Self:
-        """Returns the least length of ways [pairs N, d, 6], and when and where that is."""
+        """Returns the smallest length of vectors [pairs N, d, 6], with its time and place."""
         peak = Peak.of(-squared_length(ways))
         pair, piece = divmod(peak.which, flown.pieces.shape[1])
         t = (piece + peak.share) * flown.piece_seconds

@@ -1,23 +1,25 @@
-"""Smooth flights: those of a plan with continuous speed and acceleration.
+"""Smooth flights: flights of a plan with continuous speed and acceleration.
 
-At each step a drone is exactly where the plan says, and looks as it says. It passes with the mean
-of the speeds before and after, and with the acceleration from the one to the other; a drone begins
-and ends at rest. The part of a flight in which the one speed becomes the other is a blend; it takes
-all of the steps before and after. Where it breaks a rule (`safety`), it is mended in one of two
-ways, as far as it must be:
+At each step, a drone has exactly the position and orientation of the plan. Its speed at the step is
+the mean of the speeds before and after, and its acceleration changes the one speed into the other;
+a drone begins and ends at rest. The part of a flight in which the speed changes is a blend; it
+takes all of the steps before and after. If it breaks a rule (`safety`), it is repaired in one of
+two ways, as far as necessary:
 
-- slower: the drone passes with a share of that speed, and at last stops. Drones that stop at the
-  steps before and after a move fly the straight line of the plan, and all by one law of time if
-  their blends are equally short. So it is as safe as the plan against walls, zones and drones.
-- shorter: the blend takes one of the two steps only, or a half, a quarter, an eighth of them; for
-  the rest the drone keeps the even pace of the plan. People, who walk evenly, ask for that.
+- slower: the drone passes with a share of that speed, and finally stops. Drones that stop at the
+  steps before and after a move fly the straight line of the plan, all with the same time law if
+  their blends are equally short. So the flight is as safe as the plan with respect to walls, zones
+  and drones.
+- shorter: the blend takes only one of the two steps, or a half, a quarter or an eighth of them; for
+  the rest, the drone has the constant speed of the plan. This is needed near people, who walk at
+  constant speed.
 
-In a blend a drone leaves its even pace by two polynomials of the fifth degree: one has the change
-of its speed at the step, the other its acceleration there, and both end with neither. A drone that
-stops strays from its even pace by no more than a fifth of its move times the part of the step that
-the stop takes. So a plan that keeps farther from people than it must, by a 40th of the longest
-move in space, always has a smooth flight (`spare`). In one that does not, drones may be too close
-to people where they start, land, or change their speed at two steps in a row.
+In a blend, a drone deviates from its constant speed by two polynomials of degree five: one contains
+the change of its speed at the step, the other its acceleration there, and both vanish at the end
+with their derivatives. A drone that stops deviates by no more than a fifth of its move times the
+part of the step that the stop takes. So a plan that keeps farther from people than required, by a
+40th of the longest move in space, always has a smooth flight (`spare`). Otherwise, drones may be
+too close to people where they start, land, or change their speed at two steps in a row.
 """
 
 from collections import defaultdict
@@ -35,24 +37,25 @@ from cocap_opt.flight.strain import longest_move
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
 from cocap_opt.problem import Plan, Problem, Robot
 
-SHORTEST = 8  # the shortest blend takes one in so many parts of a step
+SHORTEST = 8  # the shortest blend takes this fraction (1/8) of a step
 _SLOWER = 0.5
-_LEAST = 0.2  # below which a drone stops
-_STEADY = 1.25  # times the slower rate on either side: no angle goes beyond those at the steps
-_SPEED = np.array([0, 1 / 5, 2 / 5, 0, 0, 0])  # has the speed 1 at 0; all else at 0 and 1 is 0
-_BEND = np.array([0, 0, 1 / 20, 0, 0, 0])  # likewise the acceleration
-_SAME = 1e-9  # m, by which equal moves may differ
+_LEAST = 0.2  # share below which a drone stops
+_STEADY = 1.25  # times the slower rate on either side: no angle exceeds those at the steps
+# has the speed 1 at 0; all other values and derivatives at 0 and 1 are 0
+_SPEED = np.array([0, 1 / 5, 2 / 5, 0, 0, 0])
+_BEND = np.array([0, 0, 1 / 20, 0, 0, 0])  # the same for the acceleration
+_SAME = 1e-9  # m; tolerance for equal moves
 _BEFORE, _BOTH, _AFTER = -1, 0, 1
 _Blend = tuple[int, int]  # its drone and its step
 
 
 class Smooth(NamedTuple):
-    """Smooth flights, and what could not be made safe.
+    """Smooth flights, and the violations that could not be repaired.
 
     Attributes
     ----------
     slowed : steps of drones at which they pass more slowly than they could
-    shortened : steps of drones at which they change speed in less time than they could
+    shortened : steps of drones at which they change speed in less time than possible
     """
 
     trajectory: Trajectory
@@ -64,8 +67,8 @@ class Smooth(NamedTuple):
     def of(cls, problem: Problem, plan: Plan) -> Self:
         """Returns the smooth flights of a plan that can be flown and breaks no rule.
 
-        Where they are not safe, or ask too much of a drone, those with rests are taken if they are
-        and do not.
+        If they are not safe, or exceed a drone's limits, flights with rests are used, provided that
+        these are safe and within the limits.
         """
         made = cls._mended(problem, plan, slow=True)
         if made.dangers:
@@ -77,16 +80,17 @@ class Smooth(NamedTuple):
 
     @property
     def is_flyable(self) -> bool:
-        """True if the flights are safe, and keep the drones' limits."""
+        """True if the flights are safe and obey the drones' limits."""
         return not self.dangers and not any(Excess.all_of(self.trajectory))
 
     @classmethod
     def _rested(cls, problem: Problem, plan: Plan, law: Rests) -> Self:
-        """Returns smooth flights that are slower at the steps, down to rests, until they will do.
+        """Returns smooth flights that are slower at the steps, down to rests, until they are
+        flyable.
 
         Parameters
         ----------
-        law : of time, between two rests
+        law : time law between two rests
         """
         straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
         blends = _Blends.longest(points)
@@ -101,16 +105,16 @@ class Smooth(NamedTuple):
 
     @classmethod
     def _mended(cls, problem: Problem, plan: Plan, slow: bool) -> Self:
-        """Returns smooth flights, mended until they are safe or cannot be mended further.
+        """Returns smooth flights, repaired until they are safe or cannot be repaired further.
 
         Parameters
         ----------
-        slow : True: blends are slower first, but beside people who walk; False: all are shorter
+        slow : True: make blends slower first, except near people who walk; False: make them shorter
             first
         """
         straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
         blends = _Blends.longest(points)
-        known: dict[tuple[int, bytes], str] = {}  # of pieces that stay the same
+        known: dict[tuple[int, bytes], str] = {}  # results for pieces that do not change
         while True:
             flown = straight.with_pieces(blends.pieces(points))
             found = dangers(flown, known)
@@ -121,23 +125,25 @@ class Smooth(NamedTuple):
 
 
 def spare(problem: Problem, robot: Robot) -> float:
-    """Returns the largest distance (m) from its even pace of a drone that stops at each step.
+    """Returns the largest distance (m) of a drone that stops at each step from its position at
+    constant speed.
 
-    It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
+    This assumes the shortest blends. With this additional distance from people, every plan has a
+    smooth flight.
     """
     return longest_move(problem, robot.motion) * Peak.of(_SPEED[None]).value / SHORTEST
 
 
 class _Blends(NamedTuple):
-    """The speed and the duration of each drone's blend at each step, the first and last included.
+    """The speed and the duration of each drone's blend at each step, including the first and last.
 
     Attributes
     ----------
-    shares : [R, T+1] of the speed with which it could pass
-    cuts : [R, T+1] a blend takes one in so many parts of the steps before and after
-    sides : [R, T+1] on which of the step it is made: before, after or both
-    bent : [R, T+1] true if moves before and after differ
-    turning : [R, T+1] true if angles need not rest
+    shares : [R, T+1] share of the speed with which the drone could pass
+    cuts : [R, T+1] c, where a blend takes 1/c of the steps before and after
+    sides : [R, T+1] side of the step on which the blend lies: before, after or both
+    bent : [R, T+1] True if the moves before and after differ
+    turning : [R, T+1] True if angles need not rest
     """
 
     shares: FloatArray
@@ -148,7 +154,7 @@ class _Blends(NamedTuple):
 
     @classmethod
     def longest(cls, points: FloatArray) -> Self:
-        """Returns blends at points [R, T+1, 5] that take all of the steps, with the mean speeds."""
+        """Returns blends at points [R, T+1, 5] that take the whole steps, with the mean speeds."""
         shares = np.ones(points.shape[:2])
         shares[:, [0, -1]] = 0.0
         cuts = np.ones(shares.shape, dtype=np.int64)
@@ -158,25 +164,25 @@ class _Blends(NamedTuple):
 
     @property
     def slowed(self) -> int:
-        """Number of blends that are slower than they could be."""
+        """Number of blends that are slower than possible."""
         return int((self.shares[:, 1:-1] < 1).sum())
 
     @property
     def shortened(self) -> int:
-        """Number of blends that are shorter than they could be."""
+        """Number of blends that are shorter than possible."""
         return int(((self.cuts > 1) | (self.sides != _BOTH)).sum())
 
     @property
     def parts(self) -> int:
-        """Pieces of each step."""
+        """Pieces per step."""
         return int(self.cuts.max())
 
     def same(self, other: Self) -> bool:
-        """Returns True if these are equal to others."""
+        """Returns True if these blends equal others."""
         return all((part == rows).all() for part, rows in zip(self, other, strict=True))
 
     def pieces_with_rests(self, points: FloatArray, law: Rests) -> FloatArray:
-        """Returns flights through points as `pieces` does, with a law of time between rests."""
+        """Returns flights through points like `pieces`, but with a time law between rests."""
         robots, steps = self.shares[:, 1:].shape
         pieces = self.pieces(points, PARTS).reshape(robots, steps, PARTS, *points.shape[2:], -1)
         still, fixed = self.shares == 0, ~self.turning
@@ -195,7 +201,7 @@ class _Blends(NamedTuple):
 
         Parameters
         ----------
-        parts : pieces of a step; None: no more than blends ask for
+        parts : pieces per step; None: as few as the blends require
         """
         moves = np.diff(points, axis=1)
         speed, bend = self._rates(moves)
@@ -203,33 +209,33 @@ class _Blends(NamedTuple):
         cuts = np.repeat(self.cuts[..., None], points.shape[2], axis=-1)
         cuts[..., 3:] = 1
         first = _off(cuts[:, :-1], parts, speed[:, :-1] - moves, bend[:, :-1])
-        # What leads to a step looks, backwards, like what follows it.
+        # The part before a step is, reversed in time, like the part after it.
         last = _off(cuts[:, 1:], parts, moves - speed[:, 1:], bend[:, 1:])[:, :, ::-1, :, ::-1]
         even = evenly(points, parts)
         return read_only(even + (first + last).reshape(even.shape))
 
     def mended(self, found: list[Danger], shorter: list[bool]) -> Self:
-        """Returns blends of which those at dangers are mended, as far as they can be.
+        """Returns blends of which those at violations are repaired, as far as possible.
 
         Parameters
         ----------
-        shorter : of each danger, True: blends are shorter first, False: they are slower
+        shorter : for each violation, True: make blends shorter first, False: make them slower first
         """
         new = self._replace(**{name: rows.copy() for name, rows in self._asdict().items()})
-        near = defaultdict[_Blend, set[int]](set)  # on which sides of blends
-        slow = set[tuple[Danger, _Blend]]()  # several pieces of a step are one danger
+        near = defaultdict[_Blend, set[int]](set)  # sides of each blend
+        slow = set[tuple[Danger, _Blend]]()  # several pieces of a step are one violation
         for danger, short in zip(found, shorter, strict=True):
             ends, drones = (danger.step, danger.step + 1), danger.drones
             blends = [(drone, k) for drone in drones for k in ends]
             if len(drones) > 1 and not any(self.shares[blend] for blend in blends):
-                for k in ends:  # all by one law of time
+                for k in ends:  # all with the same time law
                     new.cuts[drones, k] = new.cuts[drones, k].max()
             elif short and (reaching := list(self._reaching(danger))):
                 for blend in reaching:
                     near[blend].add(_AFTER if blend[1] == danger.step else _BEFORE)
             else:
                 slow |= {(danger._replace(part=0), blend) for blend in blends}
-        for _, blend in slow:  # who is in two dangers at once is slowed for each
+        for _, blend in slow:  # a drone in two violations at once is slowed for each
             new.shares[blend] *= _SLOWER
         for blend, sides in near.items():
             self._shorten(new, blend, sides)
@@ -238,7 +244,7 @@ class _Blends(NamedTuple):
         return new
 
     def slower(self, found: list[Danger], beyond: list[Excess]) -> Self:
-        """Returns blends that are slower where flights are unsafe or ask too much of drones."""
+        """Returns blends that are slower where flights are unsafe or exceed limits of drones."""
         new = self._replace(shares=self.shares.copy(), turning=self.turning.copy())
         slow = {(drone, danger.step) for danger in found for drone in danger.drones}
         slow |= {(excess.drone, excess.step) for excess in beyond if not excess.is_turn}
@@ -251,7 +257,9 @@ class _Blends(NamedTuple):
         return new
 
     def _shorten(self, new: Self, blend: _Blend, near: set[int]) -> None:
-        """Makes a blend shorter: only on the side that is not near, or in half of the time."""
+        """Makes a blend shorter: only on the side away from the violation, or in half of the
+        time.
+        """
         (side, *others), passes = near, self.shares[blend] == 1
         if passes and self.sides[blend] == _BOTH and not others:
             new.sides[blend] = -side
@@ -262,7 +270,7 @@ class _Blends(NamedTuple):
             new.shares[blend] *= _SLOWER
 
     def _reaching(self, danger: Danger) -> Iterator[_Blend]:
-        """Yields the blends of drones that reach into a piece of a step and can be mended."""
+        """Yields the blends of drones that reach into a piece of a step and can be repaired."""
         for drone in danger.drones:
             first = (drone, danger.step), danger.part, _AFTER
             last = (drone, danger.step + 1), self.parts - 1 - danger.part, _BEFORE
@@ -273,7 +281,7 @@ class _Blends(NamedTuple):
                     yield blend
 
     def _rates(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns speeds and accelerations [R, T+1, 5] at the steps, of a step's duration."""
+        """Returns speeds and accelerations [R, T+1, 5] at the steps, per duration of a step."""
         before, after = moves[:, :-1], moves[:, 1:]
         speed = np.zeros((moves.shape[0], moves.shape[1] + 1, moves.shape[2]))
         bend = np.zeros_like(speed)
@@ -286,13 +294,14 @@ class _Blends(NamedTuple):
 
 
 def _off(cuts: IntArray, parts: int, speed: FloatArray, bend: FloatArray) -> FloatArray:
-    """Returns the coefficients [R, T, parts, 5, 6] of ways off the even pace after each step.
+    """Returns the coefficients [R, T, parts, 5, 6] of deviations from constant speed after each
+    step.
 
     Parameters
     ----------
-    cuts : [R, T, 5] the blends take one in so many parts of the steps
-    parts : pieces of a step
-    speed, bend : [R, T, 5] off the even pace at the step, of a step's duration
+    cuts : [R, T, 5] c, where blends take 1/c of the steps
+    parts : pieces per step
+    speed, bend : [R, T, 5] deviations of speed and acceleration at the step, per duration of a step
     """
     which = np.log2(cuts).astype(np.int64)
     total = np.zeros((*cuts.shape, parts, DEGREE + 1))
@@ -303,14 +312,16 @@ def _off(cuts: IntArray, parts: int, speed: FloatArray, bend: FloatArray) -> Flo
 
 
 def _part(unit: FloatArray, cut: int, parts: int) -> FloatArray:
-    """Returns the coefficients [parts, 6] of a polynomial over one in so many parts, and then 0."""
+    """Returns the coefficients [parts, 6] of a polynomial over the first 1/cut of a step, followed
+    by 0.
+    """
     found = np.zeros((parts, len(unit)))
     found[: parts // cut] = split(unit[None, None], parts // cut)[:, 0]
     return found
 
 
 def _walks(problem: Problem, danger: Danger) -> bool:
-    """Returns True if there is a person in a danger, who does not stand."""
+    """Returns True if a violation involves a person who does not stand still."""
     if danger.person is None:
         return False
     middles = problem.actors[danger.person].middles
@@ -318,9 +329,9 @@ def _walks(problem: Problem, danger: Danger) -> bool:
 
 
 def _steady(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Returns rates between those before and after; 0 where one of them is, or they differ in sign.
+    """Returns rates between those before and after; 0 if one of them is 0 or if their signs differ.
 
-    The coefficients then go one way only, so that nothing between the steps exceeds the steps.
+    The coefficients are then monotonic, so no value between the steps exceeds those at the steps.
     """
     same = before * after > 0
     total = np.where(same, before + after, 1.0)

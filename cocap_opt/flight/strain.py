@@ -1,11 +1,11 @@
-"""The pace that smooth flights may ask of drones, whichever plan they fly.
+"""The demands that smooth flights may put on drones, whatever plan they fly.
 
 The coefficients of a smooth flight (`smooth`) between two steps are linear in the moves before, in
-and after that step. So its rates are the largest where each of the three is as long as can be, and
-then the same for all drones, but for that length. A drone that stops at both ends of its longest
-move asks for the most: 15/8 of the even rate, and an acceleration of 10 / sqrt(3) moves per squared
-step. Where blends are shorter, beside people who walk, rates grow further, and accelerations
-without a bound that would help anybody.
+and after that step. So its rates are largest if each of the three moves is as long as possible, and
+are then the same for all drones, up to that length. The largest demand arises when a drone stops at
+both ends of its longest move: 15/8 of the average rate, and an acceleration of 10 / sqrt(3) moves
+per squared step. If blends are shorter, near people who walk, rates grow further, and accelerations
+have no useful bound.
 """
 
 import math
@@ -21,20 +21,21 @@ from cocap_opt.problem.motion import ROUNDING
 from cocap_opt.problem.robot import rounded_up
 from cocap_opt.world.workspace import HeightMap
 
-RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends
-SHORTENED = 2.94  # times the even rate, between a stop and a sharp turn, one of them shortened
+RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # for stops at both ends
+# factor on the average rate between a stop and a sharp turn, one of them shortened
+SHORTENED = 2.94
 _ANGLES = "yaw_rate", "gimbal_rate"
 _UPRIGHT = "climb", "descent"
 
 
 class _Strain(NamedTuple):
-    """The most that any smooth flight asks of a drone.
+    """The largest demand of any smooth flight on a drone.
 
     Attributes
     ----------
     kind : a field of `Limits`
     reach : the longest move in a step, m or rad
-    limit : of its rate, in m, rad and s
+    limit : limit of its rate, in m, rad and s
     """
 
     kind: str
@@ -42,30 +43,31 @@ class _Strain(NamedTuple):
     limit: float
 
     def even(self, step: float) -> float:
-        """Returns the rate of a straight flight, which is even; of its acceleration nothing."""
+        """Returns the rate of a straight flight, which is constant; for accelerations, none."""
         return 0.0 if self.kind == "acceleration" else self.reach / step
 
     def most(self, step: float) -> float:
-        """Returns the largest rate or acceleration in steps of so many seconds."""
+        """Returns the largest rate or acceleration, for steps of the given length in s."""
         if self.kind == "acceleration":
             return ACCELERATION * self.reach / step**2
         return RATE * self.reach / step
 
     @property
     def step(self) -> float:
-        """Shortest step (s) that keeps the limit."""
+        """Shortest step (s) that obeys the limit."""
         if self.kind == "acceleration":
             return math.sqrt(ACCELERATION * self.reach / self.limit)
         return RATE * self.reach / self.limit
 
 
 def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False) -> float:
-    """Returns the seconds of a step with which flights of any plan keep all limits.
+    """Returns the length of a step (s) with which flights of any plan obey all limits.
 
     Parameters
     ----------
-    is_smooth : False: straight flights, which move evenly; of their accelerations nothing is known
-    shortened : True: smooth flights whose blends are shortened, too, but for accelerations
+    is_smooth : False: straight flights, which have a constant speed in each step and no known
+        accelerations
+    shortened : True: also smooth flights with shortened blends, except for their accelerations
     """
     found = [strain for robot in problem.robots for strain in _strains(problem, robot)]
     rates = [strain for strain in found if strain.kind != "acceleration"]
@@ -77,10 +79,10 @@ def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False
 
 
 def strains(problem: SceneData) -> list[str]:
-    """Returns which drones may exceed limits in smooth flights, in words, one line for each kind.
+    """Returns a line for each kind of drone that may exceed limits in smooth flights.
 
-    It is no proof that a plan cannot be flown: smooth flights are checked as they are. Where drones
-    can rest at each step none is refused.
+    This is not a proof that a plan cannot be flown: smooth flights are checked individually. Kinds
+    of drones that can rest at each step get no line.
     """
     if problem.step is None or any(_may_rest(problem, law) for law in LAWS):
         return []
@@ -92,7 +94,7 @@ def strains(problem: SceneData) -> list[str]:
 
 
 def _may_rest(problem: SceneData, law: Rests) -> bool:
-    """Returns True if all drones can make all of their moves from rest to rest, by some law."""
+    """Returns True if all drones can make all their moves from rest to rest, by some law."""
     for robot in problem.robots:
         stride = law.stride(robot.limits or Limits(), problem.step or 0.0)
         moves = rises(problem.height_map, robot.motion)
@@ -108,7 +110,7 @@ def _may_rest(problem: SceneData, law: Rests) -> bool:
 
 
 def _strains(problem: SceneData, robot: Robot) -> Iterator[_Strain]:
-    """Yields the strain of each kind of which a limit is known."""
+    """Yields the strain of each kind with a known limit."""
     motion, tilts = robot.motion, robot.camera.tilts
     rise = _highest_move(problem, motion)
     reaches = {
@@ -126,7 +128,9 @@ def _strains(problem: SceneData, robot: Robot) -> Iterator[_Strain]:
 
 
 def _words(problem: SceneData, robot: Robot) -> str:
-    """Says which limits of a drone smooth flights may exceed, and which steps keep them."""
+    """Returns a message that names the limits that a drone may exceed in smooth flights, and
+    sufficient steps.
+    """
     step = problem.step or 0.0
     beyond = [
         strain
@@ -144,8 +148,8 @@ def _words(problem: SceneData, robot: Robot) -> str:
     shortest = motion.shortest_move(problem.height_map.resolution)
     heavy = acceleration is not None and 2 * shortest > acceleration * step**2 * (1 + ROUNDING)
     start = (
-        f"cannot move from rest within a step: the shortest move, {shortest:.4g} m, needs "
-        f"{2 * shortest / step**2:.4g} m/s2; "
+        f"cannot move from rest to rest within a step: the shortest move, {shortest:.4g} m, "
+        f"needs {2 * shortest / step**2:.4g} m/s2;"
         if heavy and math.isfinite(shortest)
         else ""
     )
@@ -167,13 +171,14 @@ def _ask(strain: _Strain, step: float) -> str:
 
 
 def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -> str:
-    """Names the ground as the cause of a climb or a descent that is too fast, and a way out.
+    """Returns a message if the ground causes a climb or a descent that is too fast, with a remedy.
 
-    Nothing where layers do not follow the ground, or where their own distance asks for too much.
+    It is empty if layers do not follow the ground, or if the distance between layers is itself too
+    large.
 
     Parameters
     ----------
-    is_smooth : False: of a straight flight, which climbs evenly from step to step
+    is_smooth : False: a straight flight, which climbs at a constant rate from step to step
     """
     rate = RATE if is_smooth else 1.0
     limit = getattr(robot.limits, kind, None)
@@ -190,7 +195,9 @@ def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -
 
 
 def _nearer_layers(beyond: list[_Strain], step: float, motion: Motion) -> str:
-    """Returns advice on nearer layers, where only climbs and descents are too fast; else empty."""
+    """Returns advice to place layers closer together, if only climbs and descents are too fast;
+    else empty.
+    """
     if any(strain.kind not in _UPRIGHT for strain in beyond):
         return ""
     ground = max(strain.reach for strain in beyond) - motion.largest_climb
@@ -208,8 +215,8 @@ def _who(drones: list[int]) -> str:
 def longest_move(problem: SceneData, motion: Motion) -> float:
     """Returns the length (m) in space of the longest move of a motion.
 
-    It may be one that nobody makes: down where the layer is the lowest, or into a wall. Layers
-    above the ground follow it.
+    It may be a move that no drone can make, e.g. down from the lowest layer, or into a wall. Layers
+    above the ground follow the ground.
     """
     space = (motion.stride or Stride()).space
     longest = max(math.hypot(aside, rise) for aside, rise in _moves(problem, motion))
@@ -217,9 +224,9 @@ def longest_move(problem: SceneData, motion: Motion) -> float:
 
 
 def rises(height_map: HeightMap, motion: Motion) -> Iterator[tuple[float, float]]:
-    """Yields the length (m) of moves seen from above, and the most by which they rise or fall.
+    """Yields the horizontal length (m) of moves, and the largest amount by which they rise or fall.
 
-    They are those that cells and layers allow, whatever the stride.
+    These are all moves that cells and layers allow, regardless of the stride.
     """
     edge, ground = height_map.resolution, height_map.flight_datum
     climb, radius = motion.largest_climb, motion.radius
@@ -236,7 +243,7 @@ def rises(height_map: HeightMap, motion: Motion) -> Iterator[tuple[float, float]
 
 
 def _highest_move(problem: SceneData, motion: Motion) -> float:
-    """Returns the height (m) by which a motion's moves lead up or down at most."""
+    """Returns the largest height (m) by which a motion's moves rise or fall."""
     return max(rise for _, rise in _moves(problem, motion))
 
 

@@ -1,8 +1,8 @@
-"""The ground on which drones take off and land, and warnings of it, and of others on the way.
+"""The ground on which drones take off and land, and warnings about it and about nearby drones.
 
-Drones with homes use those; others go straight up to their first places and straight down from
-their last ones. Warnings are of roofs, water and obstacles, and of drones that are one above the
-other, or closer than the separation, between those places and the ground.
+Drones with homes use those; others fly straight up to their first places and straight down from
+their last ones. Warnings are about roofs, water and obstacles, and about drones that are one above
+the other, or closer than the separation, between those places and the ground.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -23,7 +23,9 @@ _SAME_SPOT = 0.05  # m
 
 
 class _Deed(NamedTuple):
-    """The words for a deed of one drone and of several, on some ground or not, and its remedy."""
+    """The wording for an action of one drone or of several, with or without the kind of ground, and
+    its remedy.
+    """
 
     does_on: str
     do_on: str
@@ -49,10 +51,11 @@ class Touchdown(NamedTuple):
     ----------
     kind : TAKE_OFF, LANDING or HOME
     x, y : m
-    z : m, of the drone above it before it lands, or after it took off; at home of the surface
-    surface : m, the altitude of what the drone stands on
-    above : m, by which that is higher than the ground; None: the map does not tell the ground
-    land : by the land cover; None: unknown
+    z : altitude of the drone before landing or after take-off, m; at a home, altitude of the
+        surface
+    surface : altitude of the surface on which the drone stands, m
+    above : height of that surface above the ground, m; None: the map does not give the ground
+    land : kind of land, by the land cover; None: unknown
     """
 
     drone: int
@@ -66,12 +69,12 @@ class Touchdown(NamedTuple):
 
     @property
     def is_bad(self) -> bool:
-        """True for a roof, an obstacle or water, as far as the scene tells."""
+        """True for a roof, an obstacle or water, as far as the scene shows it."""
         return self.is_raised or self.land in {"building", "water"}
 
     @property
     def what(self) -> str:
-        """The ground or the thing on which the drone stands."""
+        """The ground or the object on which the drone stands."""
         if self.is_raised:
             return "a roof" if self.land == "building" else "an obstacle"
         if self.land == "building":
@@ -82,12 +85,12 @@ class Touchdown(NamedTuple):
 
     @property
     def ground(self) -> str:
-        """The same, with its height if it is none of the ground."""
+        """The same, with its height if it is not the ground."""
         return self.what + (f" {self.above:.1f} m above the ground" if self.is_raised else "")
 
     @property
     def is_raised(self) -> bool:
-        """True if the drone stands on something that is known to be no ground."""
+        """True if the drone stands on something that is known not to be the ground."""
         return self.above is not None and self.above > OBSTACLE
 
 
@@ -96,9 +99,9 @@ class Near(NamedTuple):
 
     Attributes
     ----------
-    first, second : drones
-    kind : as that of both touchdowns
-    distance : m between the ways straight up or down, at the least
+    first, second : numbers of the drones
+    kind : kind of both touchdowns
+    distance : smallest distance between their vertical flights, m
     """
 
     first: int
@@ -113,15 +116,15 @@ class Near(NamedTuple):
 
 
 class Touchdowns(NamedTuple):
-    """The take-offs of a flight, unless its drones are in the air already, and its landings.
+    """The landings of a flight, and its take-offs, unless its drones are in the air already.
 
     A drone with a home has one touchdown, for both.
 
     Attributes
     ----------
-    found : by drone
-    near : pairs of drones that are too close to each other below their places
-    separation : m that are to be kept between drones
+    found : touchdowns by drone
+    near : pairs of drones that come too close to each other below their places
+    separation : required distance between drones, m
     """
 
     found: tuple[Touchdown, ...]
@@ -130,9 +133,9 @@ class Touchdowns(NamedTuple):
 
     @classmethod
     def of(cls, flight: Flight) -> Self:
-        """Returns those of a flight.
+        """Returns the touchdowns of a flight.
 
-        Where the scene has no separation, that of scenes that are to be flown is asked for.
+        If the scene has no separation, the default separation of flown scenes is used.
         """
         found, rules = tuple(_found(flight)), flight.flown.problem.rules
         if not rules.separation:
@@ -141,7 +144,9 @@ class Touchdowns(NamedTuple):
         return cls(found, near, rules.separation)
 
     def warnings(self, kinds: Collection[str] = KINDS) -> Iterator[str]:
-        """Yields which drones touch down badly or too close to each other, and what to do."""
+        """Yields messages on drones that touch down badly or too close to each other, with
+        remedies.
+        """
         yield from _of_ground([each for each in self.found if each.kind in kinds])
         for kind in KINDS:
             if near := [pair for pair in self.near if pair.kind == kind and kind in kinds]:
@@ -182,7 +187,7 @@ def _found(flight: Flight) -> Iterator[Touchdown]:
 
 
 def _places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
-    """Yields each drone, what it does, and the place (m) below which it does."""
+    """Yields each drone, the kind of its touchdown, and the position (m) above it."""
     problem, flown = flight.flown.problem, flight.flown
     height_map = problem.height_map
     ends = flown.at(np.array([0.0, flown.seconds]))
@@ -198,7 +203,7 @@ def _places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
 
 
 def _near(found: Iterable[Touchdown], kind: str, rules: CollisionRules) -> Iterator[Near]:
-    """Yields the pairs of drones whose ways straight up or down are too close to each other."""
+    """Yields the pairs of drones whose vertical flights come too close to each other."""
     alike = [each for each in found if each.kind == kind]
     if not alike:
         return
@@ -213,7 +218,9 @@ def _near(found: Iterable[Touchdown], kind: str, rules: CollisionRules) -> Itera
 
 
 def _of_ground(found: Iterable[Touchdown]) -> Iterator[str]:
-    """Yields which drones take off from or land on roofs, obstacles and water, and what to do."""
+    """Yields messages on drones that take off from or land on roofs, obstacles and water, with
+    remedies.
+    """
 
     def key(each: Touchdown) -> tuple[int, str]:
         return KINDS.index(each.kind), each.what
@@ -232,7 +239,9 @@ def _of_ground(found: Iterable[Touchdown]) -> Iterator[str]:
 
 
 def _of_others(near: Sequence[Near], separation: float) -> str:
-    """Says which drones are too close to each other at touchdowns of one kind, and what to do."""
+    """Returns a message on drones that are too close to each other at touchdowns of one kind, with
+    a remedy.
+    """
     nearest = min(near, key=lambda pair: pair.distance)
     deed, two = _DEEDS[nearest.kind], f"{nearest.first} and {nearest.second}"
     spot, least = "on the same spot", f"less than {separation:g} m"

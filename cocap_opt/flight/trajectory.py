@@ -1,8 +1,8 @@
-"""The flights of a plan: where each drone is at every moment, and how it looks.
+"""The flights of a plan: the position and orientation of each drone at every moment.
 
-Between two steps each coordinate of a drone is a polynomial of the fifth degree, or several, each
-of an equal part of the step. A straight flight goes from step to step at a constant speed, as the
-plan says; a smooth one (`smooth`) is at the same places at the steps.
+Between two steps, each coordinate of a drone is a polynomial of degree five, or several, each for
+an equal part of the step. A straight flight moves from step to step at a constant speed, as the
+plan says; a smooth flight (`smooth`) has the same positions at the steps.
 """
 
 from dataclasses import dataclass, replace
@@ -23,8 +23,8 @@ from cocap_opt.problem import Actor, Plan, Problem
 
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
-_PARTS = 40  # of a step, at which distances from chords are computed
-_SLACK = 1e-9  # of a piece, by which a moment may be rounded beyond the last
+_PARTS = 40  # parts of a step at which distances from chords are computed
+_SLACK = 1e-9  # of a piece; tolerance for a moment beyond the last piece
 
 
 class Samples(NamedTuple):
@@ -33,8 +33,8 @@ class Samples(NamedTuple):
     drone: IntArray  # [n]
     t: FloatArray  # [n] s since step 0
     place: FloatArray  # [n, 3] m, x, y and z of the map
-    yaw: FloatArray  # [n] rad, 0 along +x, counter-clockwise; it does not jump at a full turn
-    pitch: FloatArray  # [n] rad, of the camera, 0 is level and below the horizon is negative
+    yaw: FloatArray  # [n] rad, 0 along +x, counter-clockwise; without jumps at a full turn
+    pitch: FloatArray  # [n] rad, of the camera; 0 is level, negative is below the horizon
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Trajectory:
 
     Attributes
     ----------
-    problem : the scene, which has a `step`
+    problem : the scene, whose `step` must be given
     pieces : [R, N, 5, 6] Bernstein coefficients of x, y (m from the corner of the map), z (m),
         yaw and pitch (rad) in each piece; N is T times the `parts` of a step
     """
@@ -70,7 +70,7 @@ class Trajectory:
 
     @property
     def step(self) -> float:
-        """Seconds from a step to the next."""
+        """Length of a step in seconds."""
         assert self.problem.step is not None
         return self.problem.step
 
@@ -82,7 +82,7 @@ class Trajectory:
 
     @property
     def piece_seconds(self) -> float:
-        """Seconds that each piece lasts."""
+        """Duration of each piece in seconds."""
         return self.step / self.parts
 
     @property
@@ -92,12 +92,12 @@ class Trajectory:
 
     @cached_property
     def velocities(self) -> FloatArray:
-        """Coefficients [R, N, 5, 5] of the rates of change, per second."""
+        """Coefficients [R, N, 5, 5] of the velocities, per second."""
         return read_only(derivative(self.pieces) / self.piece_seconds)
 
     @cached_property
     def accelerations(self) -> FloatArray:
-        """Coefficients [R, N, 5, 4] of their rates of change."""
+        """Coefficients [R, N, 5, 4] of the accelerations, per second squared."""
         return read_only(derivative(self.velocities) / self.piece_seconds)
 
     @property
@@ -106,7 +106,7 @@ class Trajectory:
         return self.problem.height_map.cells_below(self.at(np.zeros(1)).place)
 
     def at(self, times: FloatArray) -> Samples:
-        """Returns where all drones are at times [n], s since step 0."""
+        """Returns the positions and angles of all drones at times [n], in s since step 0."""
         robots, count = self.pieces.shape[:2]
         place = times / self.piece_seconds
         which = np.clip(np.floor(place + _SLACK), 0, count - 1).astype(np.int64)
@@ -121,19 +121,20 @@ class Trajectory:
         )
 
     def distance_from(self, other: "Trajectory") -> float:
-        """Returns the largest distance (m) from the same drone's other flight at any moment.
+        """Returns the largest distance (m) at any moment from the same drone in another trajectory.
 
-        The other's steps have as many pieces, or one.
+        The other trajectory has the same number of pieces per step, or one.
         """
         pieces = other.pieces if other.parts == self.parts else split(other.pieces, self.parts)
         ways = (self.pieces - pieces)[:, :, :3].reshape(-1, 3, DEGREE + 1)
         return float(np.sqrt(max(Peak.of(squared_length(ways)).value, 0.0)))
 
     def distance_from_chords(self, times: FloatArray) -> float:
-        """Returns a bound on the distance (m) from straight lines between places at some times.
+        """Returns an upper bound on the distance (m) from straight lines between the positions at
+        some times.
 
-        Between two moments a polynomial strays from its chord by at most an eighth of its largest
-        second derivative times the squared duration.
+        Between two moments, a polynomial deviates from its chord by at most an eighth of its
+        largest second derivative times the squared duration.
 
         Parameters
         ----------
@@ -158,7 +159,7 @@ class Trajectory:
 
     @property
     def between_drones(self) -> FloatArray:
-        """The ways [pairs N, 3, 6] from each drone to each later one, piece after piece."""
+        """The vectors [pairs N, 3, 6] from each drone to each later one, piece by piece."""
         first, second = np.triu_indices(len(self.pieces), 1)
         ways = self.pieces[second] - self.pieces[first]
         return np.asarray(ways[:, :, :3].reshape(-1, 3, DEGREE + 1))
@@ -170,7 +171,7 @@ class Trajectory:
 
 
 def in_steps(problem: Problem) -> Problem:
-    """Returns the problem with steps that last, in which nobody can ask too much of a drone."""
+    """Returns the problem with a step length, with which no drone can exceed a limit."""
     if problem.step is not None:
         return problem
     boundless = tuple(robot.replace(limits=None) for robot in problem.robots)
@@ -180,7 +181,7 @@ def in_steps(problem: Problem) -> Problem:
 def waypoints(problem: Problem, plan: Plan) -> FloatArray:
     """Returns x, y (m from the corner of the map), z, yaw and pitch at the steps [R, T+1, 5].
 
-    Angles change from step to step the short way round; of a half turn, counter-clockwise.
+    Angles change by at most half a turn from step to step; half a turn is counter-clockwise.
     """
     corner = np.array([*problem.height_map.origin, 0.0])
     rows = []
@@ -196,16 +197,17 @@ def waypoints(problem: Problem, plan: Plan) -> FloatArray:
 
 
 def least_length(ways: FloatArray) -> float:
-    """Returns the least length (m) of ways [n, d, 6] at any moment; inf if there is none."""
+    """Returns the smallest length (m) of vectors [n, d, 6] at any moment; inf if there are none."""
     if not len(ways):
         return np.inf
     return float(np.sqrt(max(-Peak.of(-squared_length(ways)).value, 0.0)))
 
 
 def evenly(places: FloatArray, parts: int) -> FloatArray:
-    """Returns the pieces [.., T parts, d, 6] of even ways from each of places [.., T+1, d] on.
+    """Returns the pieces [.., T parts, d, 6] of motions at constant speed between places [.., T+1,
+    d].
 
-    They begin and end exactly there, and who stays has the same coefficients.
+    They begin and end exactly at the places; a drone that stays has constant coefficients.
     """
     a, b = places[..., :-1, None, :, None], places[..., 1:, None, :, None]
     shares = (np.arange(parts)[:, None, None] + np.linspace(0.0, 1.0, DEGREE + 1)) / parts
@@ -215,7 +217,7 @@ def evenly(places: FloatArray, parts: int) -> FloatArray:
 
 
 def split(pieces: FloatArray, parts: int) -> FloatArray:
-    """Returns pieces [.., T parts, d, n] of others [.., T, d, n], each cut in equal parts."""
+    """Returns pieces [.., T parts, d, n] made by cutting pieces [.., T, d, n] into equal parts."""
     rest, cut = pieces, []
     for k in range(parts, 1, -1):
         first, rest = parted(rest, 1 / k)

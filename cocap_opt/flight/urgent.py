@@ -1,4 +1,4 @@
-"""Warnings that nobody who flies a flight must overlook, for all who print or draw it."""
+"""Warnings that nobody who flies a flight may overlook, for all programs that print or draw it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -12,15 +12,15 @@ from cocap_opt.plausibility import misplaced_people
 
 
 def attention(flight: Flight, grounds: Touchdowns, parts: Sequence[Part]) -> Iterator[Note]:
-    """Yields warnings, each of which asks for attention.
+    """Yields warnings that require attention.
 
-    They are of plans that a limit cut short, drones too close to each other or to people,
+    They concern plans that a limit cut short, drones too close to each other or to people,
     touchdowns, people out of place, tight timing, and pauses for new batteries.
 
     Parameters
     ----------
     grounds : touchdowns of the flight
-    parts : of the take between which batteries are changed; none without homes
+    parts : parts of the take, between which batteries are changed; empty without homes
     """
     for note in _urgent(flight, grounds, parts):
         yield replace(note, text=f"ATTENTION: {note.text}", kind=Kind.URGENT)

@@ -1,9 +1,9 @@
-"""The ways of drones from home to their first places and back, and how long batteries must last.
+"""The flights of drones from home to their first places and back, and the required battery life.
 
-Drones go one after the other, each along the quickest way over the map's cells, while those that
-are not yet gone, or are there already, hover: so the rules between drones in the air, obstacles and
-no-fly zones hold on all ways as they do in the plan. A drone at home is on the ground and is
-no obstacle; homes differ. People are known only during the take, and count for nothing here.
+Drones fly one after the other, each along the quickest way over the map's cells, while those that
+have not left, or have arrived, hover: so the rules between drones in the air, obstacles and no-fly
+zones are obeyed on these flights as in the plan. A drone at home is on the ground and is not an
+obstacle; homes are distinct. People are known only during the take, and are not considered here.
 """
 
 import math
@@ -21,10 +21,10 @@ from cocap_opt.problem.homes import landing_layers
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-RISE = 1.0  # m/s, at which drones rise from the ground and sink to it, unless limits are lower
-CRUISE = 4.0  # m/s, on the level, of drones whose limits are known and allow it
-_ROOM = 60  # cells around homes and the plan, in which ways are looked for before all of the map
-_LEAST = 1e-9  # s; scipy takes moves of no duration for none
+RISE = 1.0  # m/s, at which drones rise from the ground and descend to it, unless limits are lower
+CRUISE = 4.0  # m/s, horizontally, for drones whose limits are known and allow it
+_ROOM = 60  # cells around homes and the plan in which ways are searched first, before the whole map
+_LEAST = 1e-9  # s; scipy ignores moves of zero duration
 
 
 class Way(NamedTuple):
@@ -32,10 +32,11 @@ class Way(NamedTuple):
 
     Attributes
     ----------
-    drone : its number
-    points : [n, 3] m, where it turns, from the beginning to the end, the ground included
-    seconds : it takes
-    waits : s for which the drone hovers at its place of the plan, while others are on their way
+    drone : number of the drone
+    points : [n, 3] turning points from the beginning to the end, including the ground, m
+    seconds : duration of the flight, s
+    waits : time for which the drone hovers at its place of the plan while others are on their way,
+        s
     """
 
     drone: int
@@ -45,15 +46,15 @@ class Way(NamedTuple):
 
 
 class AirTime(NamedTuple):
-    """The time that a drone is in the air for a take, or the part of one between two pauses.
+    """The time that a drone is in the air for a take, or for the part of one between two pauses.
 
     Attributes
     ----------
-    drone : its number
+    drone : number of the drone
     out : its way from home
-    filming : s of the plan
+    filming : duration of the plan, s
     back : its way home
-    endurance : s for which its battery lasts; None if unknown
+    endurance : time for which its battery lasts, s; None if unknown
     """
 
     drone: int
@@ -75,7 +76,7 @@ class AirTime(NamedTuple):
 
 
 class Part(NamedTuple):
-    """The part of a take that is flown with one set of batteries, from a step to another."""
+    """A part of a take that is flown with one set of batteries, from one step to another."""
 
     first: int
     last: int
@@ -88,11 +89,12 @@ class Part(NamedTuple):
 
 
 def records_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    """Returns plain data: each drone's time in the air in each part, and its ways.
+    """Returns plain data: each drone's time in the air in each part, and its flights from and to
+    home.
 
     Keys: `first` and `last` (the steps of the part), `drone`, `seconds` (from take-off to landing),
-    `filming` (s), `endurance` (s; None if unknown), `out` and `back`, which have the `seconds`
-    of the way, `waits` (s) and `points` (m), where it turns.
+    `filming` (s), `endurance` (s; None if unknown), `out` and `back`, each with the `seconds` of
+    the way, `waits` (s) and turning `points` (m).
     """
     return [
         {
@@ -110,49 +112,57 @@ def _record_of(way: Way) -> dict[str, Any]:
 
 
 def pauses_of(parts: Sequence[Part]) -> str:
-    """Says at which steps the take is to be paused for new batteries; nothing if it is not."""
+    """Returns a message with the steps at which the take must be paused for new batteries; empty if
+    none.
+    """
     if len(parts) < 2:
         return ""
     steps = [str(part.last) for part in parts[:-1]]
     at = f"step {steps[0]}" if len(steps) == 1 else f"steps {', '.join(steps)}"
     return (
-        f"batteries do not last for the whole take: pause it at {at} at the latest, people too, "
-        "fly all drones home, change batteries, and take it up there"
+        f"batteries do not last for the whole take: pause it (people, too) at {at} at the "
+        "latest, fly all drones home, change batteries, and resume it there"
     )
 
 
 def rising(robot: Robot) -> float:
-    """Returns the speed (m/s) at which a drone rises from the ground, RISE or as limits allow."""
+    """Returns the speed (m/s) at which a drone rises from the ground: RISE, or less if limits
+    require it.
+    """
     return min(RISE, (robot.limits and robot.limits.climb) or RISE)
 
 
 def sinking(robot: Robot) -> float:
-    """Returns the speed (m/s) at which a drone sinks to the ground, RISE or as limits allow."""
+    """Returns the speed (m/s) at which a drone descends to the ground: RISE, or less if limits
+    require it.
+    """
     return min(RISE, (robot.limits and robot.limits.descent) or RISE)
 
 
 NOTE = (
-    "flights from and to home keep away from obstacles, no-fly zones and other drones, which hover "
-    "while one after the other flies; people were not considered, and must stay away"
+    "flights from and to home keep clear of obstacles, no-fly zones and other drones, which "
+    "hover while one drone at a time flies; people were not considered, and must stay away"
 )
 
 
 def has_homes(problem: Problem) -> bool:
-    """Returns True if the drones of a problem have places from which they take off."""
+    """Returns True if the drones of a problem have homes."""
     return problem.robots[0].home is not None
 
 
 @lru_cache(maxsize=4)
 def parts_of_take(problem: Problem, plan: Plan) -> tuple[Part, ...]:
-    """Returns the parts of a take between which batteries are changed, each as long as they last.
+    """Returns the parts of a take between which batteries are changed, each as long as batteries
+    last.
 
-    There is one part where they last for all of it. All drones go home at once, and take the take
-    up where they left it.
+    There is one part if they last for the whole take. All drones fly home at the same time, and
+    resume the take where they left it.
 
     Raises
     ------
     ProblemError
-        If a drone has no way, or a battery does not even last for a step and the ways; one line.
+        If a drone has no way home, or a battery does not last for a single step and the flights
+        home; the message is one line.
     """
     whole = Window.all_of(problem.workspace)
     cells = [(state.x, state.y) for path in plan.paths for state in path]
@@ -167,7 +177,7 @@ def parts_of_take(problem: Problem, plan: Plan) -> tuple[Part, ...]:
 
 
 class _NoWayError(ProblemError):
-    """A drone has no way on the part of the map that was looked at."""
+    """A drone has no way on the part of the map that was searched."""
 
 
 def _parts(problem: Problem, plan: Plan, window: Window) -> list[Part]:
@@ -193,9 +203,11 @@ def _parts(problem: Problem, plan: Plan, window: Window) -> list[Part]:
 def _longest(
     ways: "_Ways", plan: Plan, out: list[Way], first: int
 ) -> tuple[int, tuple[AirTime, ...]]:
-    """Returns the last step until which batteries last, if drones fly home then, and the times.
+    """Returns the last step until which batteries last if drones fly home then, and the flight
+    times.
 
-    It is the first step itself where they do not even last for one, with the times for one step.
+    It is the first step itself if they do not last for a single step; the times are then for one
+    step.
     """
 
     def times(last: int) -> tuple[AirTime, ...]:
@@ -227,21 +239,21 @@ class _Ways:
         self._nets = [_Net(problem, i, window) for i in range(len(problem.robots))]
 
     def out_to(self, states: Sequence[State]) -> list[Way]:
-        """Returns the ways from all homes to places; who is there hovers until all are.
+        """Returns the ways from all homes to places; drones that have arrived hover until all have.
 
-        The one whose way is quickest flies last.
+        The drone with the quickest way flies last.
         """
         return self._in_turn(states, None)
 
     def back_from(self, states: Sequence[State], out: Sequence[Way]) -> list[Way]:
-        """Returns the ways from places to all homes; who is not yet gone hovers.
+        """Returns the ways from places to all homes; drones that have not left hover.
 
-        Who has been in the air for longest goes first.
+        The drone that has been in the air longest flies first.
         """
         return self._in_turn(states, [way.seconds + way.waits for way in out])
 
     def may_last(self, plan: Plan, out: Sequence[Way], first: int, last: int) -> bool:
-        """Returns False if a battery cannot last, even if nobody is in anybody's way home."""
+        """Returns False if a battery cannot last even if no other drone is in the way home."""
         for i, robot in enumerate(self.problem.robots):
             if robot.limits is not None and robot.limits.endurance is not None:
                 least = self._nets[i].seconds_home(plan.paths[i][last])
@@ -253,11 +265,11 @@ class _Ways:
     def _in_turn(self, states: Sequence[State], flown: Sequence[float] | None) -> list[Way]:
         """Returns a way for each drone.
 
-        Ways out are found from the last drone to the first, as if time ran backwards.
+        Ways out are found from the last drone to the first, in reverse time.
 
         Parameters
         ----------
-        flown : s for which drones were in the air before the take; None: these are the ways out
+        flown : time for which drones have been in the air, s; None: compute the ways out
         """
         is_out = flown is None
         robots = zip(self.problem.robots, states, strict=True)
@@ -287,12 +299,12 @@ class _Ways:
 
 
 class _Net:
-    """The places of a drone and its moves between them, by cells, with the seconds of each."""
+    """The places of a drone and its moves between cells, with the duration of each in s."""
 
     def __init__(self, problem: Problem, drone: int, window: Window) -> None:
         self._problem, self._drone = problem, drone
         self._robot = problem.robots[drone]
-        # Ways are timed by the drone's limits, not by steps, so strides are not those of the plan.
+        # Ways are timed by the drone's limits, not by steps, so the plan's strides do not apply.
         self._motion = self._robot.motion.replace(radius=1, climb=1, spacing=1, stride=None)
         assert self._robot.home is not None
         self._home = self._robot.home
@@ -300,12 +312,12 @@ class _Net:
         self._ground = float(problem.height_map.heights[x, y])
         self._window = window
         self._shape = (len(self._motion.layers), *window.shape)
-        self._pad = math.prod(self._shape)  # the node of the home's ground
+        self._pad = math.prod(self._shape)  # the node on the ground at home
         self._tails, self._heads, self._seconds = self._moves()
         self._at = self._places()
 
     def _places(self) -> FloatArray:
-        """Returns where the nodes are [n, 3] (m); the last is on the ground."""
+        """Returns the positions [n, 3] (m) of the nodes; the last is on the ground."""
         layer, x, y = np.unravel_index(np.arange(self._pad), self._shape)
         rows = np.column_stack([x + self._window.x0, y + self._window.y0, layer])
         places = self._problem.above(self._motion, rows)
@@ -313,11 +325,11 @@ class _Net:
         return np.concatenate([places, [ground]])
 
     def _moves(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns all moves: the nodes they begin and end at, and their seconds."""
+        """Returns all moves: their first and last nodes, and their durations in s."""
         workspace, limits = self._problem.workspace, self._robot.limits
         size, step = workspace.height_map.resolution, self._problem.step
         assert step is not None
-        level = max(self._robot.motion.radius, 1) * size / step  # in the take, along an axis
+        level = max(self._robot.motion.radius, 1) * size / step  # speed in the take, along an axis
         if limits is not None and limits.speed is not None:
             level = min(max(level, CRUISE), limits.speed)
         tails, heads, seconds = [], [], []
@@ -342,7 +354,9 @@ class _Net:
         return np.concatenate(tails), np.concatenate(heads), np.concatenate(seconds)
 
     def _climbing(self, rise: FloatArray) -> FloatArray:
-        """Returns the seconds that climbs and descents (m) take, at what limits allow, or RISE."""
+        """Returns the durations in s of climbs and descents (m), at the speed that limits allow, or
+        RISE.
+        """
         limits = self._robot.limits
         up = (limits and limits.climb) or RISE
         down = (limits and limits.descent) or RISE
@@ -359,8 +373,8 @@ class _Net:
         return self._problem.height_map.altitude(*self._home, height)
 
     def _matrix(self, hovering: Sequence[FloatArray]) -> "csr_array":
-        """Returns the seconds of all moves that keep the rules beside drones that hover (m)."""
-        from scipy.sparse import csr_array  # slow to import
+        """Returns the durations in s of all moves that obey the rules near hovering drones (m)."""
+        from scipy.sparse import csr_array  # takes long to import
 
         kept, rules = np.ones(len(self._tails), dtype=np.bool_), self._problem.rules
         for place in hovering:
@@ -373,19 +387,23 @@ class _Net:
 
     @cached_property
     def _alone(self) -> FloatArray:
-        """The seconds from all nodes home, with nobody in the way."""
-        from scipy.sparse.csgraph import dijkstra  # slow to import
+        """The durations in s from all nodes to home, with nobody in the way."""
+        from scipy.sparse.csgraph import dijkstra  # takes long to import
 
         found: FloatArray = dijkstra(self._matrix([]).T.tocsr(), indices=[self._pad])[0]
         return found
 
     def seconds_home(self, state: State) -> float:
-        """Returns the seconds of the way home with nobody in the way; inf if there is none."""
+        """Returns the duration in s of the way home with nobody in the way; inf if there is
+        none.
+        """
         return float(self._alone[self._node(state)])
 
     def way(self, state: State, is_out: bool, hovering: Sequence[FloatArray]) -> Way | None:
-        """Returns the quickest way, from home or to it, beside drones that hover (m); or None."""
-        from scipy.sparse.csgraph import dijkstra  # slow to import
+        """Returns the quickest way from or to home past hovering drones (m); None if there is
+        none.
+        """
+        from scipy.sparse.csgraph import dijkstra  # takes long to import
 
         matrix = self._matrix(hovering)
         matrix = matrix if is_out else matrix.T.tocsr()
@@ -401,7 +419,7 @@ class _Net:
 
 
 def _turns(points: FloatArray) -> FloatArray:
-    """Returns the points [n, 3] of a way at which it turns, with both its ends."""
+    """Returns the points [n, 3] at which a way turns, including both ends."""
     ways = np.diff(points, axis=0)
     kept = [0]
     for k in range(1, len(ways)):

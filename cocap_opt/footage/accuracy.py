@@ -1,37 +1,39 @@
-"""The error of a point that is triangulated from several pictures, predicted by first order.
+"""The error of a point that is triangulated from several images, predicted to first order.
 
-Drone i measures the pixels at which the point is in its picture, with a covariance C_i. The best
-that can be made of all measurements has the covariance
+Drone i measures the pixel coordinates of the point in its image, with covariance C_i. The best
+estimate from all measurements has the covariance
 
     Sigma = (sum_i J_i^T C_i^-1 J_i)^-1,
 
-where J_i is the 2 x 3 derivative of the projection by the point: the inverse of the Fisher
-information, which is the Cramer-Rao bound, and what least squares reach for small errors. (Hartley
-and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed. 2004: section 5.2 on covariances
-that are carried back, chapter 12 on triangulation; Kay, Fundamentals of Statistical Signal
-Processing: Estimation Theory, 1993, chapter 3.) The root mean square error is sqrt(trace Sigma).
+where J_i is the 2 x 3 derivative of the projection with respect to the point. Sigma is the inverse
+of the Fisher information, i.e. the Cramer-Rao bound, which least squares reach for small errors.
+(Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed. 2004: section 5.2 on
+backward transport of covariance, chapter 12 on triangulation; Kay, Fundamentals of Statistical
+Signal Processing: Estimation Theory, 1993, chapter 3.) The root mean square error is sqrt(trace
+Sigma).
 """
 
 import numpy as np
 
 from cocap_opt.data import FloatArray
 
-# The least eigenvalue of the information, relative to the largest, above which a point is known.
-# Two rays of equal lengths at a small angle a have a^2 / 4. Rounding leaves some 1e-16 in place of
-# 0, so that what is above 1e-12 is right to a thousandth; those rays are 2e-6 rad apart. Real teams
-# stay far above: a drone at 1 m and one at 10 km, at a right angle, have 1e-8.
+# The smallest eigenvalue of the information, relative to the largest, above which a point counts as
+# known. Two rays of equal length at a small angle a give a^2 / 4. Rounding leaves some 1e-16 in
+# place of 0, so values above 1e-12 are accurate to a thousandth; this corresponds to rays 2e-6 rad
+# apart. Real teams are far above: a drone at 1 m and one at 10 km, at a right angle, give 1e-8.
 COLLINEAR = 1e-12
 
 
 def jacobians(points: FloatArray, focal: FloatArray) -> FloatArray:
-    """Returns the derivatives [.., 2, 3] (px/m) of images (right, up) by their points.
+    """Returns the derivatives [.., 2, 3] (px/m) of image coordinates (right, up) with respect to
+    points.
 
     u = f x / z and v = f y / z have du = f (dx - x/z dz) / z and likewise dv.
 
     Parameters
     ----------
-    points : [.., 3] m, in camera coordinates: right, up, forward, which is more than 0
-    focal : [..] px
+    points : [.., 3] m, in camera coordinates: right, up, forward > 0
+    focal : [..] focal lengths, px
     """
     scale = focal / points[..., 2]
     result = np.zeros((*points.shape[:-1], 2, 3))
@@ -42,7 +44,8 @@ def jacobians(points: FloatArray, focal: FloatArray) -> FloatArray:
 
 
 def turning_jacobians(points: FloatArray, by_point: FloatArray) -> FloatArray:
-    """Returns the derivatives [.., 2, 3] (px/rad) of images by small rotations of the camera.
+    """Returns the derivatives [.., 2, 3] (px/rad) of image coordinates with respect to small
+    rotations of the camera.
 
     A camera that turns by w sees the point move by -w x p, which is p x w. The rotations are about
     the camera's axes: right, up, forward. These are left-handed, so that they turn clockwise.
@@ -50,7 +53,7 @@ def turning_jacobians(points: FloatArray, by_point: FloatArray) -> FloatArray:
     Parameters
     ----------
     points : [.., 3] m, in camera coordinates
-    by_point : [.., 2, 3] px/m, the `jacobians` there
+    by_point : [.., 2, 3] px/m, the `jacobians` at the points
     """
     x, y, z = np.moveaxis(points, -1, 0)
     none = np.zeros_like(x)
@@ -73,18 +76,19 @@ def pixel_covariances(
     position_error: float = 0.0,
     attitude_error: float = 0.0,
 ) -> FloatArray:
-    """Returns the covariances [.., 2, 2] (px2) of images whose cameras' poses are not quite known.
+    """Returns the covariances [.., 2, 2] (px2) of image coordinates if camera poses are uncertain.
 
-    They are s^2 I + J_pose C_pose J_pose^T. Where a camera is has the derivative of the point, with
-    the other sign. On the axis it is s^2 + (f s_pos / d)^2 + (f s_att)^2 both ways.
+    They are s^2 I + J_pose C_pose J_pose^T. The derivative with respect to the camera's position is
+    the negative of that with respect to the point. On the axis, the variance is s^2 + (f s_pos /
+    d)^2 + (f s_att)^2 in both directions.
 
     Parameters
     ----------
     points : [.., 3] m, in camera coordinates
-    by_point : [.., 2, 3] px/m, the `jacobians` there
+    by_point : [.., 2, 3] px/m, the `jacobians` at the points
     pixel_error : px, standard deviation along each axis of the image
-    position_error : m, of the camera along each axis
-    attitude_error : rad, of the camera about each axis
+    position_error : standard deviation of the camera's position along each axis, m
+    attitude_error : standard deviation of the camera's attitude about each axis, rad
     """
     result: FloatArray = pixel_error**2 * np.eye(2) + position_error**2 * _squared(by_point)
     if attitude_error:
@@ -93,7 +97,7 @@ def pixel_covariances(
 
 
 def information(axes: FloatArray, by_point: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Returns the Fisher information [.., 3, 3] (1/m2) on points, along the axes of the world.
+    """Returns the Fisher information [.., 3, 3] (1/m2) about points, in world coordinates.
 
     Parameters
     ----------
@@ -107,10 +111,10 @@ def information(axes: FloatArray, by_point: FloatArray, covariances: FloatArray)
 
 
 def rms_errors(total: FloatArray) -> FloatArray:
-    """Returns the root mean square errors [..] (m) of points, of all information on them.
+    """Returns the root mean square errors [..] (m) of points, given all information about them.
 
-    They are infinite where a direction is not known at all: one camera, or all rays on one line
-    (`COLLINEAR`).
+    They are infinite if some direction is not determined: with one camera, or with all rays on one
+    line (`COLLINEAR`).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The numbers that the quality of a plan is measured with."""
+"""The assumptions with which the quality of a plan is measured."""
 
 import math
 from typing import Self
@@ -8,27 +8,27 @@ from cocap_opt.problem import Problem, require_visible_share
 
 
 class Assumptions(Data, frozen=True):
-    """The numbers that quality is measured with.
+    """The assumptions with which quality is measured.
 
-    Pixels are those of the scene's cameras: who films at a lower resolution than they have states
-    the error in their pixels.
+    Pixels are those of the scene's cameras: if you film at a lower resolution, convert the error to
+    these pixels.
 
     Attributes
     ----------
-    at_least : smallest visible share of a person, by the solid angle that they have with nothing
-        in the way, with which a drone sees them
-    pixel_error : px, standard deviation with which a point is found in a picture, along each axis
-    position_error : m, standard deviation of a drone's place along each axis
-    attitude_error : rad, standard deviation of a camera's attitude about each axis
-    exposure : s for which the shutter is open
-    drone_size : m, of a drone from side to side
-    drone_pixels : px across the picture, of a drone that is in the way in the picture of another;
-        those that are farther away and smaller do not count
+    at_least : smallest visible share of a person's unobstructed solid angle with which a drone
+        counts as seeing the person
+    pixel_error : standard deviation of a point's position in an image along each axis, px
+    position_error : standard deviation of a drone's position along each axis, m
+    attitude_error : standard deviation of a camera's attitude about each axis, rad
+    exposure : exposure time, s
+    drone_size : width of a drone, m
+    drone_pixels : smallest width of a drone in the image of another at which it counts as
+        disturbing, px
 
     Raises
     ------
     ProblemError
-        If one of them is out of range.
+        If a value is out of range.
     """
 
     at_least: float = 0.3
@@ -41,7 +41,9 @@ class Assumptions(Data, frozen=True):
 
     @classmethod
     def of(cls, problem: Problem) -> Self:
-        """Returns the usual numbers, with the share of a person by which the scene counts views."""
+        """Returns the default assumptions, with the share of a person with which the scene counts
+        views.
+        """
         views = problem.objective.views
         return cls() if views is None else cls(at_least=views.at_least)
 

@@ -1,4 +1,4 @@
-"""Drones that are in each other's pictures."""
+"""Drones that are visible in each other's images."""
 
 import numpy as np
 
@@ -11,16 +11,16 @@ from cocap_opt.vision.projection import Projection
 def drones_in_pictures(
     problem: Problem, poses: Poses, size: float, least_pixels: float
 ) -> BoolArray:
-    """Returns an array [T+1, R, R], true where the second drone is in the first one's picture.
+    """Returns an array [T+1, R, R], True if the second drone is visible in the first one's image.
 
-    It is so if its middle is in the frustum, near enough to be large, and the ground, the columns
-    and the meshes leave the line to it free. People hide no drone here. What has no picture, such
-    as a `Cone`, has nobody in it.
+    A drone is visible if its middle is in the frustum, close enough to appear large, and if the
+    line to it is free of ground, columns and meshes. People hide no drones here. Sensors without
+    images, such as a `Cone`, show no drones.
 
     Parameters
     ----------
-    size : m, of a drone from side to side
-    least_pixels : px across the picture, of a drone that counts
+    size : width of a drone, m
+    least_pixels : smallest width in the image of a drone that counts, px
     """
     inside = in_frustums(problem, poses, size, least_pixels)
     t, i, k = np.nonzero(inside)
@@ -29,9 +29,10 @@ def drones_in_pictures(
 
 
 def in_frustums(problem: Problem, poses: Poses, size: float, least_pixels: float) -> BoolArray:
-    """Returns an array [T+1, R, R], true where the second is in the first one's frustum, and large.
+    """Returns an array [T+1, R, R], True if the second drone is in the first one's frustum, and
+    large.
 
-    A drone at the depth z covers f size / z pixels of a picture, with a focal length of f.
+    A drone at depth z covers f size / z pixels of an image, with focal length f.
     """
     points = poses.seen_by_cameras(poses.ways_between)
     found = np.zeros(points.shape[:3], dtype=np.bool_)
@@ -45,8 +46,8 @@ def in_frustums(problem: Problem, poses: Poses, size: float, least_pixels: float
 
 
 def _free_lines(problem: Problem, eyes: FloatArray, targets: FloatArray) -> BoolArray:
-    """Returns an array [n], true where no solid matter is between eyes and targets, both [n, 3]."""
-    from cocap_opt.vision.surfaces import Surface  # which loads Embree
+    """Returns an array [n], True if no solid matter is between eyes and targets, both [n, 3]."""
+    from cocap_opt.vision.surfaces import Surface  # loads Embree
 
     if not len(eyes):
         return np.ones(0, dtype=np.bool_)

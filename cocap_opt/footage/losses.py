@@ -1,8 +1,9 @@
-"""Flights of which a drone is lost: what is left of J, and who is no longer seen by two.
+"""Flights in which a drone is lost: the remaining J, and people who are no longer seen by two
+drones.
 
 A drone that is lost at a step contributes nothing from that step on; all others fly as planned. The
-earlier it is lost, the more is lost with it. Its worst step is the last one at which it costs as
-much as if it had never flown.
+earlier it is lost, the larger the loss. Its worst step is the last step at which the loss equals
+that of a drone that never flew.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +24,9 @@ _ROUNDING = 1e-12  # relative
 
 
 class NoLonger(NamedTuple):
-    """A person, in words, and the steps at which two drones saw the person as planned only."""
+    """A person, in words, and the steps at which two drones see the person only in the original
+    plan.
+    """
 
     person: str
     steps: list[int]
@@ -34,9 +37,9 @@ class Seen(NamedTuple):
 
     Attributes
     ----------
-    by_two, by_none : shares of person-steps seen by two drones or more, and by none; None where
-        nobody counts
-    no_longer : who is seen by two as planned, and is not now
+    by_two, by_none : shares of person-steps seen by two or more drones, and by none; None if nobody
+        counts
+    no_longer : people who are seen by two drones as planned, but not now
     """
 
     by_two: float | None
@@ -49,7 +52,7 @@ class Seen(NamedTuple):
 
 
 class LossRow(NamedTuple):
-    """A drone that is lost at a step, and what is left of the flight."""
+    """The loss of a drone at a step, and the rest of the flight."""
 
     lost_drone: int
     lost_step: int
@@ -65,9 +68,9 @@ class WhatIf(NamedTuple):
 
     Attributes
     ----------
-    changes : the first is the flight as planned
-    seen : who is seen as planned
-    losses : drone after drone, each at its worst step or at others
+    changes : rows of the changes; the first is the flight as planned
+    seen : people who are seen in the flight as planned
+    losses : rows of the losses, drone by drone, each at its worst step or at the requested steps
     """
 
     changes: list[ChangeRow]
@@ -75,10 +78,11 @@ class WhatIf(NamedTuple):
     losses: list[LossRow]
 
     def records(self) -> list[dict[str, Any]]:
-        """Returns plain data: a row per change, then a row per loss.
+        """Returns plain data: a row per change, followed by a row per loss.
 
         Columns are those of `ChangeRow`, then `lost_drone` and `lost_step`, and those of `Seen`.
-        They are None but for lost drones, those of `Seen` also but for the plan.
+        They are None except in rows of lost drones; those of `Seen` are also given for the flight
+        as planned.
         """
         planned, *others = ({**row._asdict(), **_NOTHING} for row in self.changes)
         lost = (
@@ -92,7 +96,7 @@ class WhatIf(NamedTuple):
 
 
 def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None) -> WhatIf:
-    """Returns the rows of a flight under each change, and without each drone.
+    """Returns the rows of a flight under each change, and with each drone lost.
 
     Parameters
     ----------
@@ -101,14 +105,14 @@ def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None)
     Raises
     ------
     ProblemError
-        If a change is none, or larger than the flight is long; one line.
+        If a change is 0, or longer than the flight; the message is one line.
     """
     losses = Losses(flight)
     return WhatIf(changes.rows(flight), losses.seen(losses.as_planned), list(losses.rows(lost)))
 
 
 def steps_in_words(steps: Sequence[int]) -> str:
-    """Returns increasing steps in words, as "step 3" or "steps 3-5, 8"."""
+    """Returns increasing steps in words, e.g. "step 3" or "steps 3-5, 8"."""
     return f"step{'' if len(steps) == 1 else 's'} {in_ranges(steps)}"
 
 
@@ -117,7 +121,7 @@ class Losses:
 
     Parameters
     ----------
-    flight : of a plan that keeps the rules
+    flight : flight of a plan that obeys the rules
     """
 
     def __init__(self, flight: Flight) -> None:
@@ -125,12 +129,12 @@ class Losses:
         self._robustness = Robustness(flight.flown)
 
     def rows(self, steps: Sequence[int] | None = None) -> Iterator[LossRow]:
-        """Yields a row for each drone and step at which it is lost; None: at its worst step.
+        """Yields a row for each drone and step at which it is lost; None: its worst step.
 
         Raises
         ------
         ProblemError
-            If there is no such step.
+            If a step does not exist.
         """
         last = self._problem.horizon
         for step in steps or ():
@@ -145,10 +149,10 @@ class Losses:
                 yield LossRow(robot, step, left, self.seen(self._seen_without(robot, step)))
 
     def worst_step(self, robot: int) -> int:
-        """Returns the last step at which the loss of a drone costs as much as at any other."""
+        """Returns the last step at which the loss of a drone costs as much as at any other step."""
         first, last = 0, self._problem.horizon
         least = self._reward(robot, 0)
-        # What is left does not fall from step to step, for rewards of views and moves are >= 0.
+        # The remaining J does not fall from step to step, as rewards of views and moves are >= 0.
         while first < last:
             middle = (first + last + 1) // 2
             if self._reward(robot, middle) <= least + _ROUNDING * abs(least):
@@ -162,7 +166,9 @@ class Losses:
         return outcome.reward + moves
 
     def _lost(self, robot: int, step: int) -> tuple[Outcome, float]:
-        """Returns the outcome if a drone is lost at a step, and the rewards for moves up to it."""
+        """Returns the outcome if a drone is lost at a step, and its rewards for moves before that
+        step.
+        """
         path, objective = self._flight.plan.paths[robot], self._problem.objective
         after = zip(path[step:], path[step + 1 :], strict=False)
         gone = sum(sum(rewards_of_move(objective, a, b)) for a, b in after)
@@ -175,7 +181,7 @@ class Losses:
 
     @property
     def as_planned(self) -> BoolArray:
-        """An array [T+1, R, A], true where a drone sees a person."""
+        """An array [T+1, R, A], True if a drone sees a person."""
         return self._quality.seen
 
     def _seen_without(self, robot: int, step: int) -> BoolArray:
@@ -184,7 +190,7 @@ class Losses:
         return seen
 
     def seen(self, seen: BoolArray) -> Seen:
-        """Returns who is seen, where drones see people as in [T+1, R, A]."""
+        """Returns who is seen, given which drones see which people [T+1, R, A]."""
         counts, views = self._quality.counts, seen.sum(axis=1)
         counted = views[counts]
         gone = counts & (self._quality.views >= 2) & (views < 2)

@@ -1,4 +1,4 @@
-"""The worst moments of a plan, in words: who is seen by no camera, or by one, and when."""
+"""The worst moments of a plan, in words: who is seen by no camera or by one, and when."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -7,8 +7,8 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
-APART = 30.0  # degrees, between two rays that are called well apart
-NO_CAMERA, ONE_CAMERA, NARROW, GOOD = range(4)  # from the worst on
+APART = 30.0  # degrees; larger angles between two rays count as well apart
+NO_CAMERA, ONE_CAMERA, NARROW, GOOD = range(4)  # worst first
 
 
 class Moment(NamedTuple):
@@ -19,7 +19,7 @@ class Moment(NamedTuple):
     person : number of the person
     first, last : steps
     kind : NO_CAMERA, ONE_CAMERA or NARROW
-    angle : degrees, the widest between two rays at any of these steps; nan where there is none
+    angle : widest angle between two rays at any of these steps, degrees; nan if there is none
     """
 
     person: int
@@ -29,11 +29,11 @@ class Moment(NamedTuple):
     angle: float
 
     def words(self, times: FloatArray | None) -> str:
-        """Says it in words, such as "one camera from 1.25 to 1.5 s".
+        """Returns the moment in words, e.g. "one camera from 1.25 to 1.5 s".
 
         Parameters
         ----------
-        times : [T+1] s, of the steps; None where steps have no seconds
+        times : [T+1] times of the steps, s; None if the scene defines no step length
         """
         return f"{self.what} {self._when(times)}"
 
@@ -47,7 +47,7 @@ class Moment(NamedTuple):
         }[self.kind]
 
     def _when(self, times: FloatArray | None) -> str:
-        """Says from when to when."""
+        """Returns the period of the moment in words."""
         if times is None:
             one_step = self.first == self.last
             return f"at step {self.first}" if one_step else f"at steps {self.first} to {self.last}"
@@ -56,16 +56,16 @@ class Moment(NamedTuple):
 
 
 def worst_moments(views: IntArray, angles: FloatArray, counts: BoolArray) -> list[Moment]:
-    """Returns all moments at which somebody is not filmed well, the worst first.
+    """Returns all moments at which somebody is not filmed well, worst first.
 
-    Moments without a camera come before those with one, and these before those with several that
-    are less than 30 degrees apart; of each kind the longest first.
+    Moments without a camera come before those with one camera, and these before those with several
+    cameras less than 30 degrees apart; within each kind, the longest come first.
 
     Parameters
     ----------
     views : [T+1, A] number of drones that see each person
     angles : [T+1, A] degrees, the widest between two rays
-    counts : [T+1, A] true for the person-steps that count
+    counts : [T+1, A] True for the person-steps that count
     """
     kinds = np.where(views >= 2, np.where(angles < APART, NARROW, GOOD), np.minimum(views, 1))
     kinds = np.where(counts, kinds, GOOD)
@@ -79,7 +79,7 @@ def worst_moments(views: IntArray, angles: FloatArray, counts: BoolArray) -> lis
 
 
 def _runs(kinds: IntArray) -> Iterator[tuple[int, int, int]]:
-    """Yields first and last steps of equal kinds [T+1], and the kind."""
+    """Yields the first and last steps of each run of equal kinds [T+1], and the kind."""
     starts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist()]
     for first, following in zip(starts, [*starts[1:], len(kinds)], strict=True):
         yield first, following - 1, int(kinds[first])

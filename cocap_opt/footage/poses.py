@@ -1,4 +1,4 @@
-"""Places and axes of a plan's cameras at the steps, and the people that they look at."""
+"""Positions and axes of a plan's cameras at all steps, and the positions of people."""
 
 from typing import NamedTuple, Self
 
@@ -13,14 +13,14 @@ from cocap_opt.vision.projection import Projection
 class Poses(NamedTuple):
     """The poses of all cameras at all steps, and the middles of people.
 
-    Coordinates are relative to the corner of the map, so that those of a projection lose no digits.
+    Coordinates are relative to the corner of the map, so that projections lose no digits.
 
     Attributes
     ----------
-    places : [T+1, R, 3] m, of the cameras
-    angles : [T+1, R, 2] rad, yaw and pitch; yaw changes from step to step the short way round
+    places : [T+1, R, 3] positions of the cameras, m
+    angles : [T+1, R, 2] rad, yaw and pitch; yaw changes by at most half a turn between steps
     axes : [T+1, R, 3, 3] right, up and forward unit vectors of the cameras
-    people : [T+1, A, 3] m, middles of bodies
+    people : [T+1, A, 3] middles of bodies, m
     """
 
     places: FloatArray
@@ -35,7 +35,7 @@ class Poses(NamedTuple):
         Raises
         ------
         ValueError
-            If the plan has not a path of T+1 states for each robot.
+            If the plan does not have a path of T+1 states for each robot.
         """
         require_paths(problem, plan)
         steps = problem.horizon + 1
@@ -53,24 +53,26 @@ class Poses(NamedTuple):
 
     @property
     def rays(self) -> FloatArray:
-        """The ways [T+1, R, A, 3] (m) from each camera to each person's middle."""
+        """The vectors [T+1, R, A, 3] (m) from each camera to each person's middle."""
         result: FloatArray = self.people[:, None] - self.places[:, :, None]
         return result
 
     @property
     def ways_between(self) -> FloatArray:
-        """The ways [T+1, R, R, 3] (m) from each camera to each other drone; 0 to itself."""
+        """The vectors [T+1, R, R, 3] (m) from each camera to each other drone; 0 to itself."""
         result: FloatArray = self.places[:, None] - self.places[:, :, None]
         return result
 
     def seen_by_cameras(self, ways: FloatArray) -> FloatArray:
-        """Returns ways [T+1, R, n, 3] from the cameras as each has them: right, up, forward (m)."""
+        """Returns vectors [T+1, R, n, 3] from the cameras in camera coordinates: right, up, forward
+        (m).
+        """
         result: FloatArray = np.einsum("trkx,trnx->trnk", self.axes, ways)
         return result
 
 
 def require_paths(problem: Problem, plan: Plan) -> None:
-    """Refuses a plan that has not a path of T+1 states for each robot."""
+    """Raises an error unless a plan has a path of T+1 states for each robot."""
     lengths, steps = [len(path) for path in plan.paths], problem.horizon + 1
     if lengths != [steps] * len(problem.robots):
         words = f"plan: must have {len(problem.robots)} paths of {steps} states, not {lengths}"

@@ -1,4 +1,4 @@
-"""The quality of a plan: by how many drones people are seen, how accurately, how sharply."""
+"""The quality of a plan: how many drones see people, how accurately and how sharply."""
 
 import html
 import math
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from cocap_opt.problem.pictures import WholeAxes
 
-_ROUNDING = 1e-9  # by which a share may be rounded above 1
-_MOST_MOMENTS = 5  # that are named
+_ROUNDING = 1e-9  # tolerance for shares above 1
+_MOST_MOMENTS = 5  # number of moments that are named
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,25 +40,25 @@ class Quality:
     Attributes
     ----------
     people : [A] names
-    counts : [T+1, A] true for the person-steps that count: the person's weight and importance are
+    counts : [T+1, A] True for the person-steps that count: the person's weight and importance are
         above 0, and the step is not 0, unless the start counts
     first_step : first step that counts, 0 or 1
-    seen : [T+1, R, A] true where a drone sees a person
-    angles : [T+1, A] degrees between the two rays that are farthest apart, as lines: 0 to 90; nan
-        where fewer than two drones see the person
+    seen : [T+1, R, A] True if a drone sees a person
+    angles : [T+1, A] largest angle between two rays, as lines, 0 to 90 degrees; nan if fewer than
+        two drones see the person
     errors : [T+1, A] mm, root mean square error of a point at the person's middle. It is infinite
-        where fewer than two drones see the person, or all of them along one line; a drone beside
-        or behind whose camera that middle is adds nothing. Sensors without pictures add nothing,
-        either: it is nan if the person is seen twice only with their help, or if no drone has
-        pictures
-    blur : [T+1, R, A] px of each person in each picture; nan where the drone does not see the
-        person or has no picture. None if the scene defines no step length
-    drones_seen : [T+1, R, R] true where the second drone is in the first one's picture, and large
-    has_pictures : [R] true for the drones with a pinhole camera
+        if fewer than two drones see the person, or all of them along one line; a drone adds nothing
+        if that middle is beside or behind its camera. Sensors without images add nothing, either:
+        the error is nan if two drones see the person only with their help, or if no drone has
+        images
+    blur : [T+1, R, A] px of each person in each image; nan if the drone does not see the person or
+        has no image. None if the scene defines no step length
+    drones_seen : [T+1, R, R] True if the second drone is in the first one's image, and large
+    has_pictures : [R] True for drones with a pinhole camera
     assumptions : the assumptions of the measurement
     times : [T+1] s since step 0; None if the scene defines no step length
-    takes : ways in which people may walk; empty if they walk in one way only
-    take_of : [A] number of the take that each person is in; 0 without takes
+    takes : the takes; empty if people walk in one way only
+    take_of : [A] number of each person's take; 0 without takes
     chances : [A] probability of that take; 1 without takes
     """
 
@@ -89,15 +89,15 @@ class Quality:
 
         Parameters
         ----------
-        shares : [T+1, R, A] of the solid angle that each person has from each drone with nothing in
-            the way, the part that is visible in its picture, 0 to 1 (default: computed)
-        assumptions : errors and thresholds (default: the usual ones, with the scene's share of a
-            person)
+        shares : [T+1, R, A] share of each person's unobstructed solid angle that is visible in each
+            drone's image, 0 to 1 (default: computed)
+        assumptions : errors and thresholds (default: the default assumptions, with the scene's
+            share of a person)
 
         Raises
         ------
         ValueError
-            If the plan or the shares are of other sizes than the problem, or a share is none.
+            If the plan or the shares do not have the size of the problem, or a share is not 0 to 1.
         """
         assumptions = assumptions or Assumptions.of(problem)
         poses = Poses.of(problem, plan)
@@ -131,12 +131,12 @@ class Quality:
 
     @property
     def intruders(self) -> IntArray:
-        """Number of drones in the pictures of others at each step [T+1]."""
+        """Number of drones in the images of others at each step [T+1]."""
         return np.asarray(self.drones_seen.sum(axis=(1, 2), dtype=np.int64))
 
     @property
     def worst_blur(self) -> FloatArray | None:
-        """Blur [T+1, A] (px) in the picture that has most of it; nan where there is no picture."""
+        """Blur [T+1, A] (px) in the image with the largest blur; nan if there is no image."""
         if self.blur is None:
             return None
         found = np.where(np.isnan(self.blur), -1.0, self.blur).max(axis=1)
@@ -149,12 +149,12 @@ class Quality:
 
     @property
     def by_take(self) -> list[Summary]:
-        """The same of each take alone, as if people were sure to walk so."""
+        """The same numbers for each take alone, as if people were certain to walk that way."""
         return [self._summarized(np.flatnonzero(self.take_of == k)) for k in range(len(self.takes))]
 
     @property
     def by_person(self) -> list[OfPerson]:
-        """The same for each person with a step that counts, with their worst moments."""
+        """The same numbers for each person with a step that counts, with their worst moments."""
         moments = worst_moments(self.views, self.angles, self.counts)
         worst = {m.person: m.words(self.times) for m in reversed(moments)}
         return [
@@ -165,19 +165,19 @@ class Quality:
 
     @property
     def worst(self) -> list[str]:
-        """A few of the worst moments in words, such as "Ada: one camera from 1.25 to 1.5 s"."""
+        """A few of the worst moments in words, e.g. "Ada: one camera from 1.25 to 1.5 s"."""
         moments = worst_moments(self.views, self.angles, self.counts)[:_MOST_MOMENTS]
         return [f"{self.people[m.person]}: {m.words(self.times)}" for m in moments]
 
     @property
     def table(self) -> "pd.DataFrame":
-        """A row per person and step.
+        """The quality as a table, with a row per person and step.
 
         Its columns are `person`, `actor` (number of the person), `step`, `time` (s), `counts`,
-        `views`, `angle` (degrees), `error` (mm) and `blur` (px, in the picture that has most of
-        it). Without seconds there are no `time` and `blur`.
+        `views`, `angle` (degrees), `error` (mm) and `blur` (px, in the image with the largest
+        blur). `time` and `blur` are omitted if the scene defines no step length.
         """
-        from pandas import DataFrame  # slow to import
+        from pandas import DataFrame  # takes long to import
 
         steps, people = self.counts.shape
         columns: dict[str, object] = {
@@ -206,7 +206,7 @@ class Quality:
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw a strip for each person, coloured and hatched by the number of drones that see them.
 
-        Steps that do not count are pale; people of whom none counts are left out.
+        Steps that do not count are pale; people without steps that count are left out.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class Quality:
         return self.words(USUAL_WIDTH)
 
     def words(self, width: int) -> str:
-        """Returns the summary, the worst moments and what was assumed, in lines of some width."""
+        """Returns the summary, the worst moments and the assumptions, in lines of a given width."""
         blurred = None if self.blur is None else self.blur.swapaxes(1, 2)[self.counts]
         takes = [(take.name, found) for take, found in zip(self.takes, self.by_take, strict=True)]
         return quality_words(
@@ -238,7 +238,7 @@ class Quality:
         return f"<pre>{html.escape(str(self))}</pre>"
 
     def _summarized(self, people: IntArray) -> Summary:
-        """Returns the summary of the person-steps of some people."""
+        """Returns the summary over the person-steps of some people."""
         counts, chances = self.counts[:, people], None
         if self.takes:
             chances = np.broadcast_to(self.chances[people], counts.shape)[counts]
@@ -253,10 +253,10 @@ class Quality:
 
 
 def person_steps(problem: Problem) -> BoolArray:
-    """Returns an array [T+1, A], true for the person-steps that count.
+    """Returns an array [T+1, A], True for the person-steps that count.
 
-    These are steps 1 to T, and 0 if the start counts, of people one of whose faces has a weight
-    above 0, at an importance above 0; also where the objective counts no pixels.
+    These are steps 1 to T, and 0 if the start counts, of people with a weight above 0 for some
+    face, at an importance above 0; also if the objective counts no pixels.
     """
     steps = problem.horizon + 1
     found = np.zeros((steps, len(problem.actors)), dtype=np.bool_)
@@ -268,10 +268,12 @@ def person_steps(problem: Problem) -> BoolArray:
 
 
 def _seen(shares: FloatArray, shape: tuple[int, ...], at_least: float) -> BoolArray:
-    """Returns an array [T+1, R, A], true where a drone sees a person; refuses other shares."""
+    """Returns an array [T+1, R, A], True if a drone sees a person; raises an error for wrong
+    shares.
+    """
     if np.shape(shares) != shape:
         raise ValueError(f"shares: must have the shape {shape}, not {np.shape(shares)}")
-    if not ((shares >= 0) & (shares <= 1 + _ROUNDING)).all():  # false for nan, too
+    if not ((shares >= 0) & (shares <= 1 + _ROUNDING)).all():  # False for nan, too
         raise ValueError(f"shares: must be 0..1, not {np.min(shares):g}..{np.max(shares):g}")
     return are_seen(shares, at_least)
 
@@ -279,9 +281,9 @@ def _seen(shares: FloatArray, shape: tuple[int, ...], at_least: float) -> BoolAr
 def _errors(
     poses: Poses, seen: BoolArray, focal: FloatArray, assumptions: Assumptions
 ) -> FloatArray:
-    """Returns the errors [T+1, A] in mm; `focal` [R] is nan for drones without pictures."""
+    """Returns the errors [T+1, A] in mm; `focal` [R] is nan for drones without images."""
     points = poses.seen_by_cameras(poses.rays)
-    # A person whose middle is beside a near camera, or behind it, may still reach into its picture.
+    # A person whose middle is beside or behind a near camera may still reach into its image.
     measured = seen & ~np.isnan(focal)[:, None] & (points[..., 2] > 0)
     t, i, j = np.nonzero(measured)
     by_point = jacobians(points[t, i, j], focal[i])
@@ -301,7 +303,7 @@ def _errors(
 def _blur(
     problem: Problem, poses: Poses, seen: BoolArray, focal: FloatArray, assumptions: Assumptions
 ) -> FloatArray | None:
-    """Returns the blur [T+1, R, A] in px where drones see people, nan elsewhere; or None."""
+    """Returns the blur [T+1, R, A] in px for people seen by drones, otherwise nan; or None."""
     if problem.step is None:
         return None
     found = blur(poses.rays, poses.angles, focal, problem.step, assumptions.exposure)
@@ -309,12 +311,12 @@ def _blur(
 
 
 def _focal(camera: object) -> float:
-    """Returns the focal length (px) of a camera; nan for a sensor without pictures."""
+    """Returns the focal length (px) of a camera; nan for a sensor without images."""
     return camera.focal if isinstance(camera, Camera) else math.nan
 
 
 def _names(problem: Problem) -> tuple[str, ...]:
-    """Returns the names of people; those without a name of their own have their number."""
+    """Returns the names of people; people without a name are called by number."""
     met = Counter(actor.name for actor in problem.actors)
     return tuple(
         actor.name if actor.name and met[actor.name] == 1 else problem.person(j)

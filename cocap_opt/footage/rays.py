@@ -1,4 +1,4 @@
-"""Angles between the rays to a person from the drones that see them."""
+"""Angles between the rays from a person to the drones that see them."""
 
 from itertools import combinations
 
@@ -10,15 +10,15 @@ from cocap_opt.data import BoolArray, FloatArray
 def widest_angle(rays: FloatArray, seen: BoolArray) -> FloatArray:
     """Returns the widest angles [T+1, A] (degrees) between two rays to each person.
 
-    Rays count as lines, so that it is 0 to 90 degrees: from opposite sides one sees a person along
-    the same line, and neither drone tells how far away they are. It is nan where fewer than two
-    drones see the person, since there is no angle. A drone at the very middle of a person has no
-    ray, and an angle of 0 with all others.
+    Rays count as lines, so the angle is 0 to 90 degrees: drones on opposite sides see a person
+    along the same line, which does not determine the distance. It is nan if fewer than two drones
+    see the person. A drone at the exact middle of a person has no ray, and an angle of 0 with all
+    others.
 
     Parameters
     ----------
-    rays : [T+1, R, A, 3] m, from drones to people
-    seen : [T+1, R, A] true where a drone sees a person
+    rays : [T+1, R, A, 3] rays from drones to people, m
+    seen : [T+1, R, A] True if a drone sees a person
     """
     steps, robots, people, _ = rays.shape
     widest = np.full((steps, people), np.nan)

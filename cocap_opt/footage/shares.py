@@ -1,4 +1,4 @@
-"""The share of each person that is visible in the drones' pictures along a plan."""
+"""The visible share of each person in the drones' images along a plan."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from cocap_opt.vision.views import StateViews
 
 
 def visible_shares(problem: Problem, plan: Plan) -> FloatArray:
-    """Returns the shares [T+1, R, A] of people, 0 to 1, that are visible to each drone.
+    """Returns the visible shares [T+1, R, A] of people, 0 to 1, for each drone.
 
-    Shares are of solid angles: of what is visible in the picture, and of the whole person with
-    nothing in the way. A `Cone` sees all of a person, or nothing.
+    Shares are ratios of solid angles: of the part visible in the image, and of the whole person
+    without obstructions. A `Cone` sees the whole person or nothing.
 
     Raises
     ------
     ValueError
-        If the plan has not a path of T+1 states for each robot.
+        If the plan does not have a path of T+1 states for each robot.
     """
     require_paths(problem, plan)
     steps = np.arange(problem.horizon + 1)

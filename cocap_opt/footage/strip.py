@@ -1,6 +1,6 @@
-"""A figure of people and steps, coloured by the number of cameras, by matplotlib.
+"""A figure of people and steps, coloured by the number of cameras, drawn by matplotlib.
 
-It is imported when something is drawn.
+It is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ if TYPE_CHECKING:
 
     from cocap_opt.problem.pictures import WholeAxes
 
-# Fill, colour and pattern of hatching, name: by no camera (which `_draw_legend` names), one, two,
-# three or more. Grey prints and colour-blind readers tell them apart by hatching and by light.
+# Fill, colour of hatching, pattern and name for no camera (which `_draw_legend` names), one, two,
+# three or more. In grey prints, and for colour-blind readers, hatching and lightness distinguish
+# them.
 _KINDS = (
     ("#b0122b", "white", "////", ""),
     ("#f2a233", "black", "...", "one"),
     ("#a5d3ea", "white", "", "two"),
     ("#1c5c9e", "white", "", "three or more"),
 )
-_PALE = 0.25  # of what does not count
-_THICK = 0.8  # of the height of a row
+_PALE = 0.25  # opacity of steps that do not count
+_THICK = 0.8  # relative to the height of a row
 _NAME = 24  # characters of a name
 _WIDE, _ROW, _AROUND = 6.4, 0.24, 1.1  # inches
 _SMALL = 8  # pt
@@ -61,15 +62,15 @@ def draw_strip(
     times: FloatArray | None,
     at_least: float,
 ) -> Axes:
-    """Draws a row for each person of whom any step counts, and returns the axes.
+    """Draws a row for each person with a step that counts, and returns the axes.
 
     Parameters
     ----------
     ax : matplotlib axes (default: those of a new figure)
     people : [A] names
     views : [T+1, A] number of drones that see each person
-    counts : [T+1, A] true for the person-steps that count; others are pale
-    times : [T+1] s; None where steps have no seconds
+    counts : [T+1, A] True for the person-steps that count; others are pale
+    times : [T+1] s; None if the scene defines no step length
     at_least : smallest visible share of a person with which a camera counts, for the legend
     """
     shown = [j for j in range(len(people)) if counts[:, j].any()]
@@ -91,7 +92,7 @@ def draw_strip(
 
 
 def _draw_row(ax: Axes, row: int, views: list[int], counts: list[bool], step: float) -> None:
-    """Draws the steps of a person, of which those that are alike are one bar."""
+    """Draws the steps of a person, joining equal consecutive steps in one bar."""
     kinds = [(min(seen, 3), counted) for seen, counted in zip(views, counts, strict=True)]
     first = 0
     for (kind, counted), run in groupby(kinds):
@@ -105,7 +106,7 @@ def _draw_row(ax: Axes, row: int, views: list[int], counts: list[bool], step: fl
 
 
 def _draw_legend(ax: Axes, at_least: float) -> None:
-    """Names the four kinds above the axes."""
+    """Draws a legend of the four kinds above the axes."""
     from matplotlib.patches import Patch
 
     handles = [

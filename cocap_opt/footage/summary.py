@@ -1,4 +1,4 @@
-"""The quality of a plan in a few numbers: of all people, and of each."""
+"""The quality of a plan in a few numbers, over all people and for each."""
 
 import math
 from typing import NamedTuple, Self
@@ -8,27 +8,27 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.footage.moments import APART
 
-_ROUNDING = 1e-9  # relative, of sums of probabilities
+_ROUNDING = 1e-9  # relative rounding error of sums of probabilities
 
 
 class Summary(NamedTuple):
     """The quality of a plan in a few numbers, over the person-steps that count.
 
-    Shares are nan where nothing counts; errors are nan where no drone has pictures. Where people
-    may walk differently, person-steps count as much as their take is probable.
+    Shares are nan if nothing counts; errors are nan if no drone has images. If there are takes,
+    person-steps are weighted by the probability of their take.
 
     Attributes
     ----------
-    person_steps : number of them
-    by_two, by_three : shares that are seen by at least two and three drones
-    apart : share that two drones see from at least 30 degrees apart
+    person_steps : number of person-steps that count
+    by_two, by_three : shares seen by at least two and at least three drones
+    apart : share seen by two drones at least 30 degrees apart
     infinite : share whose error is infinite
-    median, most_of_them : mm, errors that half and nine tenths of them do not exceed. They are
-        errors of single person-steps, not in between, so that infinite ones count as such
-    in_pictures : number of drones in the pictures of others, over all steps that count; those that
-        are large enough, as `Assumptions` say
-    disturbed : share of these pictures, one of each drone with pictures at each step, that have
-        another drone in them; nan where no drone has pictures
+    median, most_of_them : errors that half and nine tenths of the person-steps do not exceed, mm.
+        They are not interpolated, so infinite errors count as such
+    in_pictures : number of drones that are large enough (see `Assumptions`) in the images of
+        others, over all steps that count
+    disturbed : share of images (one per step for each drone with images) that contain another
+        drone; nan if no drone has images
     """
 
     person_steps: int
@@ -51,10 +51,10 @@ class Summary(NamedTuple):
         Parameters
         ----------
         views : [n] number of drones that see the person
-        angles : [n] degrees, the widest between two rays; nan where there is none
+        angles : [n] widest angles between two rays, degrees; nan if there is none
         errors : [n] mm
-        drones_seen : [m, R] true where a drone is in one of m pictures
-        chances : [n] probability of each person-step, as which it counts; None: all are alike
+        drones_seen : [m, R] True if a drone is in one of m images
+        chances : [n] probability of each person-step, used as its weight; None: equal weights
         """
         return cls(
             person_steps=len(views),
@@ -70,22 +70,22 @@ class Summary(NamedTuple):
 
     @property
     def line(self) -> str:
-        """The summary in a line; empty where nothing counts."""
+        """The summary in a line; empty if nothing counts."""
         return cameras_line(self.by_two, self.by_three, self.median)
 
 
 class OfPerson(NamedTuple):
-    """The quality of a plan for one person, over their steps that count, as in `Summary`.
+    """The quality of a plan for one person over the steps that count, as in `Summary`.
 
     Attributes
     ----------
     person : name
     actor : number of the person
     steps : number of steps that count
-    by_two, by_three : shares of these at which at least that many drones see the person
-    apart : share at which two drones do so from at least 30 degrees apart
-    median, most_of_them : mm, errors that half and nine tenths of these do not exceed
-    worst : the worst moment in words, such as "one camera from 1.25 to 1.5 s"; empty without one
+    by_two, by_three : shares of these steps at which at least two or three drones see the person
+    apart : share at which two drones at least 30 degrees apart see the person
+    median, most_of_them : errors that half and nine tenths of these steps do not exceed, mm
+    worst : the worst moment in words, e.g. "one camera from 1.25 to 1.5 s"; empty if there is none
     """
 
     person: str
@@ -100,18 +100,20 @@ class OfPerson(NamedTuple):
 
     @classmethod
     def of(cls, person: str, actor: int, summary: Summary, worst: str) -> Self:
-        """Returns it, of the summary of the person's steps and the words for the worst moment."""
+        """Returns the quality for one person, from the summary of the person's steps and the worst
+        moment.
+        """
         same = {name: getattr(summary, name) for name in cls._fields if name in Summary._fields}
         return cls(person=person, actor=actor, steps=summary.person_steps, worst=worst, **same)
 
 
 def cameras_line(by_two: float | None, by_three: float | None, median: float | None) -> str:
-    """Returns words for the shares that two drones see, and three; empty where nothing counts.
+    """Returns words for the shares seen by two drones and by three; empty if nothing counts.
 
     Parameters
     ----------
-    median : mm, the error that half of all person-steps do not exceed; nothing is said of one that
-        is None, infinite or unknown
+    median : error that half of all person-steps do not exceed, mm; left out if it is None, infinite
+        or unknown
     """
     if by_two is None or by_three is None or math.isnan(by_two):
         return ""
@@ -121,23 +123,25 @@ def cameras_line(by_two: float | None, by_three: float | None, median: float | N
 
 
 def whole_percent(part: float) -> str:
-    """Returns a share in whole per cent; 0 and 100 % are none and all."""
+    """Returns a share in whole per cent; only exact values give 0 or 100 %."""
     if 0 < part < 0.01:
         return "under 1 %"
     return "over 99 %" if 0.99 < part < 1 else f"{100 * part:.0f} %"
 
 
 def share(held: BoolArray, weights: FloatArray | None = None) -> float:
-    """Returns the share of values that are true, by weights if they have some; nan of none."""
+    """Returns the share of True values, weighted if weights are given; nan if there are no
+    values.
+    """
     if weights is not None and len(held):
         return min(math.fsum(weights[held]) / math.fsum(weights), 1.0)
     return float(held.mean()) if len(held) else math.nan
 
 
 def _not_exceeded(values: FloatArray, part: float, weights: FloatArray | None = None) -> float:
-    """Returns the least of some values [n] that so large a share of them does not exceed.
+    """Returns the smallest of some values [n] that the given share of them does not exceed.
 
-    It is nan if all of them are; else those that are do not count.
+    nan values are ignored; if all values are nan, so is the result.
     """
     is_known = ~np.isnan(values)
     if weights is not None and is_known.any():

@@ -1,4 +1,4 @@
-"""The quality of a plan in words, for a terminal and for a notebook."""
+"""Describes the quality of a plan in words, for a terminal or a notebook."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,7 +12,7 @@ from cocap_opt.footage.moments import APART
 from cocap_opt.footage.summary import Summary, share, whole_percent
 from cocap_opt.letters import folded
 
-USUAL_WIDTH = 80  # characters of a line
+USUAL_WIDTH = 80  # characters per line
 _LABEL = 24  # characters before a number
 _SHARP = 0.5  # px of blur
 
@@ -26,16 +26,16 @@ def quality_words(
     takes: Sequence[tuple[str, Summary]] = (),
     width: int = USUAL_WIDTH,
 ) -> str:
-    """Returns the summary of a plan's quality, its worst moments, and what was assumed.
+    """Returns the summary of a plan's quality, its worst moments, and the assumptions.
 
     Parameters
     ----------
     worst : the worst moments in words
-    blur : [n, R] px of the person-steps that count; nan where a drone does not see the person or
-        has no picture. None if the scene defines no step length
-    has_pictures : [R] true for the drones with a pinhole camera
-    takes : names of the ways in which people may walk, and the summary of each
-    width : characters of a line at most
+    blur : [n, R] px for the person-steps that count; nan if a drone does not see the person or has
+        no image. None if the scene defines no step length
+    has_pictures : [R] True for drones with a pinhole camera
+    takes : names of the takes, each with its summary
+    width : largest number of characters per line
     """
     if not found.person_steps:
         return "Quality of the plan: no person has a weight, so no person-step counts"
@@ -49,7 +49,7 @@ def quality_words(
         line(f"two, {APART:g} degrees apart", whole_percent(found.apart)),
         line("RMS error of a point", _told_errors(found, has_pictures)),
         line("blur", _told_blur(blur)),
-        line("drones in pictures", _told_intruders(found)),
+        line("drones in images", _told_intruders(found)),
         *(
             line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
             for k, (name, of) in enumerate(takes)
@@ -64,9 +64,9 @@ def quality_words(
 
 
 def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
-    """Says how large errors are."""
+    """Describes the errors."""
     if math.isnan(found.median):
-        whose = "of drones without pictures" if has_pictures.any() else "no pictures"
+        whose = "drones without images" if has_pictures.any() else "no images"
         return f"unknown: {whose}"
     parts = [
         f"{words} within {error:,.0f} mm"
@@ -79,12 +79,12 @@ def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
 
 
 def _told_blur(blur: FloatArray | None) -> str:
-    """Says how large blur is, over the pictures of all person-steps that count."""
+    """Describes the blur over the images of all person-steps that count."""
     if blur is None:
         return "unknown: the scene defines no step length"
     known = blur[~np.isnan(blur)]
     if not len(known):
-        return "none: no pictures"
+        return "none: no images"
     return (
         f"{np.median(known):.2g} px median, {known.max():.2g} at most; above "
         f"{_SHARP:g} px in {whole_percent(share(known > _SHARP))} of views"
@@ -92,37 +92,37 @@ def _told_blur(blur: FloatArray | None) -> str:
 
 
 def _told_intruders(found: Summary) -> str:
-    """Says how many drones are large in the pictures of others."""
+    """Describes how many drones are large in the images of others."""
     if not found.in_pictures:
-        return "none: no pictures" if math.isnan(found.disturbed) else "none"
-    return f"{found.in_pictures}, in {whole_percent(found.disturbed)} of all pictures"
+        return "none: no images" if math.isnan(found.disturbed) else "none"
+    return f"{found.in_pictures}, in {whole_percent(found.disturbed)} of all images"
 
 
 def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterator[str]:
-    """Yields what the numbers assume."""
+    """Yields the assumptions of the numbers."""
     pose = (
         f"poses known to {1000 * had.position_error:.3g} mm and "
         f"{math.degrees(had.attitude_error):.3g} degrees"
         if had.position_error or had.attitude_error
-        else "exactly known poses"
+        else "exact poses"
     )
     exposure = f", an exposure of {_told_seconds(had.exposure)}" if is_timed else ""
     yield (
-        f"Assumed: an error of {had.pixel_error:g} px in a picture{exposure}, and {pose}. A drone "
-        f"sees a person if its picture has at least {100 * had.at_least:g} % of the person's "
-        "solid angle without obstacles. The error is infinite where fewer than two drones see the "
-        "person, or all of them look along one line. A drone counts as in the picture of another "
-        f"if its {had.drone_size:g} m cover at least {had.drone_pixels:g} px there."
+        f"Assumed: an error of {had.pixel_error:g} px in an image{exposure}, and {pose}. A drone "
+        f"sees a person if its image contains at least {100 * had.at_least:g} % of the person's "
+        "unobstructed solid angle. The error is infinite if fewer than two drones see the "
+        "person, or if all of them look along one line. A drone counts as in the image of "
+        f"another if its {had.drone_size:g} m cover at least {had.drone_pixels:g} px there."
     )
     if not has_pictures.all():
         yield (
-            f"{int((~has_pictures).sum())} of {len(has_pictures)} drones have no "
-            "pictures: their views count, but have neither errors nor blur."
+            f"{int((~has_pictures).sum())} of {len(has_pictures)} drones have no images: their "
+            "views count, but have neither errors nor blur."
         )
 
 
 def _line(label: str, words: str, width: int) -> str:
-    """Returns a label and what it stands for, folded below each other."""
+    """Returns a label and its value, in lines folded below each other."""
     return folded(words, width, f"{label:{_LABEL}}", " " * _LABEL)
 
 
@@ -131,5 +131,5 @@ def _counted(number: int, noun: str) -> str:
 
 
 def _told_seconds(exposure: float) -> str:
-    """Returns an exposure as cameras write it."""
+    """Returns an exposure time in the notation of cameras."""
     return f"1/{1 / exposure:.0f} s" if 0 < exposure < 0.5 else f"{exposure:g} s"

@@ -1,4 +1,4 @@
-"""Charges on one robot's time-expanded graph, by which planners and prices steer its path."""
+"""Charges on one robot's time-expanded graph, with which planners and prices steer its path."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
@@ -12,9 +12,9 @@ _Key = TypeVar("_Key", bound=tuple[int, ...])
 
 
 class _Costs(NamedTuple):
-    """Costs by step; where one thing is listed more than once, its costs add up."""
+    """Costs by step; costs of an item that is listed more than once add up."""
 
-    keys: IntArray  # [n, k] step t and what is charged then, t increasing
+    keys: IntArray  # [n, k] step t and the charged item at t, t increasing
     costs: FloatArray  # [n]
 
     @classmethod
@@ -25,7 +25,7 @@ class _Costs(NamedTuple):
 
     @classmethod
     def of_mapping(cls, costs: Mapping[_Key, float], width: int) -> "_Costs":
-        """Returns the costs of a mapping whose keys are so long."""
+        """Returns the costs of a mapping whose keys have the given length."""
         keys = np.array(list(costs), dtype=np.int64).reshape(-1, width)
         return cls.of(keys, np.array(list(costs.values()), dtype=np.float64))
 
@@ -37,7 +37,7 @@ class _Costs(NamedTuple):
         return _Costs(self.keys[first:end], self.costs[first:end])
 
     def total(self) -> dict[tuple[int, ...], float]:
-        """Returns the cost of everything that is charged."""
+        """Returns the total cost of each charged item."""
         found: dict[tuple[int, ...], float] = {}
         for key, cost in zip(map(tuple, self.keys.tolist()), self.costs.tolist(), strict=True):
             found[key] = found.get(key, 0.0) + cost
@@ -49,10 +49,10 @@ class Charges:
 
     Parameters
     ----------
-    places : (t, place) and the cost of being there at t
-    moves : (t, place, place) and the cost of leaving the first at t for the second at t+1;
-        where both are one place, of staying there
-    states : (t, state) and the cost of being in it at t
+    places : (t, place) and the cost of being in the place at t
+    moves : (t, place, place) and the cost of moving from the first place at t to the second at t+1;
+        if both are the same place, the cost of staying there
+    states : (t, state) and the cost of being in the state at t
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Charges:
 
     @classmethod
     def joined(cls, parts: "Iterable[Charges]") -> "Charges":
-        """Returns charges that cost as much as several others together."""
+        """Returns charges that add up several charges."""
         parts = [NO_CHARGES, *parts]
         return cls.of(*(
             (np.concatenate([c.keys for c in costs]), np.concatenate([c.costs for c in costs]))
@@ -95,7 +95,7 @@ class Charges:
 
     @property
     def parts(self) -> tuple[_Costs, _Costs, _Costs]:
-        """Keys and costs of places, of moves and of states, as `of` takes them, by step."""
+        """Keys and costs of places, moves and states, by step, in the form that `of` takes."""
         return self._places, self._moves, self._states
 
     @property
@@ -119,17 +119,17 @@ class Charges:
         return self._states.total()
 
     def places_at(self, t: int) -> tuple[IntArray, FloatArray]:
-        """Returns the places [n] that are charged at step t, some more than once, and costs."""
+        """Returns the charged places [n] at step t, some more than once, and their costs."""
         keys, costs = self._places.at(t)
         return keys[:, 1], costs
 
     def states_at(self, t: int) -> tuple[IntArray, FloatArray]:
-        """Returns the states [n] that are charged at step t, some more than once, and costs."""
+        """Returns the charged states [n] at step t, some more than once, and their costs."""
         keys, costs = self._states.at(t)
         return keys[:, 1], costs
 
     def moves_at(self, t: int) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns tails, heads and costs [n] of the moves that are charged from step t."""
+        """Returns tails, heads and costs [n] of the charged moves from step t."""
         keys, costs = self._moves.at(t)
         return keys[:, 1], keys[:, 2], costs
 
@@ -144,17 +144,18 @@ class Charges:
         return result
 
     def free_states(self, t: int, states: IntArray, n_places: int) -> BoolArray:
-        """Returns which states [n] cost nothing at t.
+        """Returns True for states [n] that cost nothing at t.
 
         Parameters
         ----------
-        n_places : as in `free_moves`
+        n_places : number of places, as in `free_moves`
         """
         places, charged = self.places_at(t)[0], self.states_at(t)[0]
         return ~(np.isin(states % n_places, places) | np.isin(states, charged))
 
     def free_moves(self, t: int, tail: int, heads: Sequence[int], n_places: int) -> BoolArray:
-        """Returns which moves to states `heads` [n] at t+1, from state `tail` at t, cost nothing.
+        """Returns True for moves from state `tail` at t to states `heads` [n] at t+1 that cost
+        nothing.
 
         Parameters
         ----------

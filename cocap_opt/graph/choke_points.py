@@ -1,7 +1,7 @@
-"""Choke points: few cells through which all ways of the drones to somebody lead.
+"""Finds choke points: few cells through which all ways of the drones to somebody lead.
 
-Where more drones want to pass than there are cells, they must queue, and what collision rules cost
-is decided there. They are minimum vertex cuts of the graph of cells.
+If more drones need to pass than there are cells, they must queue, and the cost of collision rules
+is determined there. Choke points are minimum vertex cuts of the graph of cells.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -18,43 +18,46 @@ from cocap_opt.problem import Cell, Motion, SceneData
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
 
-MOST_CELLS = 700  # in reach of the drones, for which cuts take a tenth of a second
-_MARGIN = 4  # times as many cells may be in the window around what is in reach
-_LEAST_SHARE = 0.1  # of the cells that drones want to reach, which a choke point parts from them
-_MOST_CUTS = 4  # that are looked at
-_STARTS = "starts"  # the node from which all drones start
+MOST_CELLS = 700  # cells in reach of the drones, for which cuts take a tenth of a second
+_MARGIN = 4  # factor on the reachable cells: largest size of the window around them
+# smallest share of the target cells that a choke point must separate from the drones
+_LEAST_SHARE = 0.1
+_MOST_CUTS = 4  # cuts that are examined
+_STARTS = "starts"  # an auxiliary node from which all drones start
 
 
 class ChokePoint(NamedTuple):
-    """A few cells, and how much lies behind them."""
+    """A few cells, and the number of cells behind them."""
 
     cells: tuple[Cell, ...]
-    drones: int  # number of drones that can reach what is behind them by the last step
-    behind: int  # number of wanted cells that drones reach by the last step through these only
-    wanted: int  # number of wanted cells that they reach at all
+    drones: int  # number of drones that can reach cells behind the choke point by the last step
+    # number of target cells that drones can reach by the last step only through these cells
+    behind: int
+    wanted: int  # number of target cells that drones can reach at all
 
     @classmethod
     def of(
         cls, problem: SceneData, wanted: Collection[Cell], most: int = MOST_CELLS
     ) -> ChokePoint | None:
-        """Returns the cells, fewer than drones want to pass, behind which most wanted cells lie.
+        """Returns the cells, fewer than the drones that need to pass, behind which most target
+        cells lie.
 
-        From most starts somebody is in sight already, so that no few cells part all starts from
-        all wanted cells. Cuts are therefore taken to one wanted cell at a time, the one that takes
-        the most steps first, and the nearest to the starts of the smallest cuts. Cells are behind
-        a cut if they cannot be reached in time without it; the cut itself parts longer ways, too.
-        People who close cells are left aside.
+        From most starts somebody is already in sight, so no few cells separate all starts from all
+        target cells. Therefore cuts are taken to one target cell at a time, first to the one that
+        takes the most steps; among the smallest cuts, the one nearest to the starts is used. Cells
+        are behind a cut if they cannot be reached in time without it; the cut itself also separates
+        longer ways. Cells closed by people are ignored.
 
         Parameters
         ----------
-        wanted : such as the cells from which somebody is seen at the last step
+        wanted : target cells, e.g. those from which somebody is seen at the last step
         most : number of cells in reach above which the search is skipped
 
         Returns
         -------
         ChokePoint or None
-            None if there is none with a tenth of the wanted cells behind it, or too much is in
-            reach.
+            None if no choke point has a tenth of the target cells behind it, or if too many cells
+            are in reach.
         """
         ways = _Routes.of(problem, most) if len(problem.robots) > 1 and wanted else None
         if ways is None:
@@ -78,17 +81,17 @@ class ChokePoint(NamedTuple):
 
     @property
     def _names(self) -> list[str]:
-        """The cells in words, without layers where all are in the lowest."""
+        """The cells in words; layers are left out if all cells are in the lowest."""
         flat = not any(cell.layer for cell in self.cells)
         return [str(tuple(cell[:2] if flat else cell)) for cell in self.cells]
 
     def told(self, team: int, wanted: str) -> str:
-        """Returns who must pass it, in words.
+        """Describes the choke point and the drones that must pass it.
 
         Parameters
         ----------
         team : number of all drones
-        wanted : the wanted cells in words, such as "cells near people at the last step"
+        wanted : the target cells in words, e.g. "cells near people at the last step"
         """
         share = "most" if 2 * self.behind > self.wanted else "some"
         of = f"{self.drones} of {team}"
@@ -103,7 +106,7 @@ class _Routes:
 
     Attributes
     ----------
-    graph : its nodes are cells
+    graph : the graph of the moves; its nodes are cells
     starts : cells of the drones at step 0
     """
 
@@ -112,7 +115,7 @@ class _Routes:
         from networkx.algorithms.flow import build_residual_network
 
         self.graph, self.starts, self._horizon = graph, set(starts), horizon
-        # Of all smallest cuts networkx finds the one nearest to its sink.
+        # Among the smallest cuts, networkx finds the one nearest to its sink.
         self._back = graph.reverse()
         self._back.add_edges_from((start, _STARTS) for start in self.starts)
         self._auxiliary = build_auxiliary_node_connectivity(self._back)
@@ -121,7 +124,7 @@ class _Routes:
     @classmethod
     def of(cls, problem: SceneData, most: int) -> _Routes | None:
         """Returns the ways of all drones; None if more than `most` cells are in reach."""
-        import networkx as nx  # a fifth of a second, which few commands need
+        import networkx as nx  # takes a fifth of a second, and few commands need it
 
         graph: Graph = nx.DiGraph()
         for motion in dict.fromkeys(robot.motion for robot in problem.robots):
@@ -147,16 +150,20 @@ class _Routes:
         return cls(graph.subgraph(near).copy(), starts, problem.horizon)
 
     def steps(self, without: Collection[Cell] = ()) -> dict[Cell, int]:
-        """Returns the least number of steps to each cell that is reached without some cells."""
+        """Returns the least number of steps to each cell that can be reached without some cells."""
         left = self.graph.subgraph(self.graph.nodes - set(without)) if without else self.graph
         return _steps(left, self.starts - set(without), self._horizon)
 
     def behind(self, cells: Collection[Cell], wanted: set[Cell]) -> set[Cell]:
-        """Returns the wanted cells that are reached by the last step through some cells only."""
+        """Returns the target cells that can be reached by the last step only through the given
+        cells.
+        """
         return wanted - set(cells) - self.steps(cells).keys()
 
     def choke_point_before(self, cell: Cell, wanted: set[Cell]) -> ChokePoint:
-        """Returns the fewest cells that part the starts from a cell, and what is behind them."""
+        """Returns the fewest cells that separate the starts from a cell, and the number of cells
+        behind them.
+        """
         from networkx.algorithms.connectivity import minimum_st_node_cut
 
         cut = minimum_st_node_cut(
@@ -168,7 +175,7 @@ class _Routes:
 
 
 def _window(problem: SceneData, motion: Motion) -> Window:
-    """Returns the cells that drones of one motion can reach."""
+    """Returns the cells that drones with the same motion can reach."""
     both = zip(problem.robots, problem.starts, strict=True)
     starts = [states.columns for robot, states in both if robot.motion == motion]
     reach = motion.radius * problem.horizon

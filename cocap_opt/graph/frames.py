@@ -1,7 +1,7 @@
 """The cells that a robot can reach from its starts, step by step.
 
-In t steps a robot comes no farther than t times the radius of a move along each axis. On a wide map
-that is a small part of all states, and a sweep over these takes a small part of the time.
+In t steps a robot moves at most t times the radius of a move along each axis. On a wide map that is
+a small part of all states, and a sweep over these takes a small part of the time.
 """
 
 from typing import Self
@@ -13,18 +13,18 @@ from cocap_opt.graph.timegraph import Irregular, TimeGraph
 
 
 class Frame:
-    """All states of a graph in a rectangle of cells, numbered as those of a smaller graph.
+    """All states of a graph in a rectangle of cells, numbered as in a smaller graph.
 
     Parameters
     ----------
-    x, y : the cells, counted as in the numbering of the graph, border included
-    irregular : as that of the graph, in numbers of the frame
+    x, y : the cells, counted as in the numbering of the graph, including the border
+    irregular : the graph's `irregular`, in numbers of the frame
 
     Attributes
     ----------
     shape : (headings, pitches, layers, X, Y) of the numbering
     strides : differences between the numbers of neighbours along layers, x and y
-    n_places, n_states : their numbers
+    n_places, n_states : number of places and of states
     """
 
     def __init__(self, graph: TimeGraph, x: slice, y: slice, irregular: Irregular) -> None:
@@ -44,14 +44,15 @@ class Frame:
 
     @classmethod
     def all_from(cls, graph: TimeGraph, starts: IntArray, horizon: int) -> list[Self]:
-        """Returns for each step before the horizon the frame of all that moves may lead to.
+        """Returns, for each step before the horizon, the frame of all states to which moves may
+        lead.
 
-        What may be reached at a step itself is in the frame, and so are the ends of all moves from
-        there. Irregular places beside are left out.
+        A frame contains everything that may be reached at its step, and the ends of all moves from
+        there. Irregular places outside it are left out.
 
         Parameters
         ----------
-        starts : [n] states at step 0, of which the frames hold a rectangle of cells
+        starts : [n] states at step 0, which the frames enclose in a rectangle of cells
         """
         around = _cells(graph, starts % graph.n_places)[1:]
         (x0, y0), (x1, y1) = around.min(axis=1).tolist(), around.max(axis=1).tolist()
@@ -72,15 +73,15 @@ class Frame:
         return frames
 
     def of(self, values: FloatArray) -> FloatArray:
-        """Returns its part of values [S] of the graph, as [heading, pitch, layer, x, y]."""
+        """Returns the frame's part of values [S] of the graph, as [heading, pitch, layer, x, y]."""
         return values.reshape(self.graph.shape)[..., self._x, self._y]
 
     def places(self, places: IntArray) -> IntArray:
-        """Returns the numbers in the frame of places [..], which mean nothing outside of it."""
+        """Returns the numbers of places [..] in the frame, which are meaningless outside it."""
         return _numbers(self._x, self._y, _cells(self.graph, places))
 
     def holds(self, places: IntArray) -> IntArray:
-        """Returns which of some places [n] are in the frame."""
+        """Returns True for the places [n] that are in the frame."""
         _, x, y = _cells(self.graph, places)
         along_x = (self._x.start <= x) & (x < self._x.stop)
         return np.flatnonzero(along_x & (self._y.start <= y) & (y < self._y.stop))
@@ -91,7 +92,7 @@ def _within(first: int, end: int, size: int) -> slice:
 
 
 def _numbers(x: slice, y: slice, cells: IntArray) -> IntArray:
-    """Returns the numbers [..] of layers and cells [3, ..] among the places of a rectangle."""
+    """Returns the numbers [..] of cells [3, ..] (layer, x, y) among the places of a rectangle."""
     (layer, row, column), depth = cells, y.stop - y.start
     numbers: IntArray = (layer * (x.stop - x.start) + row - x.start) * depth + column - y.start
     return numbers

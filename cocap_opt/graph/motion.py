@@ -1,10 +1,10 @@
-"""Moves of one step on the map, as arrays: where each may begin, and who is then near.
+"""Moves of one step on the map, as arrays: places from which each is allowed, and people nearby.
 
-Moving and turning do not depend on each other. `networks` has the moves and turns as networkx
-graphs, `timegraph` compiles them for planners and bounds, which need no edges one by one.
+Moving and turning are independent of each other. `networks` provides moves and turns as networkx
+graphs; `timegraph` compiles them for planners and bounds, which do not need single edges.
 """
 
-from __future__ import annotations  # a window's own methods return windows
+from __future__ import annotations  # methods of Window return windows
 
 import math
 from collections.abc import Iterable, Iterator
@@ -39,9 +39,11 @@ class Window(NamedTuple):
     def around(
         cls, cells: Iterable[tuple[int, int]] | IntArray, reach: int, workspace: Workspace
     ) -> Window:
-        """Returns the least window that has all cells (x, y) [n, 2], and `reach` more on all sides.
+        """Returns the smallest window that contains all cells (x, y) [n, 2], and a margin of
+        `reach` on all sides.
 
-        It ends where the map ends, and cells beyond it count as the nearest of its cells.
+        The window ends at the edge of the map, and cells outside the map count as the nearest cell
+        on it.
         """
         width, depth = workspace.height_map.shape
         given = cells if isinstance(cells, np.ndarray) else [*cells]
@@ -60,11 +62,11 @@ class Window(NamedTuple):
         return self.x1 - self.x0, self.y1 - self.y0
 
     def covers(self, x: int, y: int) -> bool:
-        """Returns True if a cell is in it."""
+        """Returns True if a cell is in the window."""
         return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
 
     def of(self, values: NDArray[T]) -> NDArray[T]:
-        """Returns its part of values [.., X, Y] of the map."""
+        """Returns the window's part of values [.., X, Y] of the map."""
         part: NDArray[T] = values[..., self.x0 : self.x1, self.y0 : self.y1]
         return part
 
@@ -72,11 +74,12 @@ class Window(NamedTuple):
 def allowed_moves(
     workspace: Workspace, motion: Motion, window: Window | None = None
 ) -> Iterator[tuple[Move, BoolArray]]:
-    """Yields each move of one step, and an array [layer, X, Y], true where it may begin.
+    """Yields each move of one step, and an array [layer, X, Y], True for places from which it is
+    allowed.
 
     Parameters
     ----------
-    window : the part of the map that robots do not leave, and X x Y its cells (default: all)
+    window : the part of the map, of X x Y cells, to which robots are confined (default: all)
     """
     window = window or Window.all_of(workspace)
     room = (
@@ -89,7 +92,7 @@ def allowed_moves(
     forth: dict[Move, BoolArray] = {}
     for move in motion.moves_on(workspace.height_map):
         back = (-move[0], -move[1], -move[2])
-        if back in forth:  # it passes the same cells at the same altitudes
+        if back in forth:  # the reverse move passes the same cells at the same altitudes
             yield move, _shifted(forth.pop(back), move, False)
         else:
             forth[move] = _allowed_starts(motion, move, *room)
@@ -100,20 +103,20 @@ def _allowed_starts(
     motion: Motion, move: Move, edge: float, free: BoolArray, altitudes: FloatArray,
     matter: Columns, forbidden: Columns,
 ) -> BoolArray:  # fmt: skip
-    """Returns an array [layer, X, Y], true for free places from which a move is allowed.
+    """Returns an array [layer, X, Y], True for free places from which a move is allowed.
 
-    The cells that it passes must have no solid matter from the lower of its two altitudes to
-    the higher, nor within the clearance of these. With corner cutting only the two ends count for
-    that. Nothing may be forbidden in between either, and the move must be within the stride.
+    The cells that it passes must be free of solid matter between its two altitudes, and within the
+    clearance above and below. With corner cutting, only its two end cells are checked. There must
+    also be no forbidden zone in between, and the move must be within the stride.
 
     Parameters
     ----------
-    edge : m, of a cell
-    free, altitudes : [layer, X, Y] true where a robot may be, and m
+    edge : edge length of a cell, m
+    free, altitudes : [layer, X, Y] True if a robot may be there, and its altitude in m
     """
     here, there = altitudes, _shifted(altitudes, move, np.nan)
     low, high = np.minimum(here, there), np.maximum(here, there)
-    allowed = ~np.isnan(there)  # it does not lead out
+    allowed = ~np.isnan(there)  # the move does not lead off the map
     if motion.stride is not None:
         allowed &= motion.stride.allows(edge * math.hypot(*move[1:]), there - here)
         if not allowed.any():
@@ -125,7 +128,7 @@ def _allowed_starts(
 
 
 def _clear(columns: Columns, move: Move, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Returns where the cells that a move passes are empty at altitudes low..high [layer, X, Y]."""
+    """Returns True for moves whose cells are empty at altitudes low..high [layer, X, Y]."""
     clear = np.ones(low.shape, dtype=np.bool_)
     if not np.isfinite(columns.high).any() and not np.isfinite(columns.low).any():
         return clear
@@ -136,7 +139,9 @@ def _clear(columns: Columns, move: Move, low: FloatArray, high: FloatArray) -> B
 
 
 def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
-    """Returns `values` [layer, X, Y] at every place + `move`, and `outside` beyond."""
+    """Returns `values` [layer, X, Y] at every place + `move`, and `outside` for ends off the
+    map.
+    """
     result = np.full_like(values, outside)
     source, target = [], []
     for step, size in zip(move, values.shape, strict=True):
@@ -147,7 +152,7 @@ def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
 
 
 class People(NamedTuple):
-    """The people of a problem, until its horizon."""
+    """The people of a problem, up to its horizon."""
 
     actors: tuple[Actor, ...]
     airspace: Airspace

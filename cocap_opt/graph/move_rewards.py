@@ -1,8 +1,9 @@
-"""Rewards per move, which robots get whatever they see: `Objective` in the form for planners.
+"""Rewards per move, which robots earn regardless of their views: `Objective` in the form for
+planners.
 
-The reward of an edge is a part that the cell move decides, plus a part that the turn decides,
-plus `stationarity` for the one edge that changes nothing. Value iteration can therefore still
-take the maximum over turns first and over moves after it.
+The reward of an edge is the sum of a part for the cell move, a part for the turn, and
+`stationarity` for the one edge that changes nothing. Therefore value iteration can still take the
+maximum over turns first and then over moves.
 """
 
 import math
@@ -39,11 +40,13 @@ class Bonuses(NamedTuple):
 
     @property
     def stay(self) -> float:
-        """Reward of the step that changes nothing, which gets all of them."""
+        """Reward of the step that changes nothing, which earns all of them."""
         return math.fsum(self)
 
     def of_moves(self, moves: IntArray) -> FloatArray:
-        """Returns the part of the rewards [n] that moves [n, 3] decide (layers, cells x and y)."""
+        """Returns the part of the rewards [n] that depends on moves [n, 3] (layers, cells x and
+        y).
+        """
         _, dx, dy = moves.T
         stays = (moves == 0).all(axis=1)
         rewards: FloatArray = self.keep_cell * stays + self.balanced * (dx + dy == 0)
@@ -54,8 +57,8 @@ class Bonuses(NamedTuple):
 
         Parameters
         ----------
-        shape : of the numbering, `TimeGraph.shape`
-        tails : [n] states, or one state at which all steps begin
+        shape : shape of the numbering, `TimeGraph.shape`
+        tails : [n] states, or a single state for all steps
         heads : [n] states
         """
         rewards: FloatArray = self.stationarity * (heads == tails)

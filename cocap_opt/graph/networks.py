@@ -1,7 +1,8 @@
-"""Motion of one robot as networkx graphs, for people who look at, count or check paths.
+"""Motion of one robot as networkx graphs, for inspecting, counting or checking paths.
 
-Planners and bounds use the compiled form, `timegraph`. Here are the graphs node by node, built
-directly from what is in reach: of the product of places, orientations and steps most is not.
+Planners and bounds use the compiled form, `timegraph`. This module builds the graphs node by node,
+directly from the reachable states: most of the product of places, orientations and steps is not
+reachable.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -31,9 +32,9 @@ def place_graph(workspace: Workspace, motion: Motion, window: Window | None = No
 
     Parameters
     ----------
-    window : the part of the map that robots do not leave (default: all)
+    window : the part of the map to which robots are confined (default: all)
     """
-    import networkx as nx  # a fifth of a second, which few commands need
+    import networkx as nx  # takes a fifth of a second, and few commands need it
 
     window = window or Window.all_of(workspace)
     graph: Graph = nx.DiGraph()
@@ -46,10 +47,10 @@ def place_graph(workspace: Workspace, motion: Motion, window: Window | None = No
 
 
 def reached_graph(problem: Problem, robot: int) -> Graph:
-    """Returns all that one robot can reach from its starts, step by step.
+    """Returns the graph of all states that one robot can reach from its starts, step by step.
 
-    Nodes are (State, t), in the order of their steps t = 0..T; an edge is a step that the robot
-    can take. It may be a way to nowhere: at the goal, or at all, no path need end.
+    Nodes are (State, t), in the order of their steps t = 0..T; an edge is a step that the robot can
+    take. Nodes may be dead ends: a path through them need not reach the goal, or the last step.
     """
     import networkx as nx
 
@@ -68,9 +69,9 @@ def reached_graph(problem: Problem, robot: int) -> Graph:
 def time_expanded_graph(problem: Problem, robot: int) -> Graph:
     """Returns the time-expanded graph of one robot; nodes (State, t) lie on a path from a start.
 
-    The path lasts until step T and ends at the robot's goal, if it has one; where there is none,
-    the graph is empty. Every planner searches this graph; `timegraph.TimeGraph` is its compiled
-    form.
+    The path lasts until step T and ends at the robot's goal, if it has one; if there is no such
+    path, the graph is empty. Every planner searches this graph; `timegraph.TimeGraph` is its
+    compiled form.
     """
     graph = reached_graph(problem, robot)
     keep_paths(graph, problem, robot)
@@ -78,11 +79,11 @@ def time_expanded_graph(problem: Problem, robot: int) -> Graph:
 
 
 def keep_paths(graph: Graph, problem: Problem, robot: int) -> None:
-    """Removes the nodes from which no way leads to step T, at the robot's goal, if it has one.
+    """Removes the nodes from which no path leads to step T, at the robot's goal if it has one.
 
     Parameters
     ----------
-    graph : its nodes are in the order of their steps, as `reached_graph` has them
+    graph : a graph with its nodes in the order of their steps, as from `reached_graph`
     """
     spec = problem.robots[robot]
     kept = {(state, t) for state, t in graph if t == problem.horizon and spec.may_end_in(state)}
@@ -93,9 +94,10 @@ def keep_paths(graph: Graph, problem: Problem, robot: int) -> None:
 
 
 def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
-    """Returns the number of edges of `reached_graph`, or more, without making it.
+    """Returns the number of edges of `reached_graph`, or an upper bound, without building the
+    graph.
 
-    People count as if they closed nothing. The count ends where it is above `most`.
+    Cells closed by people count as open. The count stops once it exceeds `most`.
     """
     spec = problem.robots[robot]
     window = _reach(problem, robot)
@@ -125,7 +127,7 @@ def _reach(problem: Problem, robot: int) -> Window:
 
 
 class _GridSteps:
-    """The steps that one robot can take, found when they are first asked for, and kept."""
+    """The steps that one robot can take, computed on first use and cached."""
 
     def __init__(self, problem: Problem, robot: int) -> None:
         self._problem, self._spec = problem, problem.robots[robot]
@@ -155,7 +157,7 @@ class _GridSteps:
         return list(product(headings, sorted(motion.pitches_after(pitch, pitches))))
 
     def _find_heads(self, place: Place) -> list[Place]:
-        """Returns the places to which a move leads, wherever people are."""
+        """Returns the places to which a move leads, regardless of people."""
         layer, x, y = place
         at = layer, x - self._window.x0, y - self._window.y0
         return [
@@ -163,11 +165,13 @@ class _GridSteps:
         ]
 
     def _find_open_heads(self, t: int, place: Place) -> list[Place]:
-        """Returns the places to which a move leads from step t on without coming near anybody."""
+        """Returns the places to which a move leads from step t without coming too close to
+        anybody.
+        """
         return [head for head in self._heads(place) if not any(self._too_near(t, place, head))]
 
     def _too_near(self, t: int, tail: Place, head: Place) -> Iterator[bool]:
-        """Yields for each person if a move comes too close, on the way or when it ends."""
+        """Yields, for each person, True if a move comes too close on the way or at its end."""
         states = [State(x, y, layer) for layer, x, y in (tail, head)]
         here, there = self._problem.where(self._spec, states)
         airspace = self._problem.airspace

@@ -1,7 +1,7 @@
-"""A step of value iteration, compiled: orientation by orientation, each in the cache.
+"""A compiled step of value iteration, orientation by orientation, each within the cache.
 
-It finds the maxima that `value_iteration` finds by passes of NumPy over all states, which are what
-the tests hold it to. Only imported where numba is.
+It finds the same maxima as the NumPy passes of `value_iteration`, with which tests compare it.
+Imported only if numba is installed.
 """
 
 from functools import partial
@@ -11,12 +11,12 @@ import numpy as np
 from cocap_opt.compiling import compiled
 from cocap_opt.data import FloatArray, IntArray
 
-# Nothing is allocated in here, and so no references are counted.
+# Nothing is allocated here, so references need not be counted.
 _compiled = partial(compiled, nogil=True, error_model="numpy", _nrt=False)
 _inlined = partial(_compiled, kept=False, forceinline=True)
 
 
-# Loops over slices from 0 on, without `max`, are those that are vectorised.
+# Only loops over slices that begin at 0, and without `max`, are vectorised.
 @_inlined
 def _larger(a: float, b: float) -> float:
     return a if a > b else b
@@ -44,7 +44,7 @@ def _largest(a: FloatArray, b: FloatArray, c: FloatArray, target: FloatArray) ->
 def _turn(
     ahead: FloatArray, heading: int, pitch: int, turn: int, pitch_turn: int, values: FloatArray
 ) -> None:
-    """Writes the best values [P] over turns from a heading and a pitch."""
+    """Writes the best values [P] over the turns from a heading and a pitch."""
     headings, pitches = ahead.shape[:2]
     best = ahead[heading, pitch]
     for p in range(max(pitch - pitch_turn, 0), min(pitch + pitch_turn, pitches - 1) + 1):
@@ -64,8 +64,8 @@ def _move(
 ) -> None:  # fmt: skip
     """Writes the best of the values [P] over moves.
 
-    Each pass widens the window by a cell along an axis. What it leaves over at both ends lies in
-    the border, and no later pass carries it out of there.
+    Each pass widens the window by a cell along one axis. Values that it leaves at both ends lie in
+    the border, and no later pass carries them out of it.
     """
     n, source, here = len(values), values, 0
     for axis in range(3):
@@ -92,16 +92,17 @@ def sweep(
     value: FloatArray, reward: FloatArray, room: FloatArray, turn: int, pitch_turn: int,
     reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
 ) -> None:  # fmt: skip
-    """Sweeps back over all steps but the last, whose values are there.
+    """Sweeps back over all steps before the last, whose values are given.
 
     Parameters
     ----------
-    value, reward : [T+1, H, Q, P] of headings, pitches and places; all values but the last written
-    room : [4, P], for what is found on the way
-    turn, pitch_turn : most headings and pitches that a step turns by
-    reaches, strides : [3] layers and cells along x and y that a step moves by, and the differences
-        between the numbers of neighbours along these
-    places, heads : [n] irregular places, and [K, n] where their moves lead
+    value, reward : [T+1, H, Q, P] by heading, pitch and place; writes all values except those of
+        the last step
+    room : [4, P] working memory
+    turn, pitch_turn : largest turns of heading and pitch in a step
+    reaches, strides : [3] largest moves in layers and in cells along x and y, and the differences
+        between the numbers of neighbours along these axes
+    places, heads : [n] irregular places, and [K, n] the places to which their moves lead
     """
     headings, pitches = value.shape[1:3]
     turned, best = room[0], room[1]
@@ -118,13 +119,13 @@ def best_of_moves(
     ahead: FloatArray, turned: FloatArray, best: FloatArray, room: FloatArray, turn: int,
     pitch_turn: int, reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
 ) -> None:  # fmt: skip
-    """Finds the best values ahead over turns, and of these over the moves of one step.
+    """Finds the best values ahead over turns, and the best of these over the moves of one step.
 
     Parameters
     ----------
-    ahead : [H, Q, P] values ahead of headings, pitches and places
-    turned, best : [H, Q, P] are written: the best over turns, and over turns and moves
-    room : [4, P]
+    ahead : [H, Q, P] values ahead, by heading, pitch and place
+    turned, best : [H, Q, P] outputs: the best over turns, and over turns and moves
+    room : [4, P] working memory
     turn, pitch_turn, reaches, strides, places, heads : as in `sweep`
     """
     for h in range(ahead.shape[0]):
@@ -134,7 +135,7 @@ def best_of_moves(
 
 
 def call_once() -> None:
-    """Calls the kernel for one place, so that it is loaded, or compiled and kept."""
+    """Calls the kernel for one place, so that it is loaded, or compiled and stored."""
     single, none = np.zeros((1, 1, 1)), np.zeros(0, dtype=np.int64)
     three, heads = np.zeros(3, dtype=np.int64), np.zeros((1, 0), dtype=np.int64)
     rest = np.zeros((4, 1)), 0, 0, three, three, none, heads

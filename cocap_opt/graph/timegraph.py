@@ -1,11 +1,12 @@
 """The time-expanded graph, compiled once to arrays that all planners and bounds share.
 
-Constraints and prices close or charge places and moves of this one graph, see `charges`; nobody
-copies it. Paths through it are found by `value_iteration`.
+Constraints and prices close or charge places and moves of this one graph (see `charges`), so it is
+never copied. Paths through it are found by `value_iteration`.
 
-States are numbered 0..S-1 in the order [heading, pitch, layer, x, y] and places 0..P-1 in
-the order [layer, x, y]. Both numberings are of a window of the map, which robots do not leave, and
-include a closed border around it, as wide as a move is long, which makes every move one flat shift.
+States are numbered 0..S-1 in the order [heading, pitch, layer, x, y] and places 0..P-1 in the order
+[layer, x, y]. Both numberings cover a window of the map, to which robots are confined, and a closed
+border around it, as wide as a move is long, so that every move is a constant shift of place
+numbers.
 """
 
 import math
@@ -27,10 +28,12 @@ from cocap_opt.problem.motion import Move
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _Values = TypeVar("_Values", BoolArray, IntArray)
-_BYTES_PER_PLACE = 110  # while the graph is made, beside what each move takes: measured
+# bytes per place while the graph is built, in addition to those per move: measured
+_BYTES_PER_PLACE = 110
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
-# The n places [n] from which a move to a free place is hidden, by an obstacle in between; the
-# places [K, n] to which moves lead, the place itself where one is hidden; where they are [K, n].
+# The n places [n] from which an obstacle closes a move to a free place; the places [K, n] to which
+# their moves lead (the place itself for a closed move); and True for the moves that are open [K,
+# n].
 Irregular = tuple[IntArray, IntArray, BoolArray]
 
 
@@ -40,14 +43,14 @@ class TimeGraph:
     Attributes
     ----------
     window : the cells in which robots stay
-    shape : (headings, pitches, layers, X, Y) of the numbering, border included
+    shape : (headings, pitches, layers, X, Y) of the numbering, including the border
     n_places, n_states : P and S
-    moves : the K cell moves of one step, the first is to stay
-    shifts : [K] difference of the numbers of the places that each move leads to and from
-    allowed : [K, P] true where a move may begin; the others are hidden
-    free : [P] true for places where a robot may be
-    irregular : places from which a move to a free place is hidden
-    closed : places and moves that are closed at some steps only, since people are near
+    moves : the K cell moves of one step; the first is to stay
+    shifts : [K] difference between the place numbers of each move's end and beginning
+    allowed : [K, P] True if a move is open from a place
+    free : [P] True for places where a robot may be
+    irregular : places from which a move to a free place is closed
+    closed : places and moves that are closed only at some steps, because people are near
     """
 
     def __init__(
@@ -75,12 +78,12 @@ class TimeGraph:
         self.shifts: IntArray = np.array(self.moves, np.int64) @ np.array(self.strides, np.int64)
         self._require_memory()
         self.allowed = self._compile(workspace)
-        self.free: BoolArray = self.allowed[0]  # every free place may be stayed in
+        self.free: BoolArray = self.allowed[0]  # a robot may stay in every free place
         self.irregular = self._compile_irregular()
         self.closed = NO_CHARGES if people is None else self._closed(people, workspace.height_map)
 
     def _require_memory(self) -> None:
-        """Refuses a graph that is larger than the memory."""
+        """Raises an error if the graph would be larger than the memory."""
         moves, (x, y) = len(self.moves), self.window.shape
         require_memory(
             self.n_places * (moves + _BYTES_PER_PLACE),
@@ -100,12 +103,13 @@ class TimeGraph:
         window: Window | None = None,
         people: People | None = None,
     ) -> "TimeGraph":
-        """Returns the compiled graph of these motions in this workspace, shared while it is used.
+        """Returns the compiled graph of these motions in this workspace, shared as long as it is in
+        use.
 
         Parameters
         ----------
-        window : the part of the map that robots do not leave (default: all)
-        people : to whom robots keep a distance
+        window : the part of the map to which robots are confined (default: all)
+        people : people from whom robots keep a distance
         """
         key = workspace, motion, pitches, window or Window.all_of(workspace), people
         graph = _graphs.get(key)
@@ -116,7 +120,7 @@ class TimeGraph:
         return graph
 
     def _compile(self, workspace: Workspace) -> BoolArray:
-        """Returns one row [P] for each move, true where it may begin."""
+        """Returns one row [P] for each move, True for places from which it is open."""
         allowed = np.zeros((len(self.moves), self.n_places), dtype=np.bool_)
         moves = allowed_moves(workspace, self.motion, self.window)
         for row, (_, starts) in zip(allowed, moves, strict=True):
@@ -124,30 +128,33 @@ class TimeGraph:
         return allowed
 
     def neighbours(self, places: IntArray) -> IntArray:
-        """Returns the places that each move leads to from places [n], as [K, n]; -1 if hidden."""
+        """Returns the places to which each move leads from places [n], as [K, n]; -1 if the move is
+        closed.
+        """
         heads = places + self.shifts[:, None]
         return np.where(self.allowed[:, places], heads, -1)
 
     def _compile_irregular(self) -> Irregular:
-        """Finds the places from which a move to a free place is hidden."""
+        """Finds the places from which a move to a free place is closed."""
         hidden = np.zeros(self.n_places, dtype=bool)
         for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
-            # The border is closed and as wide as the moves are long: nothing wraps around.
+            # The border is closed and as wide as the moves are long, so nothing wraps around.
             hidden |= np.roll(self.free, -shift) & ~allowed
         places = np.flatnonzero(hidden & self.free)
-        # A hidden move is listed as staying, which is always allowed.
+        # A closed move is listed as staying, which is always allowed.
         heads = self.neighbours(places)
         is_hidden = heads < 0
         return places, np.where(is_hidden, places, heads), is_hidden
 
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
-        """Returns charges that close all places and moves that are too close to somebody."""
+        """Returns charges that close all places and moves that come too close to somebody."""
         places, moves = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3), np.int64)]
         airspace, resolution = people.airspace, height_map.resolution
         for actor, t in product(people.actors, range(people.horizon + 1)):
             here, there = actor.poses[[t, min(t + 1, len(actor.poses) - 1)], :2]
             x, y = height_map.cell_of(*here.tolist())
-            aside = airspace.people_aside + math.hypot(*(there - here))  # m, the walk included
+            # m, including the person's walk during the step
+            aside = airspace.people_aside + math.hypot(*(there - here))
             aside += airspace.people_stray * self.motion.radius * resolution * math.sqrt(2)
             reach = math.ceil(aside / resolution) + 1
             around = self.places_around(x, y, reach)
@@ -163,7 +170,7 @@ class TimeGraph:
     # -- numbering -----------------------------------------------------------------------
 
     def place(self, layer: int, x: int, y: int) -> int:
-        """Returns the number of the place at this layer and cell, which is in the window.
+        """Returns the number of the place in this layer and cell, which must be in the window.
 
         Raises
         ------
@@ -181,7 +188,7 @@ class TimeGraph:
         return (state.heading * self.shape[1] + state.pitch) * self.n_places + place
 
     def indices(self, states: IntArray) -> IntArray:
-        """Returns the numbers [n] of states [n, 5], each of which is in the window."""
+        """Returns the numbers [n] of states [n, 5], which must be in the window."""
         x, y, layer, heading, pitch = states.T
         first = (i - start for i, start in zip((layer, x, y), self._first, strict=True))
         found: IntArray = np.ravel_multi_index((heading, pitch, *first), self.shape)
@@ -246,9 +253,10 @@ class TimeGraph:
     def moves_past(
         self, tail: tuple[int, int], head: tuple[int, int], reach: int
     ) -> tuple[IntArray, IntArray]:
-        """Returns tails and heads [n] of all moves that may pass near one from cell to cell.
+        """Returns tails and heads [n] of all moves that may pass near a given move between two
+        cells.
 
-        All others are more than `reach` cells from it along one axis all the time.
+        All other moves are always more than `reach` cells away from it along one axis.
         """
         shift = np.array(head) - tail
         places = self.places_around(*tail, reach + self.motion.radius + int(np.abs(shift).max()))
@@ -277,9 +285,9 @@ class TimeGraph:
         ]
 
     def heads_at(self, t: int, places: IntArray) -> IntArray:
-        """Returns the places at t+1 that each move leads to from places [n] at t, as [K, n].
+        """Returns the places at t+1 to which each move leads from places [n] at t, as [K, n].
 
-        They are -1 where the move is hidden, or closed at that step.
+        Entries are -1 if the move is closed, permanently or at that step.
         """
         heads = self.neighbours(places)
         closed, _ = self.closed.places_at(t + 1)
@@ -294,7 +302,9 @@ class TimeGraph:
         return heads
 
     def _among(self, places: IntArray, chosen: IntArray) -> BoolArray:
-        """Returns which places are among the chosen ones; hidden ones, -1, may be either."""
+        """Returns True for places that are among the chosen ones; closed moves, -1, may give
+        either.
+        """
         if places.size < self.n_places // 16:
             return np.isin(places, chosen)
         is_chosen = np.zeros(self.n_places, dtype=np.bool_)
@@ -312,24 +322,25 @@ class TimeGraph:
         return successors
 
     def reachable(self, starts: Sequence[int] | IntArray, horizon: int) -> BoolArray:
-        """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
+        """Returns an array [T+1, S], True if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
         orientations, places = np.divmod(np.asarray(starts, dtype=np.int64), self.n_places)
-        alike: dict[bytes, tuple[IntArray, set[int]]] = {}  # orientations with the same places
+        # orientations that share the same places
+        alike: dict[bytes, tuple[IntArray, set[int]]] = {}
         for orientation in np.unique(orientations).tolist():
             from_places = np.unique(places[orientations == orientation])
             key = from_places.tobytes()
             alike.setdefault(key, (from_places, set()))[1].add(orientation)
         for from_places, turned in alike.values():
-            # Turns and moves of a step do not depend on each other.
+            # Turns and moves of a step are independent of each other.
             for row, reached in zip(seen, self._reached(from_places, horizon), strict=True):
-                for head in turned:  # a list of all would copy their rows
+                for head in turned:  # assigning all at once would copy their rows
                     row[head] |= reached
                 turned = {head for tail in turned for head in self.turns[tail]}
         return seen.reshape(horizon + 1, self.n_states)
 
     def _reached(self, places: IntArray, horizon: int) -> Iterator[BoolArray]:
-        """Yields the places [P] that are reached at the steps 0..T from some places at step 0."""
+        """Yields the places [P] that are reached at steps 0..T from given places at step 0."""
         reached = np.zeros(self.n_places, dtype=bool)
         reached[places] = True
         new = places
@@ -339,7 +350,8 @@ class TimeGraph:
             ahead = np.zeros(self.n_places, dtype=bool)
             ahead[heads[heads >= 0]] = True
             if self.closed.none:
-                # A robot may stay: what was reached once can be reached at all later steps.
+                # A robot may stay, so a place that was reached once can be reached at all later
+                # steps.
                 ahead |= reached
                 new = np.flatnonzero(ahead & ~reached)
             else:
@@ -361,7 +373,7 @@ def _column(values: Iterable[int]) -> IntArray:
     return np.array(list(values), dtype=np.int64)[:, None]
 
 
-# A graph that nobody uses is forgotten, since it may be as large as the memory; but the last ones
-# are kept, which whoever judges plan after plan, or robot after robot, asks for again.
+# Unused graphs are released, since one may be as large as the memory; but the most recent ones are
+# kept, for callers that evaluate plan after plan, or robot after robot.
 _graphs: WeakValueDictionary[tuple[object, ...], TimeGraph] = WeakValueDictionary()
 _last: deque[TimeGraph] = deque(maxlen=2)

@@ -20,9 +20,9 @@ from cocap_opt.problem import AnyGoal, goal_cells
 from cocap_opt.stop import Stop, never
 
 KERNEL = Kernel("cocap_opt.graph.sweep_kernel", "value iteration", compiling=4.0)
-_EACH = 5e-9  # s, of NumPy's way for a state at a step: measured
-_SHORT = 10_000_000  # values of a sweep in which no limit need be asked for
-_AT_ONCE = 2_000_000  # values of moves, to bound the memory
+_EACH = 5e-9  # s per state and step with NumPy: measured
+_SHORT = 10_000_000  # values of a sweep that is so short that limits need not be checked
+_AT_ONCE = 2_000_000  # values of moves, which limits memory
 _Ends = tuple[int, AnyGoal | None]  # horizon and goal
 _leads: WeakKeyDictionary[TimeGraph, dict[_Ends, BoolArray]] = WeakKeyDictionary()
 
@@ -37,31 +37,31 @@ def backward_sweep(
     earlier: tuple[FloatArray, int] | None = None,
     frames: Sequence[Frame] | None = None,
 ) -> FloatArray:
-    """Returns the best reward to go of every state at every step.
+    """Returns the best reward-to-go of every state at every step.
 
     Parameters
     ----------
     graph : the compiled graph of one robot's motion
-    reward : [T+1, S] reward for being in a state at step t, CLOSED (-inf) outside the
-        free states, as `TimeGraph.no_reward` makes it
+    reward : [T+1, S] reward of each state at step t, CLOSED (-inf) outside the free states, as from
+        `TimeGraph.no_reward`
     bonuses : rewards for the moves themselves
     charges : costs of places, moves and states; infinity closes them
-    goal : cell (x, y) in which the path must end, or several, in one of which it must
+    goal : cell (x, y) in which the path must end, or several cells, one of which it must reach
     stop : stopping criterion, checked at every step
-    earlier : result [T+1, S] of a sweep with the same arguments but for some rewards, which is
+    earlier : result [T+1, S] of a sweep with the same arguments except for some rewards, which is
         overwritten, and the last step at which a reward has changed since
-    frames : those of all steps before the last, if only what can be reached from some starts
-        matters (`Frame.all_from`); all other values mean nothing
+    frames : frames of all steps before the last, if only states that can be reached from some
+        starts matter (`Frame.all_from`); all other values are then meaningless
 
     Returns
     -------
-    [T+1, S] reward at t itself plus the best of the steps after it; CLOSED if the state is not
+    [T+1, S] reward at t plus the best rewards of the steps after it; CLOSED if the state is not
     free or cannot reach the goal.
 
     Raises
     ------
     LimitReached
-        If a limit is reached before the sweep is at step 0.
+        If a limit is reached before the sweep reaches step 0.
     """
     if not graph.closed.none:
         charges = Charges.joined([graph.closed, charges])
@@ -93,7 +93,9 @@ def backward_sweep(
 
 
 def _sweep_at_once(graph: TimeGraph, value: FloatArray, reward: FloatArray) -> None:
-    """Sweeps over all states with nothing but rewards for these, by the compiled kernel."""
+    """Sweeps over all states with the compiled kernel, if there are no rewards except those for
+    states.
+    """
     from cocap_opt.graph.sweep_kernel import sweep
 
     shape = (len(value), *graph.shape[:2], graph.n_places)
@@ -105,9 +107,9 @@ def _sweep_at_once(graph: TimeGraph, value: FloatArray, reward: FloatArray) -> N
 
 
 def _limits_of(graph: TimeGraph) -> tuple[int, int, IntArray]:
-    """Returns the headings and pitches that a step turns by at most, and the cells of a move."""
+    """Returns the largest turns of heading and pitch in a step, and the cells of a move."""
     motion, headings = graph.motion, graph.shape[0]
-    # All headings at most, each once.
+    # At most all headings, each once.
     turn = motion.turn if 2 * motion.turn + 1 <= headings else headings // 2
     return turn, motion.pitch_turn, np.array(graph.border)
 
@@ -120,7 +122,7 @@ def best_path(
     charges: Charges = NO_CHARGES,
     first: int = 0,
 ) -> list[int] | None:
-    """Returns a path of T+1 states from the best start that attains `value`; None if none does.
+    """Returns a path of T+1 states from the best start that attains `value`; None if there is none.
 
     Ties go to the shortest move, then to the smallest turn, which are the same in a turned
     or mirrored copy of a scene; last to the lowest state number, so that the path is the
@@ -129,9 +131,8 @@ def best_path(
     Parameters
     ----------
     graph, bonuses, charges : as in `backward_sweep`
-    value : [T+1, S] the result of `backward_sweep`
-    starts : number of the state at the first step, or numbers [n] of those to choose from,
-        increasing
+    value : [T+1, S] result of `backward_sweep`
+    starts : number of the first state, or numbers [n] of the states to choose from, increasing
     first : step of the first row of `value`
     """
     open_ = np.atleast_1d(starts)
@@ -151,10 +152,11 @@ def best_path(
 
 
 def leads_to_goal(graph: TimeGraph, horizon: int, goal: AnyGoal | None) -> BoolArray:
-    """Returns from which states [T+1, S] a robot that is alone can be in the goal cell at T.
+    """Returns True for states [T+1, S] from which a robot that is alone can reach the goal cell at
+    T.
 
-    Without a goal all do, unless people close places and moves. What is computed is kept as long
-    as the graph is in use.
+    Without a goal, all states qualify, unless people close places and moves. Results are cached as
+    long as the graph is in use.
     """
     if goal is None and graph.closed.none:
         return np.broadcast_to(np.True_, (horizon + 1, graph.n_states))
@@ -166,15 +168,15 @@ def leads_to_goal(graph: TimeGraph, horizon: int, goal: AnyGoal | None) -> BoolA
 
 
 class _BackwardStep:
-    """One step of value iteration, in a frame of it.
+    """One step of value iteration, within a frame.
 
     Parameters
     ----------
-    room : [3, n] for its arrays, which later steps use again
+    room : [3, n] working memory, which later steps reuse
 
     Attributes
     ----------
-    frame : the same
+    frame : the frame
     """
 
     def __init__(self, frame: Frame, bonuses: Bonuses, room: FloatArray) -> None:
@@ -199,8 +201,8 @@ class _BackwardStep:
 
         Parameters
         ----------
-        ahead : values ahead, as the same
-        tails, heads, costs : [n] of moves between places of the graph that are charged
+        ahead : values ahead, in the same form
+        tails, heads, costs : [n] of the charged moves between places of the graph
         """
         ahead = ahead.reshape(-1)
         if KERNEL.is_loaded and self._rates is None and not self._bonuses.keep_heading:
@@ -229,7 +231,9 @@ class _BackwardStep:
         return best
 
     def _by_kernel(self, ahead: FloatArray) -> None:
-        """Finds the maxima over turns and over moves, as the passes do that follow here."""
+        """Finds the maxima over turns and moves with the kernel, like the following NumPy
+        passes.
+        """
         from cocap_opt.graph.sweep_kernel import best_of_moves
 
         places = self.frame.n_places
@@ -245,10 +249,10 @@ class _BackwardStep:
         return _limits_of(self._graph)
 
     def _turn(self, ahead: FloatArray) -> None:
-        """Finds the maximum over the orientations that one step can turn to."""
+        """Finds the maximum over the orientations to which one step can turn."""
         headings, turn = self._graph.shape[0], self._graph.motion.turn
         out, pair = self._after_turn, self._pair
-        step = self.frame.n_states // headings  # states of one heading are contiguous
+        step = self.frame.n_states // headings  # states with the same heading are contiguous
         if 2 * turn + 1 >= headings:
             out.reshape(headings, -1)[:] = ahead.reshape(headings, -1).max(axis=0)
         elif not turn:
@@ -264,7 +268,7 @@ class _BackwardStep:
         self._pitch(out)
 
     def _pitch(self, values: FloatArray) -> None:
-        """Finds the maximum over the pitches that one step can turn to [S], in place."""
+        """Finds the maximum over the pitches to which one step can turn [S], in place."""
         headings, pitches = self._graph.shape[:2]
         by_pitch = values.reshape(headings, pitches, -1)
         for _ in range(min(self._graph.motion.pitch_turn, pitches - 1)):
@@ -281,8 +285,8 @@ class _BackwardStep:
     def _window(self) -> None:
         """Finds the maximum over the box of cell moves.
 
-        Each pass widens the window by one cell along one axis. Values that a pass leaves over at
-        both ends lie in the border, and no later pass carries them out of there.
+        Each pass widens the window by one cell along one axis. Values that a pass leaves at both
+        ends lie in the border, and no later pass carries them out of it.
         """
         out, pair, source = self._best, self._pair, self._after_turn
         for reach, stride in zip(self._graph.border, self.frame.strides, strict=True):
@@ -297,7 +301,7 @@ class _BackwardStep:
         """Raises the maximum over moves where a move with a reward is better.
 
         If a move leads out of the map, or its end is not free, the value ahead is CLOSED; other
-        hidden moves are irregular.
+        closed moves are irregular.
         """
         n, out, pair = self.frame.n_states, self._best, self._pair
         for rate, move in zip(rates.tolist(), self._graph.moves, strict=True):
@@ -309,7 +313,7 @@ class _BackwardStep:
                 np.maximum(out[tails], pair[tails], out=out[tails])
 
     def _redo_irregular(self) -> None:
-        """Computes the maximum over the moves of irregular places again, with their rewards."""
+        """Recomputes the maximum over the moves of irregular places, with their rewards."""
         places, heads, hidden = self.frame.irregular
         after, best = (part.reshape(self._by_place) for part in (self._after_turn, self._best))
         size = max(1, _AT_ONCE // (heads.shape[0] * len(after)))
@@ -321,7 +325,7 @@ class _BackwardStep:
             best[:, places[part]] = np.maximum.reduce(ahead, axis=1)
 
     def _charge_moves(self, tails: IntArray, heads: IntArray, costs: FloatArray) -> None:
-        """Computes the places again of which some moves are charged or closed."""
+        """Recomputes the places from which some moves are charged or closed."""
         inside = self.frame.holds(tails)
         heads, costs = heads[inside], costs[inside]
         places, at = np.unique(tails[inside], return_inverse=True)
@@ -332,7 +336,8 @@ class _BackwardStep:
         if self._rates is not None:
             cost -= self._rates[:, None]
         after, best = (part.reshape(self._by_place) for part in (self._after_turn, self._best))
-        # Of moves out of the frame any values are taken: those where they begin mean nothing.
+        # Moves out of the frame may have any value, since the values where they begin are
+        # meaningless.
         ahead = after.take(self.frame.places(np.maximum(targets, 0)), axis=1, mode="clip") - cost
         best[:, self.frame.places(places)] = ahead.max(axis=1)
 
@@ -348,7 +353,7 @@ def _close_elsewhere(graph: TimeGraph, value: FloatArray, goal: AnyGoal) -> None
 
 
 def _charge(graph: TimeGraph, value: FloatArray, charges: Charges, t: int) -> None:
-    """Takes the costs of step t from its values [S]."""
+    """Subtracts the costs of step t from its values [S]."""
     by_place = value.reshape(graph.n_orientations, graph.n_places)
     _take_from_places(by_place, *charges.places_at(t))
     states, costs = charges.states_at(t)
@@ -357,7 +362,7 @@ def _charge(graph: TimeGraph, value: FloatArray, charges: Charges, t: int) -> No
 
 
 def _take_from_places(value: FloatArray, places: IntArray, costs: FloatArray) -> None:
-    """Takes the costs [n] of places [n] from the values [O, P] of all their states."""
+    """Subtracts the costs [n] of places [n] from the values [O, P] of all their states."""
     if len(places):
         np.subtract.at(value.T, places, costs[:, None])
 

@@ -1,8 +1,8 @@
-"""Files of flights that others read. To add a format: one module, and one line below.
+"""Files of flights for other programs. To add a format: one module, and one line below.
 
-A format's module has a function `write(flight, every)` that returns an `Export`, as `Writer` says;
-one of missions for autopilots has `write(flight, every, autopilot)`. It is imported when a file of
-its kind is asked for, so that nobody waits for matplotlib who does not draw.
+A format's module has a function `write(flight, every)` that returns an `Export` (see `Writer`); a
+module of missions for autopilots has `write(flight, every, autopilot)`. It is imported only when a
+file of its kind is requested, so matplotlib is loaded only for drawing.
 """
 
 from functools import partial
@@ -15,16 +15,17 @@ __all__ = ["FORMATS", "Export", "MissionFormat", "Writer"]
 
 
 class MissionFormat(NamedTuple):
-    """A kind of file that flights are written to.
+    """A file format to which flights are written.
 
     Attributes
     ----------
-    module : that writes it; a name that begins with a dot is one of this room
-    on_earth : True: it has latitudes and longitudes, and needs a scene that says where it is
+    module : module that writes it; a name that begins with a dot is in this package
+    on_earth : True: it contains latitudes and longitudes, and needs a scene with a known position
+        on the Earth
     has_dates : True: its times are dates, not only seconds
-    autopilots : names of those that its missions are for, the usual one first; empty: it is no
+    autopilots : names of the autopilots for its missions, the default first; empty: it is not a
         mission of items
-    takes_off : True: drones fly the file from the ground on
+    takes_off : True: drones take off as part of the file
     """
 
     module: str
@@ -38,8 +39,8 @@ class MissionFormat(NamedTuple):
 
         Parameters
         ----------
-        autopilot : one of `autopilots`; None: the usual one
-        items : that the autopilot's board holds; None: as many as usual
+        autopilot : one of `autopilots`; None: the default
+        items : number of items that the autopilot's board can hold; None: the default
         """
         write = import_module(self.module, __name__).write
         if not self.autopilots:
@@ -51,7 +52,7 @@ class MissionFormat(NamedTuple):
         return partial(write, autopilot=pilot if items is None else pilot.holding(items))
 
 
-FORMATS: dict[str, MissionFormat] = {  # by the ending of their names
+FORMATS: dict[str, MissionFormat] = {  # by file ending
     ".csv": MissionFormat(".table"),
     ".geojson": MissionFormat(".geojson", on_earth=True, has_dates=True),
     ".kml": MissionFormat(".kml", on_earth=True, has_dates=True),

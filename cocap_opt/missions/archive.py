@@ -6,7 +6,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 
 def zipped(texts: Mapping[str, str]) -> bytes:
-    """Returns a zip file with texts by their names, the same bytes each time."""
+    """Returns a zip file of texts, given by name; the bytes are the same each time."""
     content = io.BytesIO()
     with ZipFile(content, "w", ZIP_DEFLATED) as archive:
         for name, text in texts.items():

@@ -1,4 +1,5 @@
-"""The rules by which autopilots fly missions, and missions that take the plan's time by them.
+"""The rules by which autopilots fly missions, and missions that take the plan's time under these
+rules.
 
 PX4
 - It takes off at MPC_TKO_SPEED (multicopter_takeoff_params.c of mc_pos_control).
@@ -32,7 +33,7 @@ ArduPilot
 PX4 holds NUM_MISSIONS_SUPPORTED items (navigation.h), 2000 before 1.13; ArduPilot one in each 15
 bytes of its storage (`AP_Mission::num_commands_max`), and more with BRD_SD_MISSION.
 
-Defaults of PX4's parameters are those of mc_pos_control and navigator (1.15).
+Defaults of PX4's parameters are those of mc_pos_control and navigator (version 1.15).
 """
 
 import math
@@ -55,19 +56,19 @@ XY_VEL_MAX = 12.0  # m/s, PX4's MPC_XY_VEL_MAX
 Z_UP, Z_DOWN = 3.0, 1.5  # m/s, MPC_Z_V_AUTO_UP, MPC_Z_V_AUTO_DN
 TURNS, LOOKS = 45.0, 12.0  # degrees/s and degrees, MPC_YAWRAUTO_MAX, MIS_YAW_ERR
 SLOWEST = 0.2  # m/s, WPNAV_WP_SPEED_MIN: 0.2 until ArduPilot 4.5, less since then
-_SAME_YAW, _SAME_PITCH = 5e-3, 1e-6  # degrees; a grid's north turns a little from place to place
+_SAME_YAW, _SAME_PITCH = 5e-3, 1e-6  # degrees; grid north varies slightly from place to place
 _ON_TIME = 1e-3  # s
 
 
 class _Pace(NamedTuple):
-    """The items by which an autopilot flies a leg in its time.
+    """The items with which an autopilot flies a leg in the planned time.
 
     Attributes
     ----------
-    wait : s that the drone waits before it goes
-    speeds : m/s by their kind (SPEED_TYPE)
-    late : s by which it takes longer than planned
-    why : what takes so long, in words
+    wait : time that the drone waits before it moves, s
+    speeds : speeds by kind (SPEED_TYPE), m/s
+    late : time by which the leg takes longer than planned, s
+    why : the cause of the delay, in words
     """
 
     wait: float
@@ -80,7 +81,7 @@ class Late(NamedTuple):
     """A leg that an autopilot cannot fly in its time."""
 
     drone: int
-    step: int  # at its end
+    step: int  # the step at its end
     seconds: float
     why: str
 
@@ -89,22 +90,22 @@ class Late(NamedTuple):
 
 
 class Autopilot(NamedTuple):
-    """The rules and the wishes of an autopilot.
+    """The rules and requirements of an autopilot.
 
     Attributes
     ----------
-    name : in names of files, and of the option
-    title : its own name
+    name : name in file names and options
+    title : name for people
     number : MAV_AUTOPILOT
-    turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
-    rise : m/s at which it takes off
-    rises_by : the parameter that says so
-    pace : the command by which it flies a leg in its time
-    extra : items beside those of a mission: ArduPilot keeps the home position as one
-    most : items that it usually holds
-    holds : why it holds no more
-    ceiling : the parameter of its greatest height above the take-off
-    note : what must be known to fly with it
+    turns_by_command : True: a waypoint's yaw has no effect, but MAV_CMD_CONDITION_YAW has
+    rise : speed at take-off, m/s
+    rises_by : the parameter that defines it
+    pace : returns the pace of a leg
+    extra : items in addition to those of a mission: ArduPilot stores the home position as an item
+    most : default number of items that it can hold
+    holds : explanation of that number
+    ceiling : the parameter for its greatest height above take-off
+    note : a note for flying with it
     """
 
     name: str
@@ -121,7 +122,7 @@ class Autopilot(NamedTuple):
     note: str
 
     def holding(self, most: int) -> Self:
-        """Returns the autopilot on a board that holds so many items."""
+        """Returns the autopilot on a board that can hold the given number of items."""
         return self if most == self.most else self._replace(most=most, holds="as --items says")
 
     def items(self, route: Route) -> list[Item]:
@@ -129,17 +130,17 @@ class Autopilot(NamedTuple):
         return _Mission(self, route).items
 
     def late_by(self, route: Route) -> float:
-        """Returns the delay (s) of a drone at its end."""
+        """Returns the delay (s) of a drone at the end of its plan."""
         return math.fsum(leg.seconds for leg in self.late(route))
 
     def behind(self, route: Route) -> float:
-        """Returns the largest lag (s) of a drone behind its plan, on legs for which it waits."""
+        """Returns the largest lag (s) of a drone behind its plan, on legs before which it waits."""
         waits = (self.pace(leg).wait for leg in route.legs() if leg.is_way)
         return max(waits, default=0.0)
 
     def late(self, route: Route) -> Iterator[Late]:
         """Yields the legs that take longer than planned."""
-        rest = 0.0  # degrees by which the drone has not yet turned as it should
+        rest = 0.0  # degrees by which the drone has not turned yet
         for leg in route.legs():
             rest += leg.turn
             pace = self.pace(leg._replace(turn=rest))
@@ -150,13 +151,13 @@ class Autopilot(NamedTuple):
 
 
 def _px4_pace(leg: Leg) -> _Pace:
-    """Returns PX4's pace, with its usual parameters."""
+    """Returns PX4's pace, with its default parameters."""
     fastest, limit = (Z_UP, "MPC_Z_V_AUTO_UP") if leg.rise > 0 else (Z_DOWN, "MPC_Z_V_AUTO_DN")
     climbs = abs(leg.rise) / fastest
     goes, turns = leg.along / XY_VEL_MAX, max(abs(leg.turn) - LOOKS, 0.0) / TURNS
     wait = max(leg.seconds - climbs, 0.0) if not leg.along else 0.0
     speeds = {GROUND: leg.along / leg.seconds if leg.along else fastest} if leg.is_way else {}
-    later = climbs if wait else 0.0  # it waits at its place, turning, and then climbs
+    later = climbs if wait else 0.0  # it waits and turns in its place, and then climbs
     also = f" and then {later:.2f} s for its height" if later else ""
     least = {
         f"it goes {leg.along:.3g} m, which takes PX4 {goes:.2f} s by MPC_XY_VEL_MAX "
@@ -172,12 +173,12 @@ def _px4_pace(leg: Leg) -> _Pace:
 
 
 def _ardupilot_pace(leg: Leg) -> _Pace:
-    """Returns ArduPilot's pace; it knows no leg that takes too long."""
+    """Returns ArduPilot's pace; for ArduPilot, no leg takes too long."""
     seconds, wait = leg.seconds, 0.0
     speeds = {}
     if leg.along / seconds >= SLOWEST:
         speeds[GROUND] = leg.along / seconds
-    elif leg.along > abs(leg.rise):  # it cannot be told to be so slow
+    elif leg.along > abs(leg.rise):  # it cannot fly so slowly
         seconds = leg.along / SLOWEST
         speeds[GROUND], wait = SLOWEST, leg.seconds - seconds
     elif not leg.is_way:
@@ -188,18 +189,18 @@ def _ardupilot_pace(leg: Leg) -> _Pace:
 
 
 class _Mission:
-    """Makes the items of a drone's mission, one after the other.
+    """Makes the items of a drone's mission, one after another.
 
     Attributes
     ----------
-    items : so far
+    items : the items so far
     """
 
     def __init__(self, autopilot: Autopilot, route: Route) -> None:
         self.items: list[Item] = []
         self._autopilot, self._route = autopilot, route
         self._yaw, self._pitch = float(route.yaw[0]), float(route.pitch[0])
-        self._due = 0.0  # s to be waited
+        self._due = 0.0  # s of waiting to be added
         self._begin()
         for leg in route.legs():
             self._fly(leg)
@@ -210,7 +211,7 @@ class _Mission:
         self.items.append(Item(command, params))
 
     def _begin(self) -> None:
-        """Adds the way to the start, and the wait there."""
+        """Adds the flight to the start, and the wait there."""
         self._add(Command.TAKEOFF, 0.0, 0.0, 0.0, self._yaw, *self._route.place(0))
         if not self._autopilot.turns_by_command:
             who = ITSELF, ITSELF, UNCHANGED, UNCHANGED
@@ -236,15 +237,15 @@ class _Mission:
             self._due += pace.wait
         if leg.is_way:
             self._wait()
-            # Each leg has its own, for whoever pauses a mission loses those of before.
+            # Each leg has its own speed, since pausing a mission loses earlier commands.
             for kind, value in pace.speeds.items():
                 self._add(Command.SPEED, float(kind), value, -1.0, 0.0, 0.0, 0.0, 0.0)
-            if turns and self._yaw != yaw:  # it has not turned while it waited
+            if turns and self._yaw != yaw:  # it has not turned while waiting
                 self._turn(yaw)
             self._go_to(leg.step)
 
     def _turn_and_wait(self, step: int, yaw: float, seconds: float) -> None:
-        """Adds a turn where the drone is at a step, within some seconds."""
+        """Adds a turn in the drone's place at a step, within the given time."""
         self._turn(yaw)
         if self._autopilot.turns_by_command:
             self._due = seconds
@@ -252,23 +253,23 @@ class _Mission:
             self._go_to(step, seconds)
 
     def _turn(self, yaw: float) -> None:
-        """Adds a turn, where it is a command: at the autopilot's rate and the short way round."""
+        """Adds a turn, if turns are commands: at the autopilot's rate, by at most half a turn."""
         self._yaw = yaw
         if self._autopilot.turns_by_command:
             self._add(Command.YAW, yaw, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def _tilt(self, pitch: float) -> None:
-        """Adds a pitch of the camera, against the horizon."""
+        """Adds a pitch of the camera, relative to the horizon."""
         self._pitch = pitch
         self._add(Command.GIMBAL, pitch, 0.0, None, None, float(HORIZON), 0.0, 0.0)
 
     def _go_to(self, step: int, hold: float = 0.0) -> None:
-        """Adds a way to the place at a step, and some seconds there until the next item."""
+        """Adds a flight to the place at a step, and a wait there until the next item."""
         place, reached = self._route.place(step), self._route.reached
         self._add(Command.WAYPOINT, hold, reached, 0.0, self._yaw, *place)
 
     def _wait(self) -> None:
-        """Adds the seconds that are to be waited."""
+        """Adds the pending wait."""
         if self._due > 0:
             self._add(Command.DELAY, self._due, -1.0, -1.0, -1.0, 0.0, 0.0, 0.0)
         self._due = 0.0
@@ -283,8 +284,8 @@ PX4 = Autopilot(
 ARDUPILOT = Autopilot(
     "ardupilot", "ArduPilot", 3, True, 2.5, "WPNAV_SPEED_UP",
     _ardupilot_pace, 1, 718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
-    "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR to "
-    "0, so that it looks where the plan does, and WPNAV_RADIUS to what corners may be cut by; it "
-    "takes whole degrees of pitch",
+    "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR "
+    "to 0, so that it looks where the plan does, and WPNAV_RADIUS to the distance by which "
+    "corners may be cut; pitch is in whole degrees",
 )  # fmt: skip
 AUTOPILOTS = {autopilot.name: autopilot for autopilot in (PX4, ARDUPILOT)}

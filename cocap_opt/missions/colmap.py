@@ -1,10 +1,10 @@
 """Planned cameras for COLMAP (.colmap.zip): a model with poses and without points, as text.
 
-The zip has `cameras.txt`, `images.txt` and an empty `points3D.txt`, and beside them `times.csv`,
-which COLMAP leaves alone: the seconds of each frame. Frame 123 of drone 1 is the image
-`drone1/000123.jpg` of camera 2. Newer versions of COLMAP want the numbers of cameras and images to
-be those of the database of features, which numbers images by their names, so that names are in
-the order of the numbers, also of more than ten drones.
+The zip contains `cameras.txt`, `images.txt` and an empty `points3D.txt`, and also `times.csv`,
+which COLMAP ignores, with the time of each frame. Frame 123 of drone 1 is the image
+`drone1/000123.jpg` of camera 2. Newer versions of COLMAP require the numbers of cameras and images
+to be those of the feature database, which numbers images by name, so names sort in the order of the
+numbers, even with more than ten drones.
 
 Source: "Output Format" and "Reconstruct sparse/dense model from known camera poses",
 https://colmap.github.io/format.html, https://colmap.github.io/faq.html
@@ -19,8 +19,8 @@ from cocap_opt.missions.export import Export
 from cocap_opt.missions.planned_cameras import PlannedCameras
 
 _NOTE = Note(
-    "unzip it for `colmap point_triangulator --input_path`; images are to be named, and they and "
-    "cameras numbered in the database, as in images.txt and cameras.txt"
+    "unzip it for `colmap point_triangulator --input_path`; name the images as in images.txt, "
+    "and use the numbers of images.txt and cameras.txt in the database"
 )
 
 

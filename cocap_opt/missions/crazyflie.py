@@ -1,10 +1,10 @@
-"""Smooth flights as polynomials of the seventh degree (.crazyflie.csv), one file per drone.
+"""Smooth flights as polynomials of degree seven (.crazyflie.csv), one file per drone.
 
-A row has a duration (s) and the coefficients of x, y, z (m) and yaw (rad, counter-clockwise from
-x) in the seconds since it began, as Crazyswarm's `uav_trajectory.loadcsv` and Bitcraze's
-high-level commander take them. Pieces of smooth flights are of the fifth degree and become rows
-to a micrometre; those in a row that go on as one polynomial, as where a drone stays as it is, are
-one row. x and y begin at the map's corner, for the drone computes in single precision.
+A row contains a duration (s) and the coefficients of x, y, z (m) and yaw (rad, counter-clockwise
+from x) in the time since its beginning, in the form of Crazyswarm's `uav_trajectory.loadcsv` and
+Bitcraze's high-level commander. Pieces of smooth flights have degree five and are represented to a
+micrometre; consecutive pieces that continue the same polynomial, e.g. while a drone stays, are one
+row. x and y are relative to the map's corner, since the drone computes in single precision.
 
 The memory of a Crazyflie holds 31 pieces (132 of 4096 bytes each): "Trajectory formats",
 https://www.bitcraze.io/documentation/repository/crazyflie-firmware/master/functional-areas/trajectory_formats/
@@ -25,15 +25,15 @@ from cocap_opt.missions.export import Export, require_nothing_else
 
 _HOLDS = 31  # pieces
 _COEFFICIENTS = 8
-_OFF = 1e-6  # m or rad, by which the rest of a polynomial may leave the pieces that it stands for
+_OFF = 1e-6  # m or rad; tolerance for a polynomial that replaces several pieces
 _AXES = "x", "y", "z", "yaw"
 _HEADER = ("duration", *(f"{axis}^{k}" for axis in _AXES for k in range(_COEFFICIENTS)))
 _NOTES = (
     Note(
-        "upload each file to its drone and start all at once: they then fly by one clock, each its "
-        "own"
+        "upload each file to its drone and start all drones at once: from then on, each follows "
+        "its own clock"
     ),
-    Note("the way up to the first point, the landing and the camera's pitch are not in the files"),
+    Note("the ascent to the first point, the landing and the camera's pitch are not in the files"),
     Note(
         "x and y are from the map's corner; yaw is in radians, 0 along x, and grows "
         "counter-clockwise",
@@ -48,10 +48,11 @@ def write(flight: Flight, every: float | None) -> Export:
     Raises
     ------
     ProblemError
-        If the flight is straight, whose speeds jump, or a drone's memory cannot hold it.
+        If the flight is straight, i.e. has discontinuous speeds, or if a drone's memory cannot hold
+        it.
     """
     if not flight.is_smooth:
-        raise FieldError("smooth", "must be given, as a drone cannot follow speeds that jump")
+        raise FieldError("smooth", "must be given, as a drone cannot follow discontinuous speeds")
     require_nothing_else(every, "a polynomial has no moments")
     files = {}
     for i, pieces in enumerate(flight.flown.pieces):
@@ -67,7 +68,7 @@ def write(flight: Flight, every: float | None) -> Export:
 
 
 def _runs(pieces: FloatArray) -> Iterator[tuple[FloatArray, int]]:
-    """Yields a piece [4, 6], and the number of those from it on that go on as it does."""
+    """Yields a piece [4, 6], and the number of pieces that continue its polynomial."""
     first, count = pieces[0], 1
     for piece in pieces[1:]:
         if np.abs(_continued(first, count) - piece).max() <= _OFF:
@@ -79,7 +80,7 @@ def _runs(pieces: FloatArray) -> Iterator[tuple[FloatArray, int]]:
 
 
 def _continued(piece: FloatArray, count: int) -> FloatArray:
-    """Returns the coefficients of a polynomial as many pieces later."""
+    """Returns the coefficients of a polynomial continued by a number of pieces."""
     until, _ = parted(piece, count + 1)
     return parted(until, count / (count + 1))[1]
 
@@ -89,8 +90,8 @@ def _row(piece: FloatArray, span: float, count: int) -> FloatArray:
 
     Parameters
     ----------
-    span : s, of a piece
-    count : pieces that go on as it does
+    span : duration of a piece, s
+    count : number of pieces that continue its polynomial
     """
     powers = np.zeros((len(_AXES), _COEFFICIENTS))
     powers[:, : DEGREE + 1] = piece @ _powers() / span ** np.arange(DEGREE + 1)
@@ -98,7 +99,7 @@ def _row(piece: FloatArray, span: float, count: int) -> FloatArray:
 
 
 def _powers() -> FloatArray:
-    """Returns [6, 6], which makes of Bernstein coefficients those of powers of the share."""
+    """Returns a matrix [6, 6] that converts Bernstein coefficients to powers of the share."""
     return np.array(
         [
             [

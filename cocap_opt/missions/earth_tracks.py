@@ -1,4 +1,4 @@
-"""Flights, walks and footprints on the Earth: what GeoJSON and KML have in common."""
+"""Flights, walks and footprints on the Earth: common parts of GeoJSON and KML."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -28,9 +28,9 @@ class EarthTrack(NamedTuple):
 
     Attributes
     ----------
-    t : [n] s since step 0
+    t : [n] time since step 0, s
     longitude, latitude : [n] degrees, WGS 84
-    heights : [n] m each, by what they are above
+    heights : [n] heights by datum, m
     angles : [n] degrees: `yaw` clockwise from true north, 0..360, and of drones `pitch`, that of
         the camera, 0 is level and below is negative
     """
@@ -42,12 +42,12 @@ class EarthTrack(NamedTuple):
     angles: dict[str, FloatArray]
 
     def parts(self) -> list[Self]:
-        """Returns the track cut at the antimeridian, where each part has a point of its own."""
+        """Returns the track cut at the antimeridian, where each part gets its own point."""
         turns = self._turns()
         ends = np.flatnonzero(np.diff(turns))
         if not len(ends):
             return [self]
-        along = self.longitude + 360 * turns  # which does not jump
+        along = self.longitude + 360 * turns  # without jumps
         edge = 360 * np.maximum(turns[ends], turns[ends + 1]) - 180
         share = (edge - along[ends]) / (along[ends + 1] - along[ends])
         numbers = np.arange(len(turns), dtype=np.float64)
@@ -64,11 +64,11 @@ class EarthTrack(NamedTuple):
         return parts
 
     def _turns(self) -> FloatArray:
-        """Returns the number of times [n] that the antimeridian was passed to the east so far."""
+        """Returns the number of eastward crossings of the antimeridian so far [n]."""
         return -np.cumsum(np.rint(np.diff(self.longitude, prepend=self.longitude[0]) / 360))
 
     def _between(self, numbers: FloatArray, along: FloatArray) -> Self:
-        """Returns the track at numbers of its points, which may be fractions."""
+        """Returns the track at (possibly fractional) numbers of its points."""
 
         def at(values: FloatArray) -> FloatArray:
             return np.interp(numbers, np.arange(len(values)), values)
@@ -87,10 +87,10 @@ class Footprint(NamedTuple):
 
     Attributes
     ----------
-    rings : longitudes and latitudes [n, 2] of polygons, counter-clockwise, the first point not
-        repeated; two on both sides of the antimeridian
-    reach : m, distance from the drone at which it ends
-    cut : true if the camera sees farther
+    rings : longitudes and latitudes [n, 2] of polygons, counter-clockwise, without repeating the
+        first point; two if the antimeridian is crossed
+    reach : distance from the drone at which the footprint ends, m
+    cut : True if the camera sees farther
     """
 
     drone: int
@@ -101,18 +101,19 @@ class Footprint(NamedTuple):
 
 
 def geodesy_of(flight: Flight) -> Geodesy:
-    """Returns the way from a flight's scene to the Earth.
+    """Returns the conversion from a flight's scene to the Earth.
 
     Raises
     ------
     ProblemError
-        If there is none.
+        If the scene's position on the Earth is unknown.
     """
     if flight.geodesy is None:
         raise FieldError(
             "earth",
-            "must say where the scene is, since the file has latitudes and longitudes: use a map "
-            "with a reference system, such as a GeoTIFF, or add [earth] to the recipe",
+            "must say where the scene is, since the file contains latitudes "
+            "and longitudes: use a map with a reference system, such as a GeoTIFF, or add "
+            "[earth] to the recipe",
         )
     return flight.geodesy
 
@@ -122,7 +123,7 @@ def drone_tracks(flight: Flight, every: float | None = None) -> list[EarthTrack]
 
     Parameters
     ----------
-    every : s between points, as in `Flight.columns`
+    every : time between points, s, as in `Flight.columns`
     """
     geodesy, columns = geodesy_of(flight), flight.columns(every)
     yaw = geodesy.compass(columns["x"], columns["y"], np.radians(columns["yaw"]))
@@ -140,7 +141,7 @@ def drone_tracks(flight: Flight, every: float | None = None) -> list[EarthTrack]
 
 
 def walks(flight: Flight) -> list[EarthTrack]:
-    """Returns the track of each person's feet, a point a step."""
+    """Returns the track of each person's feet, a point per step."""
     geodesy, problem = geodesy_of(flight), flight.flown.problem
     t = _times(flight)
     tracks = []
@@ -161,7 +162,8 @@ def _times(flight: Flight) -> FloatArray:
 
 
 def _over(height_map: HeightMap, points: FloatArray) -> dict[str, FloatArray]:
-    """Returns the heights of points [n, 3] over the ground, or where no map tells it the surface.
+    """Returns the heights of points [n, 3] above the ground, or above the surface if the map does
+    not give the ground.
 
     The surface of a map is the top of everything on it.
     """
@@ -173,7 +175,9 @@ def _over(height_map: HeightMap, points: FloatArray) -> dict[str, FloatArray]:
 
 
 def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
-    """Yields the footprints of all cameras at all steps; a cone has no image, and none."""
+    """Yields the footprints of all cameras at all steps; a cone has no image, and therefore no
+    footprint.
+    """
     geodesy, problem = geodesy_of(flight), flight.flown.problem
     found = flight.flown.at(_times(flight))
     for i, robot in enumerate(problem.robots):
@@ -192,7 +196,7 @@ def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
 def rings_of(corners: FloatArray) -> list[FloatArray]:
     """Returns the polygon of corners [n, 2] (degrees), cut at the antimeridian.
 
-    Where the walls of a map let its sides cross, it is the convex hull.
+    If walls of the map cause its sides to cross, the result is the convex hull.
     """
     jumps = np.rint((corners[:, 0] - corners[0, 0]) / 360)
     ring = corners - np.column_stack([360 * jumps, np.zeros(len(corners))])
@@ -215,7 +219,7 @@ class FlightClock(NamedTuple):
 
     @classmethod
     def of(cls, flight: Flight) -> Self:
-        """Returns the clock of a flight; one without a start begins in 1970.
+        """Returns the clock of a flight; without a start, it begins in 1970.
 
         Raises
         ------
@@ -234,22 +238,22 @@ class FlightClock(NamedTuple):
         return cls(start)
 
     def text(self, t: float) -> str:
-        """Returns the time (UTC, ISO 8601) of a moment t (s since step 0), to a millisecond."""
+        """Returns the time (UTC, ISO 8601) of a moment t (s since step 0), to the millisecond."""
         at = self.start + timedelta(seconds=round(t, 3))
         return f"{at.replace(tzinfo=None).isoformat(timespec='milliseconds')}Z"
 
 
 def colour_of(drone: int) -> str:
-    """Returns a drone's colour, that of all pictures, as #rrggbb."""
+    """Returns a drone's colour, the same as in all pictures, as #rrggbb."""
     return to_hex(DRONE_COLOURS[drone % len(DRONE_COLOURS)])
 
 
 def readings(flight: Flight, heights: str) -> Iterator[Note]:
-    """Yields how to read tracks, angles, times and footprints.
+    """Yields notes on how to read tracks, angles, times and footprints.
 
     Parameters
     ----------
-    heights : a sentence on those of a file
+    heights : a sentence on the heights in a file
     """
     yield from (Note(words, Kind.READING) for words in (heights, _ANGLES, *_caveats(flight)))
 
@@ -261,9 +265,9 @@ _ANGLES = (
 
 
 def _caveats(flight: Flight) -> Iterator[str]:
-    """Yields sentences on what tracks, times and footprints mean."""
+    """Yields sentences on the meaning of tracks, times and footprints."""
     if flight.start is None:
-        yield "times begin at 1970-01-01T00:00:00Z; --start says when the flight does"
+        yield "times begin at 1970-01-01T00:00:00Z; use --start to give the start of the flight"
     problem = flight.flown.problem
     if problem.airspace.ceiling is not None:
         yield f"the ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}"
@@ -271,7 +275,7 @@ def _caveats(flight: Flight) -> Iterator[str]:
     if any(cameras):
         yield (
             f"footprints are the ground in the images at the steps, up to {REACH:g} times a "
-            "drone's height above it, with what buildings and people hide"
+            "drone's height above it, including parts hidden by buildings and people"
         )
     if not all(cameras):
         yield "a cone is not a camera: it has no image, and no footprint"

@@ -1,4 +1,4 @@
-"""Flights as files for others, and what must be known to fly them."""
+"""Flights as files for other programs, and notes for flying them."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -10,14 +10,14 @@ from cocap_opt.flight.notes import Note
 
 
 class Export(NamedTuple):
-    """Files of one format, and what to know about them.
+    """Files of one format, and notes on them.
 
     Attributes
     ----------
-    files : their contents, by what stands in their names between the name that was asked for and
-        its ending: "" is that name itself, "drone0" makes `flight.drone0.plan` of `flight.plan`
-    notes : sentences on what the files cannot say, and on how to read them
-    facts : numbers on them, which are printed with those of the flights
+    files : their contents, by the part inserted before the ending of the requested name: "" is that
+        name itself, "drone0" gives `flight.drone0.plan` for `flight.plan`
+    notes : notes on what the files do not contain, and on how to read them
+    facts : numbers that are printed with those of the flights
     """
 
     files: dict[str, bytes]
@@ -25,12 +25,12 @@ class Export(NamedTuple):
     facts: Mapping[str, float | str | None] = MappingProxyType({})
 
 
-# Takes the flights and the seconds between rows or points, None for what is usual. It raises
-# ProblemError, one line, where the format cannot hold these flights.
+# Takes the flights and the seconds between rows or points, None for the default. It raises
+# ProblemError, with a one-line message, if the format cannot represent these flights.
 Writer = Callable[[Flight, float | None], Export]
 
 
 def require_nothing_else(every: float | None, words: str) -> None:
-    """Refuses seconds between points for formats that have points of their own."""
+    """Rejects a time between points for formats with their own points."""
     if every is not None:
         raise FieldError("every", f"must be left out, for {words}")

@@ -1,9 +1,9 @@
 """Flights as GeoJSON (.geojson), by RFC 7946, for maps and geographic information systems.
 
-Its positions have a third coordinate only where the scene's heights are above the ellipsoid of
-WGS 84, which is what that coordinate is (section 4); all heights are properties. Times of the
-points of a line are in `coordTimes`, where togeojson writes them and Leaflet.TimeDimension and
-folium look for them. Colours follow the simplestyle specification.
+Its positions have a third coordinate only if the scene's heights are above the ellipsoid of WGS 84,
+as section 4 defines that coordinate; all heights are properties. Times of the points of a line are
+in `coordTimes`, where togeojson writes them and Leaflet.TimeDimension and folium look for them.
+Colours follow the simplestyle specification.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ _Feature = dict[str, Any]
 
 
 def write(flight: Flight, every: float | None) -> Export:
-    """Returns tracks, a point a step, footprints and people's walks as a FeatureCollection."""
+    """Returns tracks, a point per step, footprints and people's walks as a FeatureCollection."""
     writer = _Features(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
@@ -64,8 +64,8 @@ class _Features:
         if self._has_third:
             return "third coordinates are metres above the ellipsoid of WGS 84"
         return (
-            "positions have no third coordinate, for RFC 7946 defines it as metres above the "
-            "ellipsoid of WGS 84; heights are properties, by what they are above"
+            "positions have no third coordinate, as RFC 7946 defines it as metres above the "
+            "ellipsoid of WGS 84; heights are properties, named by their datum"
         )
 
     def features(self, every: float | None) -> Iterator[_Feature]:
@@ -89,7 +89,7 @@ class _Features:
         return positions
 
     def _line(self, track: EarthTrack, properties: dict[str, Any]) -> _Feature:
-        """Returns a line, or two on both sides of the antimeridian, with a time for each point."""
+        """Returns a line, or two if it crosses the antimeridian, with a time for each point."""
         parts = track.parts()
         values = [
             {"coordTimes": [self._clock.text(t) for t in part.t.tolist()],
@@ -138,7 +138,7 @@ class _Features:
             yield _polygons(rings_of(zone.corners), properties)
 
     def _ends(self) -> Iterator[_Feature]:
-        """Yields where drones take off and land."""
+        """Yields the places where drones take off and land."""
         for end in ends(self._flight, geodesy_of(self._flight)):
             properties = {
                 "kind": end.kind, "drone": end.drone, "name": end.name,
@@ -149,7 +149,7 @@ class _Features:
 
 
 def _polygons(rings: list[FloatArray], properties: dict[str, Any]) -> _Feature:
-    """Returns a polygon, or two on both sides of the antimeridian."""
+    """Returns a polygon, or two if it crosses the antimeridian."""
     closed = [[_closed(ring)] for ring in rings]
     if len(closed) == 1:
         return _feature("Polygon", closed[0], properties)
@@ -162,7 +162,7 @@ def _feature(kind: str, coordinates: object, properties: dict[str, Any]) -> _Fea
 
 
 def _rounded(columns: dict[str, FloatArray], digits: int) -> dict[str, list[float]]:
-    """Returns columns with so many decimals, without -0."""
+    """Returns columns with the given number of decimals, without -0."""
     return {name: (values.round(digits) + 0.0).tolist() for name, values in columns.items()}
 
 

@@ -1,4 +1,4 @@
-"""Binary files of glTF 2.0 (.glb): a JSON document and its numbers, in one file."""
+"""Binary glTF 2.0 files (.glb): a JSON document and its numbers in one file."""
 
 import struct
 from collections.abc import Iterable
@@ -21,7 +21,9 @@ Primitive = dict[str, Any]
 
 
 class Glb:
-    """A glTF document that is being made: things get a number each, by which others name them."""
+    """A glTF document under construction: objects are numbered, and refer to each other by
+    number.
+    """
 
     def __init__(self) -> None:
         self._binary = bytearray()
@@ -34,7 +36,7 @@ class Glb:
         return len(row) - 1
 
     def node(self, name: str, parent: int | None = None, **fields: Any) -> int:
-        """Adds a node; without a parent it stands in the scene."""
+        """Adds a node; without a parent, it is at the top level of the scene."""
         number = self._add("nodes", {"name": name, **fields})
         if parent is None:
             self._roots.append(number)
@@ -51,12 +53,12 @@ class Glb:
         return self._add("meshes", {"name": name, "primitives": list(primitives)})
 
     def camera(self, name: str, rise: float, aspect: float, near: float) -> int:
-        """Adds a perspective camera by its vertical angle of view (rad)."""
+        """Adds a perspective camera with a vertical angle of view (rad)."""
         lens = {"yfov": rise, "aspectRatio": aspect, "znear": near}
         return self._add("cameras", {"name": name, "type": "perspective", "perspective": lens})
 
     def material(self, name: str, colour: str, opacity: float = 1.0) -> int:
-        """Adds a dull material, seen from both sides."""
+        """Adds a matt material, visible from both sides."""
         base = [*(_linear(share) for share in to_rgb(colour)), opacity]
         surface = {"baseColorFactor": base, "metallicFactor": 0.0, "roughnessFactor": 1.0}
         value = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
@@ -71,7 +73,7 @@ class Glb:
         Parameters
         ----------
         points : [n, 3] m, y is up
-        indices : numbers of points, three a triangle or two a line; None: the points in order
+        indices : numbers of points, three per triangle or two per line; None: the points in order
         """
         found: Primitive = {
             "attributes": {"POSITION": self.accessor(points, _VERTICES)}, "material": material,
@@ -118,7 +120,7 @@ class Glb:
         return self._add("bufferViews", view if target is None else {**view, "target": target})
 
     def content(self, name: str, extras: dict[str, Any]) -> bytes:
-        """Returns the file, whose only scene has a name and what others do not read."""
+        """Returns the file, with a single named scene and extra data that readers ignore."""
         document = {
             "asset": {"version": "2.0", "generator": "cocap-opt"},
             "scene": 0,
@@ -137,5 +139,5 @@ class Glb:
 
 
 def _linear(share: float) -> float:
-    """Returns a share of a colour of the screen (sRGB) as one of light, which glTF has."""
+    """Returns the linear value of an sRGB colour component, as glTF requires."""
     return share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4

@@ -1,9 +1,9 @@
 """Flights as an animated scene, glTF 2.0 (.glb), for Blender, viewers in browsers and others.
 
-Everything moves linearly between moments that all drones have in common, and that are so close to
-each other that this errs by a millimetre at most. (The cubic splines that glTF knows as well would
-need fewer of them, but Blender's importer does not read their tangents: KhronosGroup/
-glTF-Blender-IO issue 419.) x is the map's x, y is up, and z is the map's -y.
+Everything moves linearly between moments that all drones have in common, spaced so closely that the
+error is at most a millimetre. (glTF also supports cubic splines, which would need fewer moments,
+but Blender's importer does not read their tangents: KhronosGroup/ glTF-Blender-IO issue 419.) x is
+the map's x, y is up, and z is the map's -y.
 """
 
 import math
@@ -21,25 +21,25 @@ from cocap_opt.missions.relief import Relief
 from cocap_opt.problem import Actor, Camera, pictures
 from cocap_opt.world import HeightMap, Mesh
 
-ERROR = 0.001  # m, of linear motion between moments
+ERROR = 0.001  # m, error of linear motion between moments
 ERROR_OF_ANGLES = math.radians(0.1)
-_MOST_TURN = math.pi / 2  # rad between moments; of half a turn nobody would know the way round
-_SKY = 4.0  # m over the highest flight, up to which zones are drawn
-_MARGIN = 20.0  # m around flights and walks, where the map is drawn best
+_MOST_TURN = math.pi / 2  # rad between moments; the direction of half a turn would be ambiguous
+_SKY = 4.0  # m above the highest flight, up to which zones are drawn
+_MARGIN = 20.0  # m around flights and walks within which the map is drawn in the finest detail
 _NEAR = 0.5  # m, beyond the drone itself
-_FRUSTUM = 0.15  # of the map, length of a camera's frustum, from 1 to 20 m
+_FRUSTUM = 0.15  # length of a camera's frustum relative to the map, from 1 to 20 m
 _DARK = "#222222"
 _ZONE = "#8a4fbf"
 
 
 def write(flight: Flight, every: float | None) -> Export:
-    """Returns the terrain, drones with cameras, and people, moving by one clock.
+    """Returns the terrain, drones with cameras, and people, moving on a common clock.
 
     Raises
     ------
     ProblemError
-        If the seconds between moments are given, which follow from the error, or the flights have
-        too many of them.
+        If the time between moments is given, although it follows from the error, or if there are
+        too many moments.
     """
     if every is not None:
         raise FieldError("every", "must be left out for .glb, whose moments follow from its error")
@@ -73,7 +73,7 @@ class _Animation:
         )
 
     def notes(self) -> Iterator[Note]:
-        """Yields how exact the motion is, and how the map is drawn if it is not as it is."""
+        """Yields the accuracy of the motion, and how the map is simplified, if it is."""
         rounding = float(np.abs(self._samples.place - self.origin).max()) * 2.0**-24
         x, y, z = self.origin.tolist()
         yield Note(
@@ -101,7 +101,7 @@ class _Animation:
         return self._glb.accessor(moments)
 
     def _local(self, points: FloatArray) -> FloatArray:
-        """Returns points [.., 3] of the map as glTF has them."""
+        """Returns points [.., 3] of the map in glTF coordinates."""
         return _upright(points - self.origin)
 
     def add_ground(self) -> None:
@@ -117,7 +117,9 @@ class _Animation:
                 self._add_still(name, quads.reshape(-1, 3) + corner, indices, colour)
 
     def _part(self) -> tuple[IntArray, IntArray]:
-        """Returns the first cells of the part of the map that is flown and walked, and its end."""
+        """Returns the first cells of the part of the map that flights and walks cover, and its
+        end.
+        """
         steps = self._problem.horizon + 1
         walks = [actor.poses[:steps, :2] for actor in self._problem.actors]
         points = np.concatenate([self._samples.place[:, :2], *walks])
@@ -126,13 +128,13 @@ class _Animation:
         return first, last + 1
 
     def _heights(self) -> tuple[float, float]:
-        """Returns altitudes (m) between which solids are drawn; theirs may be any numbers."""
+        """Returns the altitudes (m) between which solids are drawn; their own may be arbitrary."""
         z = [self._samples.place[:, 2], *(actor.poses[:, 2] for actor in self._problem.actors)]
         every = np.concatenate(z)
         return float(every.min()) - self._size, float(every.max()) + self._size
 
     def add_solids(self) -> None:
-        """Adds meshes, and no-fly zones, see-through."""
+        """Adds meshes, and transparent no-fly zones."""
         low, high = self._heights()
         sky = float(self._samples.place[:, 2].max()) + _SKY
         for k, mesh in enumerate(self._problem.meshes):
@@ -155,7 +157,7 @@ class _Animation:
         self._glb.node(name, mesh=self._glb.mesh(name, primitive))
 
     def add_drones(self) -> None:
-        """Adds drones with their cameras, and the lines that they fly."""
+        """Adds drones with their cameras, and the lines of their flights."""
         dark = self._glb.material("camera", _DARK)
         for i, robot in enumerate(self._problem.robots):
             name, rows = f"drone {i}", self._samples.drone == i
@@ -177,7 +179,7 @@ class _Animation:
     def _add_camera(
         self, number: int, drone: int, camera: Camera, pitch: FloatArray, paint: int
     ) -> None:
-        """Adds a camera, which looks along -z of its node, and the outline of what it sees."""
+        """Adds a camera, which looks along -z of its node, and the outline of its frustum."""
         name = f"camera {number}"
         rise = 2 * math.atan(camera.height / 2 / camera.focal)
         lens = self._glb.camera(name, rise, camera.width / camera.height, _NEAR)
@@ -199,7 +201,7 @@ class _Animation:
         material = self._glb.material("person", pictures.PERSON)
         walks = [actor.poses[:steps].copy() for actor in self._problem.actors]
         for walk in walks:
-            walk[:, 3] = np.unwrap(walk[:, 3])  # the short way round
+            walk[:, 3] = np.unwrap(walk[:, 3])  # by at most half a turn between steps
         turns = np.abs([np.diff(walk[:, 3]) for walk in walks])
         parts = np.maximum(np.ceil(turns.max(axis=0) / _MOST_TURN), 1).astype(np.int64)
         numbers = _subdivided(parts)
@@ -212,7 +214,7 @@ class _Animation:
             self._move(node, clock, self._local(np.column_stack(at[:3])), _about_up(at[3]))
 
     def _move(self, node: int, clock: int, places: FloatArray | None, turns: FloatArray) -> None:
-        """Animates a node, which is where it begins before the animation."""
+        """Animates a node; before the animation it is at its first position."""
         rows = {"rotation": turns} if places is None else {"translation": places, "rotation": turns}
         for path, values in rows.items():
             self._glb.place(node, path, values[0])
@@ -222,16 +224,16 @@ class _Animation:
 def _origin(height_map: HeightMap) -> FloatArray:
     """Returns the middle of the map [3] at its lowest ground, in whole metres.
 
-    All flights of a scene have the same, so that their files lie on each other.
+    It is the same for all flights of a scene, so their files can be overlaid.
     """
     middle = height_map.origin + height_map.resolution / 2 * np.array(height_map.shape)
     return np.floor([*middle, height_map.ground.min()])
 
 
 def _moments(flown: Trajectory) -> FloatArray:
-    """Returns times [n] (s) between which linear motion errs by no more than it may.
+    """Returns times [n] (s) between which the error of linear motion is within the limit.
 
-    A polynomial strays from its chord by at most an eighth of its largest second derivative times
+    A polynomial deviates from its chord by at most an eighth of its largest second derivative times
     the squared duration, and no derivative is larger than its coefficients.
     """
     span = flown.piece_seconds
@@ -247,7 +249,7 @@ def _moments(flown: Trajectory) -> FloatArray:
 
 
 def _subdivided(parts: IntArray) -> FloatArray:
-    """Returns the numbers 0..N [n] with each n-th of them in parts[n] equal parts."""
+    """Returns the numbers 0..N [n], with the interval n divided into parts[n] equal parts."""
     step = np.repeat(np.arange(len(parts)), parts)
     first = np.repeat(np.cumsum(parts) - parts, parts)
     inner = step + (np.arange(len(step)) - first) / parts[step]
@@ -261,7 +263,7 @@ def _upright(points: FloatArray) -> FloatArray:
 
 
 def _about_up(angle: FloatArray) -> FloatArray:
-    """Returns quaternions [n, 4] (x, y, z, w) of turns [n] (rad) about the axis upwards."""
+    """Returns quaternions [n, 4] (x, y, z, w) of turns [n] (rad) about the vertical axis."""
     zero = np.zeros(len(angle))
     return np.column_stack([zero, np.sin(angle / 2), zero, np.cos(angle / 2)])
 
@@ -278,7 +280,7 @@ def _triangles(actor: Actor) -> FloatArray:
     return np.concatenate(fans)
 
 
-# A drone, 0.6 m wide, that looks along x.
+# A drone, 0.6 m wide, that faces along x.
 _BODY = Mesh.joined([
     Mesh.box((-0.18, -0.12, -0.05), (0.18, 0.12, 0.05)),
     *(Mesh.box((x - 0.11, y - 0.11, 0.05), (x + 0.11, y + 0.11, 0.07))

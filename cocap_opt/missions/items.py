@@ -1,4 +1,4 @@
-"""Items of missions of waypoints, by the messages of MAVLink.
+"""Items of waypoint missions, as MAVLink messages.
 
 Source: https://mavlink.io/en/messages/common.html
 """
@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 _RELATIVE, _NO_PLACE = 3, 2  # MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION
-GROUND, CLIMB, DESCENT = 1, 2, 3  # SPEED_TYPE, each holds until the next of its kind
+GROUND, CLIMB, DESCENT = 1, 2, 3  # SPEED_TYPE; each applies until the next of its kind
 HORIZON = 4 | 8  # GIMBAL_MANAGER_FLAGS_ROLL_LOCK, GIMBAL_MANAGER_FLAGS_PITCH_LOCK
 ITSELF, UNCHANGED = -2.0, -1.0  # who controls a gimbal
 
@@ -15,7 +15,7 @@ Place = tuple[float, ...]  # latitude, longitude (degrees), and m above the take
 
 
 class Command(IntEnum):
-    """The commands of MAVLink (MAV_CMD) that missions have."""
+    """The MAVLink commands (MAV_CMD) that missions use."""
 
     WAYPOINT = 16
     HOVER = 17
@@ -32,8 +32,8 @@ class Item(NamedTuple):
 
     Attributes
     ----------
-    params : seven; of items that have a place the last are latitude, longitude (degrees) and
-        altitude (m); None: not set
+    params : seven parameters; for items with a place, the last three are latitude, longitude
+        (degrees) and altitude (m); None: not set
     """
 
     command: Command
@@ -41,10 +41,10 @@ class Item(NamedTuple):
 
     @property
     def has_place(self) -> bool:
-        """True if the drone goes there."""
+        """True if the item has a place to which the drone flies."""
         return self.command in (Command.WAYPOINT, Command.HOVER, Command.TAKEOFF)
 
     @property
     def frame(self) -> int:
-        """The number of what its altitude is above (MAV_FRAME)."""
+        """The reference frame of its altitude (MAV_FRAME)."""
         return _RELATIVE if self.has_place else _NO_PLACE

@@ -1,9 +1,9 @@
 """Flights as KML 2.2 (.kml) with Google's extension `gx:Track`, for Google Earth and others.
 
-KML knows heights above the sea ("absolute") and above the viewer's own ground
-("relativeToGround"), none above the ellipsoid. Heights are absolute only where the scene says that
-its own are above the sea. The angles of a track are those of a drone's body, which is level; the
-camera's pitch is among the track's extended data.
+KML supports heights above the sea ("absolute") and above the viewer's own ground
+("relativeToGround"), but not above the ellipsoid. Heights are absolute only if the scene's heights
+are above the sea. The angles of a track are those of a drone's body, which is level; the camera's
+pitch is in the track's extended data.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ _KML = "http://www.opengis.net/kml/2.2"
 _GX = "http://www.google.com/kml/ext/2.2"
 _SCHEMA = "drone"
 _METRES_OF_A_DEGREE = 111_000.0
-_RANGE, _NEAREST = 3.0, 50.0  # distance of the first view: times the tracks' size, and m
+_RANGE, _NEAREST = 3.0, 50.0  # distance of the first view: multiple of the tracks' size, and m
 
 ElementTree.register_namespace("", _KML)
 ElementTree.register_namespace("gx", _GX)
@@ -74,9 +74,9 @@ def write(flight: Flight, every: float | None) -> Export:
 
 
 class _Heights(NamedTuple):
-    """The heights that are the altitudes of a file."""
+    """The heights that serve as altitudes in a file."""
 
-    name: str  # of the heights that are taken
+    name: str  # name of these heights
     mode: str
     words: str
 
@@ -102,7 +102,7 @@ class _Placemarks(NamedTuple):
     step: float
 
     def add_view(self, document: ElementTree.Element, drones: list[EarthTrack]) -> None:
-        """Adds from where viewers look first: above all drones, at the times of their flights."""
+        """Adds the initial view: from above all drones, at the times of their flights."""
         first = drones[0]
         longitude = np.concatenate([track.longitude for track in drones])
         east = (longitude - first.longitude[0] + 180) % 360 - 180
@@ -140,7 +140,7 @@ class _Placemarks(NamedTuple):
                 _add(pitch, "value", f"{value:.3f}", space=_GX)
 
     def add_footprint(self, folder: ElementTree.Element, found: Footprint) -> None:
-        """Adds the ground in a drone's image, which is shown until the next step."""
+        """Adds the ground in a drone's image, shown until the next step."""
         t = found.step * self.step
         place = _add(folder, "Placemark")
         _add(place, "name", f"drone {found.drone}, step {found.step}")
@@ -165,7 +165,7 @@ def _add(
 def _add_polygons(
     place: ElementTree.Element, rings: list[FloatArray], top: float | None = None
 ) -> None:
-    """Adds polygons on the ground, or from a height above the sea (m) down to it."""
+    """Adds polygons on the ground, or from a height above the sea (m) down to the ground."""
     into = _add(place, "MultiGeometry") if len(rings) > 1 else place
     for ring in rings:
         polygon = _add(into, "Polygon")
@@ -177,7 +177,9 @@ def _add_polygons(
 
 
 def _add_zone(folder: ElementTree.Element, zone: Zone) -> None:
-    """Adds a no-fly zone; one in the air is drawn down to the ground, and its name says where."""
+    """Adds a no-fly zone; a zone in the air is drawn down to the ground, and its name gives its
+    heights.
+    """
     place = _add(folder, "Placemark")
     _add(place, "name", zone.name)
     _add(place, "styleUrl", "#zone")
@@ -186,7 +188,7 @@ def _add_zone(folder: ElementTree.Element, zone: Zone) -> None:
 
 
 def _add_end(folder: ElementTree.Element, end: End) -> None:
-    """Adds where a drone takes off or lands."""
+    """Adds a place where a drone takes off or lands."""
     place = _add(folder, "Placemark")
     _add(place, "name", end.name)
     _add(place, "styleUrl", f"#drone{end.drone}")
@@ -223,11 +225,11 @@ def _add_styles(document: ElementTree.Element, drones: int) -> None:
 
 
 def _colour(rgb: str, opacity: int) -> str:
-    """Returns #rrggbb and an opacity 0..255 as KML has them, aabbggrr."""
+    """Returns #rrggbb and an opacity 0..255 in KML's form, aabbggrr."""
     return f"{opacity:02x}{rgb[5:7]}{rgb[3:5]}{rgb[1:3]}"
 
 
 def _corners(ring: FloatArray) -> Iterator[str]:
-    """Yields longitudes and latitudes of a ring, the first again at its end."""
+    """Yields longitudes and latitudes of a ring, repeating the first at the end."""
     for longitude, latitude in [*ring.tolist(), ring[0].tolist()]:
         yield f"{longitude:.8f},{latitude:.8f}"

@@ -1,8 +1,9 @@
-"""Planned cameras for OpenCV (.opencv.json), which `cv2.FileStorage` reads, and any JSON reader.
+"""Planned cameras for OpenCV (.opencv.json), readable by `cv2.FileStorage` and any JSON reader.
 
-`cameras` has of each drone the fields of OpenCV's own calibration files (`image_width`,
-`camera_matrix`, `distortion_coefficients`, ..), and a row a moment in `rvec` and `tvec`, as
-`cv2.projectPoints` takes them; `t` has the moments (s). Matrices are as FileStorage writes them.
+`cameras` contains, for each drone, the fields of OpenCV's own calibration files (`image_width`,
+`camera_matrix`, `distortion_coefficients`, ..), and one row per moment in `rvec` and `tvec`, in the
+form that `cv2.projectPoints` takes; `t` contains the moments (s). Matrices have the form that
+FileStorage writes.
 
 Source: `samples/cpp/calibration.cpp` and `modules/core/src/persistence_json.cpp` in
 https://github.com/opencv/opencv
@@ -27,7 +28,7 @@ def write(flight: Flight, every: float | None) -> Export:
         "t": _matrix(planned.times[:, None]),
         "cameras": [_camera(camera) for camera in planned.cameras],
     }
-    # FileStorage knows no \u escapes.
+    # FileStorage does not support \u escapes.
     text = json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1)
     return Export({"": text.encode() + b"\n"}, planned.notes)
 

@@ -1,11 +1,12 @@
-"""Planned cameras: pinholes and their poses along a flight, as files for triangulation have them.
+"""Planned cameras: pinhole cameras and their poses along a flight, in the form that triangulation
+needs.
 
-Axes of a camera are those of OpenCV: x to the right of the image, y down, z forward. A point X of
-the world is at R X + t there, and at K (R X + t) in the image, up to scale. The world is the map's
-x, y and z (m, z up), of which x and y begin at the map's corner: of coordinates of a reference
-system, millions of metres, other programs would lose millimetres.
+Camera axes are those of OpenCV: x to the right of the image, y down, z forward. A point X of the
+world is at R X + t in camera coordinates, and at K (R X + t) in the image, up to scale. The world
+has the map's axes x, y and z (m, z up), with x and y relative to the map's corner: other programs
+would lose millimetres with coordinates of a reference system, which are millions of metres.
 
-A lens has no distortion, and its image is level: gimbals have no roll.
+Lenses have no distortion, and images are level: gimbals have no roll.
 """
 
 import json
@@ -23,8 +24,8 @@ from cocap_opt.problem import Camera
 from cocap_opt.text import printable
 from cocap_opt.vision.projection import Projection
 
-_DOWN = np.array([[1.0], [-1.0], [1.0]])  # from right, up, forward to right, down, forward
-_WHOLE = 1e-9  # of the flight, by which its end may miss the last moment of a grid
+_DOWN = np.array([[1.0], [-1.0], [1.0]])  # converts right, up, forward to right, down, forward
+_WHOLE = 1e-9  # share of the flight by which its end may miss the last moment of a grid
 
 
 class PlannedCamera(NamedTuple):
@@ -32,10 +33,10 @@ class PlannedCamera(NamedTuple):
 
     Attributes
     ----------
-    name : such as drone0
-    lens : its size and focal length, in px of the video mode that the scene was planned with
+    name : name of the camera, e.g. drone0
+    lens : image size and focal length, in px of the video mode for which the scene was planned
     rotations : [n, 3, 3] from the world to the camera
-    translations : [n, 3] m, of the world's origin in the camera's axes
+    translations : [n, 3] position of the world's origin in camera coordinates, m
     """
 
     name: str
@@ -45,10 +46,12 @@ class PlannedCamera(NamedTuple):
 
     @classmethod
     def of(cls, number: int, lens: Camera, samples: Samples, origin: FloatArray) -> Self:
-        """Returns the poses of a drone's camera in a world with this origin (m, of the map)."""
+        """Returns the poses of a drone's camera in a world with this origin, given in map
+        coordinates (m).
+        """
         rows = samples.drone == number
         axes = Projection.axes_towards(samples.yaw[rows], -samples.pitch[rows])
-        rotations = axes * _DOWN + 0.0  # which makes -0 a 0
+        rotations = axes * _DOWN + 0.0  # turns -0 into 0
         ways = origin - samples.place[rows]
         return cls(
             f"drone{number}", lens, rotations, (rotations * ways[:, None, :]).sum(axis=-1) + 0.0
@@ -56,7 +59,7 @@ class PlannedCamera(NamedTuple):
 
     @property
     def vectors(self) -> FloatArray:
-        """The rotations as Rodrigues' vectors [n, 3] (rad), of a half turn at most."""
+        """The rotations as Rodrigues vectors [n, 3] (rad), of at most half a turn."""
         return np.asarray(Rotation.from_matrix(self.rotations).as_rotvec()) + 0.0
 
     @property
@@ -67,17 +70,17 @@ class PlannedCamera(NamedTuple):
 
     @property
     def middle_of_corners(self) -> tuple[float, float]:
-        """The principal point (px) where the corner of the first pixel is 0, 0, as in COLMAP."""
+        """The principal point (px) if the corner of the first pixel is (0, 0), as in COLMAP."""
         return self.lens.width / 2, self.lens.height / 2
 
     @property
     def middle_of_centres(self) -> tuple[float, float]:
-        """The principal point (px) where the centre of the first pixel is 0, 0, as in OpenCV."""
+        """The principal point (px) if the centre of the first pixel is (0, 0), as in OpenCV."""
         return (self.lens.width - 1) / 2, (self.lens.height - 1) / 2
 
     @property
     def matrix(self) -> FloatArray:
-        """K [3, 3] in px, where the centre of the first pixel is 0, 0, as in OpenCV."""
+        """K [3, 3] in px, if the centre of the first pixel is (0, 0), as in OpenCV."""
         (u, v), focal = self.middle_of_centres, self.lens.focal
         return np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
 
@@ -91,7 +94,7 @@ class World(NamedTuple):
     crs : name of the reference system, None if the scene's position on the Earth is unknown
     place : latitude and longitude of the origin (degrees, WGS 84), and the direction of its x
         (degrees clockwise from true north)
-    base : the name of what heights are above, and that of z = 0 (m); None if unspecified
+    base : name of the vertical datum, and the height of z = 0 above it (m); None if unspecified
     """
 
     origin: FloatArray
@@ -101,7 +104,7 @@ class World(NamedTuple):
 
     @classmethod
     def of(cls, flight: Flight) -> Self:
-        """Returns the world of a flight, which begins at the map's corner."""
+        """Returns the world of a flight, whose origin is the map's corner."""
         problem, geodesy = flight.flown.problem, flight.geodesy
         x, y = problem.height_map.origin
         crs, place, earth = None, None, problem.earth
@@ -118,7 +121,7 @@ class World(NamedTuple):
 
     @property
     def facts(self) -> dict[str, str | float | list[float]]:
-        """Numbers and names by their names in files."""
+        """Numbers and names, by their keys in files."""
         found: dict[str, str | float | list[float]] = {"origin": self.origin.tolist()}
         if self.crs is not None:
             found["crs"] = self.crs
@@ -156,7 +159,7 @@ class PlannedCameras(NamedTuple):
 
     Attributes
     ----------
-    times : [n] s since step 0, the moments at which the poses of all cameras hold
+    times : [n] moments of the poses of all cameras, s since step 0
     cameras : of all drones, in their order
     world : the coordinate system of their poses
     notes : sentences for the user
@@ -173,12 +176,12 @@ class PlannedCameras(NamedTuple):
 
         Parameters
         ----------
-        every : s between moments; None: one at each step, and ten a step of smooth flights
+        every : time between moments, s; None: one per step, or ten per step for smooth flights
 
         Raises
         ------
         FieldError
-            If a drone's sensor makes no pictures.
+            If a drone's sensor makes no images.
         """
         lenses = [_lens(i, r.camera) for i, r in enumerate(flight.flown.problem.robots)]
         world, samples = World.of(flight), flight.samples(every)
@@ -192,13 +195,13 @@ class PlannedCameras(NamedTuple):
 
 
 _PLANNED = Note(
-    "lenses have no distortion and poses are as planned: undistort what is filmed, and where a "
-    "drone's log has another pose, trust the log"
+    "lenses have no distortion and poses are as planned: undistort the footage, and if a "
+    "drone's log has another pose, use that of the log"
 )
 
 
 def _lens(number: int, camera: object) -> Camera:
-    """Returns a drone's camera, if it makes pictures."""
+    """Returns a drone's camera, if it makes images."""
     if not isinstance(camera, Camera):
         words = "must be a pinhole camera, as a cone has no intrinsics"
         raise FieldError(f"robots[{number}].camera", words)
@@ -206,7 +209,7 @@ def _lens(number: int, camera: object) -> Camera:
 
 
 def _moments(times: FloatArray, is_smooth: bool) -> Note:
-    """Returns a sentence on the times at which poses hold."""
+    """Returns a note on the moments of the poses."""
     apart, end, most = float(times[1] - times[0]), float(times[-1]), len(times) - 1
     last = ""
     if abs(end - apart * most) > _WHOLE * end:

@@ -1,9 +1,10 @@
-"""Planned cameras for Pose2Sim (.pose2sim.toml), a file as its `calibration/Calib.toml`.
+"""Planned cameras for Pose2Sim (.pose2sim.toml), to be used as its `calibration/Calib.toml`.
 
-A camera has one pose there, for all frames: Pose2Sim triangulates each frame by those cameras that
-have a pose file of it. So each drone has a camera for each moment, whose folder of pose files
-holds that frame only, and the whole flight is triangulated at once. Folders are sorted by the last
-number in their names, so each name ends with the camera's own, in the order of the file.
+In Pose2Sim, a camera has one pose for all frames, and each frame is triangulated from the cameras
+that have a pose file for it. So each drone has a separate camera for each moment, whose folder of
+pose files contains only that frame, and the whole flight is triangulated at once. Folders are
+sorted by the last number in their names, so each name ends with the camera's number, in the order
+of the file.
 
 Source: `retrieve_calib_params`, `sort_stringlist_by_last_number` (`common.py`) and
 `triangulate_all` (`triangulation.py`) of Pose2Sim 0.10.49, https://github.com/perfanalytics/pose2sim
@@ -46,7 +47,7 @@ def _name(planned: PlannedCameras, drone: int, frame: int) -> str:
 def _camera(
     camera: PlannedCamera, name: str, vector: FloatArray, translation: FloatArray
 ) -> Iterator[str]:
-    """Yields the lines of a camera that Pose2Sim reads."""
+    """Yields the lines for a camera that Pose2Sim reads."""
     lens = camera.lens
     yield f"\n[{name}]"
     yield f'name = "{name}"'
@@ -60,7 +61,7 @@ def _camera(
 
 def _note(planned: PlannedCameras) -> Note:
     return Note(
-        "Pose2Sim knows no camera that moves: each drone has a camera for each frame, and "
-        f"pose/{_name(planned, 0, 0)}_json is to hold the pose file of that frame alone; set "
+        "Pose2Sim does not support moving cameras: each drone has a camera for each frame, and "
+        f"pose/{_name(planned, 0, 0)}_json must contain only the pose file of that frame; set "
         f"frame_range = [0, {len(planned.times)}] in Config.toml"
     )

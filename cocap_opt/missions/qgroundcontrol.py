@@ -52,12 +52,12 @@ def _document(route: Route, items: list[Item], zones: list[Zone], autopilot: Aut
 
 
 def _outside(zone: Zone) -> dict[str, Any]:
-    """Returns a polygon that drones stay out of."""
+    """Returns a polygon that drones must not enter."""
     return {"inclusion": False, "polygon": zone.corners[:, ::-1].tolist(), "version": 1}
 
 
 def _simple(item: Item, number: int) -> dict[str, Any]:
-    """Returns an item as a SimpleItem of the description."""
+    """Returns an item as a SimpleItem of the file format."""
     found: dict[str, Any] = {
         "type": "SimpleItem",
         "doJumpId": number,

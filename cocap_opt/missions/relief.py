@@ -1,4 +1,6 @@
-"""The surface of a map as few rectangles: cells of one height are one, and so are their walls."""
+"""The surface of a map as few rectangles: adjacent cells of equal height are merged, and so are
+walls.
+"""
 
 from typing import NamedTuple
 
@@ -7,8 +9,8 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.world import HeightMap
 
-MOST_RECTANGLES = 150_000  # of 72 bytes each
-_FINER = 16  # times as fine as elsewhere is the map where it matters
+MOST_RECTANGLES = 150_000  # rectangles of 72 bytes each
+_FINER = 16  # factor by which the map is finer in the relevant part
 
 
 class Relief(NamedTuple):
@@ -18,8 +20,8 @@ class Relief(NamedTuple):
     ----------
     ground, obstacles : [n, 4, 3] m, corners of rectangles from the corner of the map; obstacles
         are the cells above the ground
-    fine, coarse : edge of a cell as it is drawn, in cells of the map, in the part that matters
-        and elsewhere; each is as high as its highest
+    fine, coarse : edge of a drawn cell, in cells of the map, in the relevant part and elsewhere; it
+        is as high as its highest cell
     """
 
     ground: FloatArray
@@ -31,7 +33,8 @@ class Relief(NamedTuple):
     def of(
         cls, height_map: HeightMap, heights: tuple[float, float], part: tuple[IntArray, IntArray]
     ) -> "Relief":
-        """Returns the surface of a map, with cells as small as the number of rectangles allows.
+        """Returns the surface of a map, with drawn cells as small as the number of rectangles
+        allows.
 
         Parameters
         ----------

@@ -1,4 +1,6 @@
-"""The waypoints of a drone's flight, and the legs between them, as autopilots need them."""
+"""The waypoints of a drone's flight, and the legs between them, in the form that autopilots
+need.
+"""
 
 import math
 from collections.abc import Iterator
@@ -12,9 +14,9 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.ways import rising
 from cocap_opt.missions.items import Place
 
-_SETTLE = 10.0  # s, that the last one has left then
-_REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
-_STAYS = 1e-3  # m, less is not a way
+_SETTLE = 10.0  # s that the last drone has left at its place
+_REACHED = 0.5  # m from a waypoint, or a quarter of the shortest leg if that is less
+_STAYS = 1e-3  # m; shorter moves count as staying
 
 
 class Leg(NamedTuple):
@@ -22,10 +24,10 @@ class Leg(NamedTuple):
 
     Attributes
     ----------
-    step : the step at its end
-    seconds : it lasts by the plan
-    along : m over the ground; 0 of a drone that stays, or goes straight up or down
-    rise : m, less than 0 of a descent
+    step : the step at the end of the leg
+    seconds : planned duration, s
+    along : horizontal distance, m; 0 if the drone stays, or moves straight up or down
+    rise : change of height, m; negative for a descent
     turn : degrees by which the drone turns, clockwise
     """
 
@@ -37,7 +39,7 @@ class Leg(NamedTuple):
 
     @property
     def is_way(self) -> bool:
-        """True if it leads somewhere else."""
+        """True if the drone moves."""
         return self.along > 0 or self.rise != 0
 
 
@@ -46,14 +48,14 @@ class Route(NamedTuple):
 
     Attributes
     ----------
-    drone : its number
+    drone : number of the drone
     places : [T+1, 3] latitude, longitude (degrees) and m above the take-off
     yaw : [T+1] degrees from true north, clockwise
     pitch : [T+1] degrees, of the camera, 0 is level and below the horizon is negative
     lengths : [T] m along the ground
     step : s
-    sea : m above the sea at the take-off; None if unknown
-    until : s from the start of the mission to step 0, for which the drone waits in its place
+    sea : height of the take-off above the sea, m; None if unknown
+    until : time from the start of the mission to step 0, s; the drone waits in its place until then
     """
 
     drone: int
@@ -77,11 +79,11 @@ class Route(NamedTuple):
         return min(_REACHED, float(legs[legs > _STAYS].min(initial=np.inf)) / 4)
 
     def place(self, step: int) -> Place:
-        """Returns where the drone is at a step."""
+        """Returns the position of the drone at a step."""
         return tuple(self.places[step].tolist())
 
     def legs(self) -> Iterator[Leg]:
-        """Yields the legs in their order."""
+        """Yields the legs in order."""
         rises = np.diff(self.places[:, 2])
         for k, (length, rise) in enumerate(zip(self.lengths.tolist(), rises.tolist(), strict=True)):
             turn = math.remainder(self.yaw[k + 1] - self.yaw[k], 360.0)
@@ -102,7 +104,7 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
         lengths = geodesy.lengths(x, y)
         places = np.column_stack([rows["latitude"][i], rows["longitude"][i], height[i]])
         for k in np.flatnonzero(np.hypot(lengths, np.diff(height[i])) < _STAYS):
-            places[k + 1] = places[k]  # but for rounding it is the same place
+            places[k + 1] = places[k]  # the same place, except for rounding
         found.append(Route(
             i,
             places,
@@ -117,26 +119,26 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
 
 
 def seconds_to_step_0(flight: Flight) -> float:
-    """Returns the seconds from the start of all missions of waypoints to step 0 of the plan.
+    """Returns the time from the start of all waypoint missions to step 0 of the plan, s.
 
-    A drone that rises at 1 m/s to the highest place has 10 s left then; autopilots rise faster.
+    A drone that rises at 1 m/s to the highest place then has 10 s left; autopilots rise faster.
     """
     speeds = [rising(robot) for robot in flight.flown.problem.robots]
     return _SETTLE + float((_first_heights(flight) / np.array(speeds)).max())
 
 
 def seconds_in_the_air(flight: Flight) -> float:
-    """Returns the seconds from the take-off of drones to the last step, the same for all.
+    """Returns the time from take-off to the last step, which is the same for all drones, s.
 
-    A drone rises and waits as missions of waypoints do; with smooth flights, which begin when all
-    are there, the one that rises highest does not wait. The way down is not in them.
+    A drone rises and waits as in waypoint missions; for smooth flights, which begin when all drones
+    are in place, the drone that rises highest does not wait. The descent is not included.
     """
     settles = _SETTLE if flight.is_smooth else 0.0
     return seconds_to_step_0(flight) - settles + flight.flown.seconds
 
 
 def _first_heights(flight: Flight) -> FloatArray:
-    """Returns the heights [R] (m) of the first places above the take-offs."""
+    """Returns the heights [R] (m) of the first places above take-off."""
     columns = flight.columns(flight.flown.seconds)
     heights: FloatArray = columns["above_takeoff"][columns["t"] == 0]
     return heights

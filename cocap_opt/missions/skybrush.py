@@ -1,14 +1,15 @@
-"""Flights as a show of Skybrush (.skyc), whose drones all fly by one clock.
+"""Flights as a Skybrush show (.skyc), whose drones share one clock.
 
-The file is a zip with `show.json`. Of each drone it has a trajectory, points [t, [x, y, z],
-control points] of Bezier curves, and yaw setpoints [t, degrees] between which the yaw changes
-evenly, clockwise. Readers know lines and curves of the second and third degree (Skybrush Viewer
-no others), so each piece of a smooth flight becomes cubic curves with its places and speeds at
-their ends, as many as keep it to half a millimetre. Times are then rounded to milliseconds, as
-readers do, in which a drone flies some millimetres; steps too short for that are refused.
+The file is a zip with `show.json`. It contains, for each drone, a trajectory of points [t, [x, y,
+z], control points] of Bezier curves, and yaw setpoints [t, degrees] between which the yaw changes
+linearly, clockwise. Readers support lines and curves of degree two and three (Skybrush Viewer no
+others), so each piece of a smooth flight becomes cubic curves with the same positions and speeds at
+their ends, as many as are needed for an accuracy of half a millimetre. Times are then rounded to
+milliseconds, as readers do; a drone flies some millimetres in that time. Steps too short for that
+are rejected.
 
-Coordinates are local: x and y begin at the map's corner, z at the lowest take-off. Where they are
-on the Earth is set in Skybrush Live when the show is set up.
+Coordinates are local: x and y begin at the map's corner, z at the lowest take-off. The position on
+the Earth is set in Skybrush Live when the show is set up.
 
 Sources: `@skybrush/show-format` (types and player) in https://github.com/skybrush-io/skybrush.js,
 `TrajectorySpecification` and `YawSetpointList` in https://github.com/skybrush-io/skybrush-server,
@@ -31,9 +32,9 @@ from cocap_opt.missions.archive import zipped
 from cocap_opt.missions.export import Export, require_nothing_else
 from cocap_opt.problem import Problem
 
-_OFF = 5e-4  # m, by which cubic curves may leave the flight
-_TURNED_OFF = np.radians(0.1)  # rad, by which the yaw may
-_SHORTEST = 2e-3  # s, of a curve
+_OFF = 5e-4  # m; tolerance for cubic curves
+_TURNED_OFF = np.radians(0.1)  # rad; tolerance for the yaw
+_SHORTEST = 2e-3  # s; shortest curve
 _DIGITS = 5
 
 
@@ -81,8 +82,8 @@ def _drone(
     Parameters
     ----------
     curves : [n, 3, 4]
-    turns : [m, 1, 2] of its yaw
-    ground : m, where it takes off
+    turns : [m, 1, 2] lines of its yaw
+    ground : altitude of its take-off, m
     flown : the flights of all drones
     """
     home = [*_rounded(curves[0, :2, 0]), round(ground, _DIGITS)]
@@ -123,7 +124,7 @@ def _split(
 
 
 def _require_seconds(curves: int, flown: Trajectory) -> None:
-    """Refuses a flight of which a drone has so many curves that they are too short."""
+    """Rejects a flight for which a drone has so many curves that they are too short."""
     shortest = flown.seconds / curves
     if shortest < _SHORTEST:
         least = math.ceil(1000 * flown.step * _SHORTEST / shortest - 1e-6) / 1000
@@ -135,7 +136,7 @@ def _require_seconds(curves: int, flown: Trajectory) -> None:
 
 
 def _cubic(pieces: FloatArray) -> FloatArray:
-    """Returns cubic curves with the places and speeds of others [n, d, 6] at their ends."""
+    """Returns cubic curves with the same positions and speeds at their ends as curves [n, d, 6]."""
     a, b, y, z = (pieces[..., k] for k in (0, 1, -2, -1))
     share = DEGREE / 3
     return np.stack([a, a + share * (b - a), z - share * (z - y), z], axis=-1)
@@ -146,7 +147,7 @@ def _line(pieces: FloatArray) -> FloatArray:
 
 
 def _ms(seconds: float) -> float:
-    """Returns seconds to a millisecond."""
+    """Returns seconds, rounded to milliseconds."""
     return round(float(seconds), 3)
 
 
@@ -157,8 +158,8 @@ def _rounded(point: FloatArray) -> list[float]:
 def _notes(flight: Flight, grounds: list[float]) -> Iterator[str]:
     yield "all drones share one clock"
     yield (
-        "the show begins and ends in the air: take-off, landing and the camera's pitch are not in "
-        "it"
+        "the show begins and ends in the air: take-off, landing and the camera's pitch are not "
+        "included"
     )
     if max(grounds) > min(grounds):
         yield "drones take off at different heights: let Skybrush control altitudes above the sea"

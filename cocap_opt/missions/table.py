@@ -1,4 +1,4 @@
-"""Flights as a table (.csv): a row per drone and moment."""
+"""Flights as a table (.csv), with a row per drone and moment."""
 
 import io
 
@@ -13,7 +13,7 @@ _ANGLES = Note(
     "that of the camera, 0 where it is level and negative where it looks down",
     Kind.READING,
 )
-_DIGITS = {"latitude": 9, "longitude": 9}  # others have 6
+_DIGITS = {"latitude": 9, "longitude": 9}  # all others have 6
 
 
 def write(flight: Flight, every: float | None) -> Export:
@@ -21,7 +21,7 @@ def write(flight: Flight, every: float | None) -> Export:
     columns = flight.columns(every)
     formats = ["%d" if k == "drone" else f"%.{_DIGITS.get(k, 6)}f" for k in columns]
     text = io.StringIO(newline="")
-    rows = np.column_stack(list(columns.values())) + 0.0  # which makes -0 a 0
+    rows = np.column_stack(list(columns.values())) + 0.0  # turns -0 into 0
     np.savetxt(
         text, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="",
         newline="\n",

@@ -1,7 +1,7 @@
 """Waypoint missions as plain text (.waypoints, "QGC WPL 110"), one per drone, for ArduPilot.
 
-The first row is the home position, as ArduPilot and its ground stations want it; ArduPilot puts
-the place where it is armed there.
+The first row is the home position, as ArduPilot and its ground stations require; ArduPilot replaces
+it by the place where it is armed.
 
 Source: "Mission Plain-Text File Format", https://mavlink.io/en/file_formats/
 """
@@ -25,7 +25,7 @@ def write(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
 
 def _text(route: Route, items: list[Item], _: list[Zone]) -> bytes:
     latitude, longitude = route.place(0)[:2]
-    # Text has no way to say that a height is not known.
+    # The text format cannot represent an unknown height.
     place = (latitude, longitude, route.sea or 0.0)
     home = Item(Command.WAYPOINT, (0.0, 0.0, 0.0, 0.0, *place))
     rows = [_HEADER, _row(0, _ABSOLUTE, home)]
@@ -34,7 +34,7 @@ def _text(route: Route, items: list[Item], _: list[Zone]) -> bytes:
 
 
 def _row(number: int, frame: int, item: Item) -> str:
-    """Returns an item's line; what is not set is 0."""
+    """Returns an item's line; values that are not set are 0."""
     is_home = int(number == 0)
     params = (f"{value or 0.0:.9f}" for value in item.params)
     return "\t".join([f"{number}", f"{is_home}", f"{frame}", f"{item.command:d}", *params, "1"])

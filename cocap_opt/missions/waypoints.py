@@ -1,19 +1,19 @@
-"""Waypoint missions: what an autopilot of MAVLink flies alone, item by item.
+"""Waypoint missions, which a MAVLink autopilot flies on its own, item by item.
 
-A drone takes off, goes to its start, waits there (MAV_CMD_NAV_DELAY), and then flies each leg of
-its plan in the time that the plan has for it, by the rules of its autopilot (`autopilots`). Nothing
-holds it to the times of the plan.
+A drone takes off, flies to its start, waits there (MAV_CMD_NAV_DELAY), and then flies each leg of
+its plan in the planned time, by the rules of its autopilot (`autopilots`). It is not synchronised
+with the plan's times.
 
-- Altitudes are above the drone's take-off (MAV_FRAME_GLOBAL_RELATIVE_ALT): autopilots know that
-  from the moment they are armed, whatever the map's heights are above.
+- Altitudes are above the drone's take-off (MAV_FRAME_GLOBAL_RELATIVE_ALT): autopilots know this
+  height from the moment they are armed, whatever the map's vertical datum.
 - Yaw is in degrees from true north, clockwise.
-- Each move has a waypoint and its own speed; turns and tilts are said where they change.
+- Each move has a waypoint and its own speed; turns and tilts are commanded when they change.
 - The camera's pitch is set by MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, against the horizon and with
   the drone's own yaw. MAV_CMD_DO_MOUNT_CONTROL is deprecated since 2020, and its yaw turns the
   whole drone to the north on an ArduPilot whose gimbal has no yaw (ArduCopter,
   `ModeAuto::do_mount_control`).
-- At the end the drone hovers (MAV_CMD_NAV_LOITER_UNLIM). Nobody has planned a way home, and
-  drones that all return at once may meet.
+- At the end the drone hovers (MAV_CMD_NAV_LOITER_UNLIM). The flights home are not planned, and
+  drones that all return at once may collide.
 
 Sources: https://mavlink.io/en/messages/common.html, "Mission Mode" of PX4's user guide, "Mission
 Command List" of ArduCopter's.
@@ -46,9 +46,10 @@ from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import SEPARATION, CollisionRules
 
 _PART = "no-common-clock.drone"
-_LITTLE = 0.1  # s, of which nobody is told
-_CORNERS = 64  # of a geofence: DM_KEY_FENCE_POINTS_MAX of PX4, which newer ones have doubled
-_FEW = 3  # legs that are told one by one
+_LITTLE = 0.1  # s; smaller delays are not reported
+# corners of a geofence: DM_KEY_FENCE_POINTS_MAX of PX4, which newer versions have doubled
+_CORNERS = 64
+_FEW = 3  # legs that are reported individually
 
 
 def waypoint_mission(
@@ -62,15 +63,15 @@ def waypoint_mission(
 
     Parameters
     ----------
-    write : returns the file of a drone: of its route, its items, and the no-fly zones that the
-        drones go around
-    has_fence : the files can hold no-fly zones
+    write : returns the file of a drone, given its route, its items, and the no-fly zones that
+        drones avoid
+    has_fence : True if the files can contain no-fly zones
 
     Raises
     ------
     ProblemError
-        If the scene's position on the Earth is unknown, the flight is smooth, an autopilot does
-        not hold so many items, or a battery does not last from the take-off to the last step.
+        If the scene's position on the Earth is unknown, the flight is smooth, an autopilot cannot
+        hold all items, or a battery does not last from take-off to the last step.
     """
     if flight.geodesy is None:
         raise FieldError(
@@ -117,7 +118,7 @@ def waypoint_mission(
 
 
 def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
-    """Refuses missions that an autopilot does not hold."""
+    """Rejects missions with more items than an autopilot can hold."""
     drone = max(range(len(items)), key=lambda i: len(items[i]))
     count = len(items[drone]) + autopilot.extra
     if count > autopilot.most:
@@ -131,7 +132,9 @@ def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
 
 
 def _require_batteries(flight: Flight) -> None:
-    """Refuses missions longer than a battery lasts, with the rise and the wait at the start."""
+    """Rejects missions longer than a battery lasts, including the rise and the wait at the
+    start.
+    """
     seconds = seconds_in_the_air(flight)
     rise = seconds - flight.flown.seconds
     for i, robot in enumerate(flight.flown.problem.robots):
@@ -145,7 +148,9 @@ def _require_batteries(flight: Flight) -> None:
 
 
 def lateness(autopilot: Autopilot, found: list[Route]) -> list[str]:
-    """Returns which legs take longer than planned, and what to do, in words; none if none do."""
+    """Returns messages on legs that take longer than planned, with a remedy; empty if there are
+    none.
+    """
     late = sorted(
         (leg for route in found for leg in autopilot.late(route)), key=lambda leg: -leg.seconds
     )
@@ -161,17 +166,17 @@ def lateness(autopilot: Autopilot, found: list[Route]) -> list[str]:
 
 
 def _waits(behind: float, autopilot: Autopilot) -> Iterator[str]:
-    """Yields how far (s) drones are behind their plans where they wait before a leg."""
+    """Yields how late (s) drones are relative to their plans if they wait before a leg."""
     if behind >= _LITTLE:
         yield (
-            f"{autopilot.title} cannot be told to fly some legs as slowly as planned (straight up "
-            "or down, or very slow): drones wait before them, and then arrive in time; in between "
-            f"they are up to {behind:.2f} s behind the plan"
+            f"{autopilot.title} cannot fly some legs as slowly as planned (straight up or down, "
+            "or very slow): drones wait before them, and then arrive in time; in between they "
+            f"are up to {behind:.2f} s behind the plan"
         )
 
 
 def _too_late(behind: float, delay: float | None, to_people: float | None) -> Iterator[str]:
-    """Yields that such drones are farther behind than distances bear, if they are."""
+    """Yields a warning if such drones are later than their distances tolerate."""
     tolerated = min(value for value in (delay, to_people, math.inf) if value is not None)
     if behind >= max(tolerated, _LITTLE):
         yield (
@@ -184,7 +189,7 @@ def _too_late(behind: float, delay: float | None, to_people: float | None) -> It
 def _fences(
     flight: Flight, autopilot: Autopilot, has_fence: bool, known: list[Zone], fence: list[Zone]
 ) -> Iterator[str]:
-    """Yields which limits of the airspace are in the files, and which are not."""
+    """Yields which limits of the airspace the files contain, and which they do not."""
     if known and not has_fence:
         yield (
             "no-fly zones are not in these files, which hold no fence: QGroundControl and Mission "
@@ -192,14 +197,14 @@ def _fences(
         )
     if fence:
         yield (
-            "upload the geofence with the mission: it holds the no-fly zones, from the ground up, "
-            "whatever their heights are"
+            "upload the geofence with the mission: it contains the no-fly zones, from the "
+            "ground up, regardless of their heights"
         )
     corners = sum(len(zone.corners) for zone in fence)
     if corners > _CORNERS:
         yield (
-            f"the geofence has {corners} corners, and autopilots may hold no more than {_CORNERS}: "
-            "check that yours has loaded all of them"
+            f"the geofence has {corners} corners, and some autopilots hold no more than "
+            f"{_CORNERS}: check that yours has loaded all of them"
         )
     for zone in known if has_fence else ():
         if zone not in fence:
@@ -211,7 +216,7 @@ def _fences(
 
 
 def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
-    """Yields what the ceiling is above the take-offs, which files of missions do not say."""
+    """Yields the ceiling relative to the take-offs, which mission files do not contain."""
     problem, ceiling = flight.flown.problem, flight.flown.problem.airspace.ceiling
     if ceiling is None:
         return
@@ -226,7 +231,7 @@ def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
 
 
 def _asked(flight: Flight) -> CollisionRules:
-    """Returns the separation that is asked about: the scene's, or the one that recipes have."""
+    """Returns the separation to check: the scene's, or the default of recipes."""
     rules = flight.flown.problem.rules
     return rules if rules.separation else CollisionRules(separation=SEPARATION)
 
@@ -253,12 +258,12 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
 
 
 def _ends(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
-    """Yields what happens before and after the plan, and at its corners."""
+    """Yields notes on what happens before and after the plan, and at its corners."""
     at = f"{seconds_to_step_0(flight):.3g} s"
     yield (
         f"start all missions at once: each drone rises at {autopilot.rise:g} m/s "
-        f"({autopilot.rises_by}), waits at its first place until {at} after the start, and hovers "
-        "at its last place; no way home is in the missions"
+        f"({autopilot.rises_by}), waits at its first place until {at} after the start, and "
+        "hovers at its last place; the missions contain no flights home"
     )
     if has_homes(flight.flown.problem):
         yield (
@@ -268,17 +273,17 @@ def _ends(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"
     yield (
-        "autopilots round corners and speeds; clearance was checked on the straight legs only, not "
-        "on the way up"
+        "autopilots round corners and speeds; clearance was checked only on the straight legs, "
+        "not during the ascent"
     )
 
 
 def _axes(found: list[Route]) -> Iterator[str]:
-    """Yields what angles and altitudes of the files mean."""
+    """Yields notes on the meaning of angles and altitudes in the files."""
     yield (
         "angles in the files are in degrees: yaw is clockwise from true north; pitch is that of "
         "the camera, 0 where it is level and negative where it looks down"
     )
-    yield "altitudes in the files are above the take-off"
+    yield "altitudes in the files are relative to the take-off"
     if any(route.sea is None for route in found):
         yield "the home's height above the sea is unknown"

@@ -1,8 +1,9 @@
-"""Mixtures: several paths of each robot, flown in part, and the prices that they teach.
+"""Mixtures: weighted sets of paths of each robot, and the prices derived from them.
 
-`columns` are the paths, `mixture` weighs them, `prices` values what they see, `mixture_ascent`
-raises one in turn with pricing, `column_pool` makes plans of their columns, `plan_search` betters
-these; `parameters` guide it all. What planners and column generation both use of them is here.
+`columns` defines the paths, `mixture` their weights, and `prices` the value of their views.
+`mixture_ascent` improves a mixture in alternation with pricing, `column_pool` makes plans from its
+columns, and `plan_search` improves these; `parameters` has the parameters of all of them. Both
+planners and column generation use this package.
 """
 
 __all__ = [

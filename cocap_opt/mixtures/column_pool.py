@@ -1,10 +1,10 @@
-"""A pool of columns: many plans that take one of its columns for each robot.
+"""A pool of columns: finds plans that use one of its columns for each robot.
 
-New paths are what costs time in local search; plans of known paths cost next to nothing. So a
-mixture is rounded at random again and again. Each rounding is raised by coordinate ascent:
-robot after robot takes the best of its columns beside those of all others. What comes out is a
-local optimum of the restricted integer master, and there are many different ones, of which some
-lead on to much better plans than the best of them.
+In local search, finding new paths takes most of the time; plans of known paths are cheap. So a
+mixture is rounded at random many times. Each rounding is improved by coordinate ascent: each robot
+in turn takes its best column given the columns of all others. The result is a local optimum of the
+restricted integer master. There are many different ones, and some lead to much better plans than
+the best of them does.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,35 +18,36 @@ from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.problem import Problem
 
-LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
-_GAIN = 1e-9  # relative; a column that gains less is no better
+LEAST_AMOUNT = 1e-3  # of a robot; smallest amount, so that every column is drawn now and then
+_GAIN = 1e-9  # relative; smaller gains do not count
 
-PlanKey = tuple[Path, ...]  # the paths, by which plans are told apart
-# J, and the columns robot by robot, of a plan that no robot can raise alone with another column.
+PlanKey = tuple[Path, ...]  # the paths, which identify a plan
+# J, and the columns robot by robot, of a plan that no robot can improve alone by changing to
+# another column.
 LocalOptimum = tuple[float, tuple[Column, ...]]
-# The views of the parts of columns, entry by entry: the number of the part, the view sum, its
-# pixels (px/m2) and its weight.
+# The views of the parts of columns, one per entry: the number of the part, the view sum, its pixels
+# (px/m2) and its weight.
 _Entries = tuple[IntArray, IntArray, FloatArray, FloatArray]
 
 
 class _Choice(NamedTuple):
-    """The columns of one robot, for quick comparison.
+    """The columns of one robot, prepared for quick comparison.
 
-    Its columns have most of their states in common, so that gains are computed state by state, once
-    for all columns. Where pixels add up over time, a column has only one part: all of it.
+    The columns have most of their states in common, so gains are computed state by state, once for
+    all columns. If pixels add up over time, each column consists of a single part.
     """
 
     problem: Problem
     columns: list[Column]
     number_of: dict[Path, int]
-    amounts: FloatArray  # [n] how much of the robot takes each column, at least LEAST_AMOUNT
+    amounts: FloatArray  # [n] amount of the robot on each column, at least LEAST_AMOUNT
     bonus: FloatArray  # [n] rewards for moves
-    parts: IntArray  # [n, k] numbers of the parts of which each column is made
+    parts: IntArray  # [n, k] numbers of the parts of each column
     entries: _Entries
 
     @classmethod
     def of(cls, model: Model, columns: dict[Path, Column], amounts: dict[Path, float]) -> "_Choice":
-        """Returns the columns of one robot, by their paths, with their amounts."""
+        """Returns the columns of one robot, given by their paths, with their amounts."""
         choices = [*columns.values()]
         shares = np.maximum([amounts[path] for path in columns], LEAST_AMOUNT)
         bonus = np.array([column.bonus(model) for column in choices])
@@ -56,7 +57,7 @@ class _Choice(NamedTuple):
         return cls(model.problem, choices, numbers, shares, bonus, parts, entries)
 
     def worth(self, seen: FloatArray) -> FloatArray:
-        """Returns the gain of each column [n] beside the pixels [Z] that others have."""
+        """Returns the gain of each column [n], given the pixels [Z] of the other robots."""
         of, view_sums, pixels, weights = self.entries
         gains = weights * marginal_gain(self.problem, view_sums, seen[view_sums], pixels)
         by_part = np.bincount(of, gains, minlength=int(self.parts.max()) + 1)
@@ -64,13 +65,13 @@ class _Choice(NamedTuple):
         return worth
 
     def shuffled(self, rng: np.random.Generator) -> Iterator[Column]:
-        """Yields the columns in a random order, each the next in proportion to its amount."""
+        """Yields the columns in random order, drawing each next one in proportion to its amount."""
         for k in np.argsort(rng.exponential(size=len(self.columns)) / self.amounts).tolist():
             yield self.columns[k]
 
 
 def _states(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]:
-    """Returns the numbers [n, T+1] of the states on each robot's columns, and what they see."""
+    """Returns the numbers [n, T+1] of the states on each column, and the views of the states."""
     robot_class = model.class_of[columns[0].robot]
     table, n_states = model.coverage(robot_class), robot_class.graph.n_states
     paths = np.array([column.path for column in columns])
@@ -82,7 +83,7 @@ def _states(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries
 
 
 def _whole(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]:
-    """Returns the numbers [n, 1] of columns, and what they see."""
+    """Returns the numbers [n, 1] of the columns, and their views."""
     numbers = np.arange(len(columns))
     view_sums = np.concatenate([column.view_sums for column in columns])
     of = np.repeat(numbers, [len(column.view_sums) for column in columns])
@@ -92,7 +93,7 @@ def _whole(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]
 
 
 class ColumnPool:
-    """Columns of all robots, each with how much of its robot takes it."""
+    """Columns of all robots, each with the amount of its robot."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -101,19 +102,21 @@ class ColumnPool:
         self._conflicts: dict[tuple[int, Path, int, Path], bool] = {}
 
     def add(self, column: Column, amount: float) -> None:
-        """Adds a column; of one that is known, the amount grows."""
+        """Adds a column, or increases the amount of a known column."""
         self._columns[column.robot][column.path] = column
         amounts = self._amounts[column.robot]
         amounts[column.path] = amounts.get(column.path, 0.0) + amount
 
     def ascended(self, columns: Sequence[Column]) -> LocalOptimum:
-        """Returns the local optimum above columns without conflicts, which come into the pool."""
+        """Returns the local optimum reached from columns without conflicts, which are added to the
+        pool.
+        """
         for column in columns:
             self.add(column, 0.0)
         return self._ascended([*columns], self._choices(), range(len(columns)))
 
     def drawn(self, rng: np.random.Generator, draws: int) -> Iterator[LocalOptimum]:
-        """Yields the local optima above random roundings; fewer where these end in conflicts."""
+        """Yields the local optima reached from random roundings; fewer if some end in conflicts."""
         choices = self._choices()
         for _ in range(draws):
             order = rng.permutation(len(choices)).tolist()
@@ -121,16 +124,18 @@ class ColumnPool:
                 yield self._ascended(columns, choices, order)
 
     def _choices(self) -> list[_Choice]:
-        """Returns the choices of each robot, which must have a column."""
+        """Returns the choices of each robot; each robot must have a column."""
         both = zip(self._columns, self._amounts, strict=True)
         return [_Choice.of(self.model, columns, amounts) for columns, amounts in both]
 
     def _rounded(
         self, choices: list[_Choice], order: Sequence[int], rng: np.random.Generator
     ) -> list[Column]:
-        """Returns a random column of each robot, none in conflict; none at all if one is left out.
+        """Returns a random column for each robot, without conflicts; empty if a robot has none
+        left.
 
-        Robots choose in turn among the columns that earlier ones leave, in proportion to amounts.
+        Robots choose in turn among the columns that do not conflict with earlier choices, in
+        proportion to amounts.
         """
         chosen: dict[int, Column] = {}
         for robot in order:
@@ -149,7 +154,7 @@ class ColumnPool:
         seen, weights = problem.no_pixels(), problem.view_sum_weights
         for column in columns:
             seen[column.view_sums] += column.pixels
-        quiet, n = 0, 0  # robots in a row that could gain nothing; turns
+        quiet, n = 0, 0  # number of consecutive robots that could not gain; number of turns
         while quiet < len(columns):
             robot = order[n % len(columns)]
             before = columns[robot]
@@ -164,7 +169,9 @@ class ColumnPool:
     def _best_column(
         self, choice: _Choice, columns: Sequence[Column], seen: FloatArray, before: Column
     ) -> Column:
-        """Returns a robot's best column beside all others'; that of before unless one is better."""
+        """Returns a robot's best column given those of all others; its current one unless another
+        is better.
+        """
         worth = choice.worth(seen)
         others = [column for column in columns if column is not before]
         least = worth[choice.number_of[before.path]]
@@ -178,7 +185,9 @@ class ColumnPool:
         return before
 
     def _is_in_conflict(self, column: Column, others: Iterable[Column]) -> bool:
-        """Returns True if a column breaks a rule with one of others; each pair is tried once."""
+        """Returns True if a column breaks a rule with one of the others; results for pairs are
+        cached.
+        """
         for other in others:
             in_order = column.robot <= other.robot
             first, second = (column, other) if in_order else (other, column)

@@ -1,4 +1,4 @@
-"""Columns: paths of single robots with what they see, and the arcs along them."""
+"""Columns: paths of single robots with their views, and the arcs along them."""
 
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
@@ -25,12 +25,12 @@ class Arc(NamedTuple):
 
     @property
     def leaves(self) -> ClassState:
-        """Class and state of the tail."""
+        """Class and state at the tail."""
         return self.class_number, self.tail
 
     @property
     def enters(self) -> ClassState:
-        """Class and state of the head."""
+        """Class and state at the head."""
         return self.class_number, self.head
 
     @staticmethod
@@ -52,11 +52,11 @@ class Arc(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A path of one robot and its view sums."""
+    """A path of one robot, with its view sums."""
 
     robot: int
     along: PathCells
-    view_sums: IntArray  # [k] view sums of which it sees anything, increasing
+    view_sums: IntArray  # [k] view sums that the path sees, increasing
     pixels: FloatArray  # [k] px/m2
 
     @classmethod
@@ -67,7 +67,7 @@ class Column(NamedTuple):
         return cls(robot, PathCells.of(model, robot, path), view_sums, pixels[view_sums])
 
     def added_to(self, pixels: FloatArray) -> FloatArray:
-        """Returns view sums [Z] and those along this path together, as a new array."""
+        """Returns view sums [Z] plus those along this path, as a new array."""
         pixels = pixels.copy()
         pixels[self.view_sums] += self.pixels
         return pixels
@@ -79,7 +79,7 @@ class Column(NamedTuple):
 
     @property
     def key(self) -> tuple[int, Path]:
-        """Robot and path, which distinguish columns."""
+        """Robot and path, which identify a column."""
         return self.robot, self.along.states
 
     @property
@@ -94,7 +94,7 @@ class Column(NamedTuple):
         return bonuses.of_path(model.class_of[self.robot].graph.shape, self.path)
 
     def in_model(self, model: Model) -> "Column":
-        """Returns the same column with the numbers of another model's classes."""
+        """Returns the same column with the class numbers of another model."""
         return self._replace(along=PathCells.of(model, self.robot, self.path))
 
     def conflicts_with(self, other: "Column", problem: Problem) -> bool:

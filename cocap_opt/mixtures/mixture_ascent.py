@@ -1,16 +1,15 @@
-"""Mixture ascent: good prices and paths, without a linear program.
+"""Mixture ascent: finds good prices and paths without a linear program.
 
-A mixture of columns is raised in turn with pricing, which brings each robot one more column:
-fully corrective Frank-Wolfe. The root of a view sum is a smooth minimum of two of its bounds,
+A mixture of columns is improved in alternation with pricing, which adds one column per robot: fully
+corrective Frank-Wolfe. The root of a view sum is a smooth minimum of two of its bounds,
 
     u = (R^-k + S^-k)^(-1/k),  R = sum of roots,  S = sqrt(sum of pixels)    (both of the mixture)
 
-which is concave, homogeneous, and less than the smaller one by a factor of at most 2^(-1/k).
-Where drones that see a person are counted, S is the number above which more add nothing: u is
-concave in R alone, and beta is 0.
-How it depends on R and S gives alpha and beta. Each amount is multiplied by a power of its
-column's gradient, which raises such functions on simplices (Cover 1984). All of it is a few
-products of sparse matrices. Rules between robots are left out.
+which is concave, homogeneous, and below the smaller bound by a factor of at most 2^(-1/k). If
+drones that see a person are counted, S is the number above which further drones add nothing: u is
+concave in R alone, and beta is 0. The derivatives of u by R and S give alpha and beta. Each amount
+is multiplied by a power of its column's gradient, which increases such functions on simplices
+(Cover 1984). A step takes a few products of sparse matrices. Rules between robots are ignored.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -33,7 +32,7 @@ _NOTHING = 1e-12  # px/m2
 
 
 class _Priced(Protocol):
-    """The best paths at some prices, and the J that no mixture exceeds."""
+    """The best paths at some prices, and a bound on the J of mixtures."""
 
     @property
     def bound(self) -> float: ...
@@ -51,19 +50,19 @@ def mixture_ascent(
     stop: Stop,
     parameters: AscentParameters,
 ) -> Iterator[tuple[Mixture, float, P]]:
-    """Yields better and better mixtures, without end, each with its value and its pricing.
+    """Yields ever better mixtures without end, each with its value and its pricing.
 
-    The value is that without regard for conflicts and cuts.
+    The value ignores conflicts and cuts.
 
     Parameters
     ----------
     price : finds the best paths at some prices
-    first : has a column for each robot
+    first : a mixture with at least one column per robot
 
     Raises
     ------
     LimitReached
-        Where pricing does, and between the steps in which a mixture is raised.
+        If pricing raises it, or between two steps of the ascent.
     """
     mixture, priced, open_ = Mixture([], np.zeros(0)), first, np.inf
     best = first.bound
@@ -83,18 +82,18 @@ def mixture_ascent(
 
 
 def is_slow(gaps: Sequence[float], patience: int, share: float) -> bool:
-    """Returns True if the gap is still more than a share of what it was some steps ago.
+    """Returns True if the gap is still more than a given share of its value some steps ago.
 
     Parameters
     ----------
-    gaps : between bound and mixture, after each step
-    patience : so many steps ago
+    gaps : gap between bound and mixture after each step
+    patience : number of steps to look back
     """
     return len(gaps) > patience and gaps[-1] > share * gaps[-1 - patience]
 
 
 class MixtureProgram:
-    """The amounts of some columns, and what mixtures of them see."""
+    """The amounts of some columns, and the view sums of their mixtures."""
 
     def __init__(self, model: Model, columns: list[Column]) -> None:
         self.weights, self.returns = model.problem.view_sum_weights, model.problem.returns
@@ -104,13 +103,13 @@ class MixtureProgram:
         shape = len(columns), len(self.weights)
         self.pixels = sparse.csr_array((pixels, view_sums, ends), shape)
         self.roots = sparse.csr_array((np.sqrt(pixels), view_sums, ends), shape)
-        # Transposed once: hundreds of steps each ask for both products.
+        # Transposed once, since hundreds of steps each need both products.
         self._seen_by = sparse.hstack((self.pixels, self.roots), format="csr").T
         self.robots = np.array([column.robot for column in columns])
         self.bonus = np.array([column.bonus(model) for column in columns])
 
     def judged(self, amounts: FloatArray) -> tuple[float, Prices]:
-        """Returns the value of a mixture, and its prices."""
+        """Returns the value of a mixture and its prices."""
         pixels, alone = np.split(self._seen_by @ amounts, 2)
         together, seen = together_of(self.returns, pixels), pixels > _NOTHING
         ratio = np.divide(alone, together, out=np.zeros_like(alone), where=seen)
@@ -126,13 +125,13 @@ class MixtureProgram:
         return self.priced(*self.judged(amounts)[1])
 
     def priced(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
-        """Returns the price of the pixels of each column, with its rewards for moves [n]."""
+        """Returns the price of each column's pixels plus its rewards for moves [n]."""
         price = self.roots @ (self.weights * alpha)
         return np.asarray(price + self.pixels @ (self.weights * beta) + self.bonus)
 
 
 def together_of(returns: Returns, pixels: FloatArray) -> FloatArray:
-    """Returns S of each view sum [Z]: the root of its pixels; what a count is at most."""
+    """Returns S of each view sum [Z]: the root of its pixels, or the cap of a count."""
     together: FloatArray = np.sqrt(pixels)
     together[returns.n_roots :] = returns.caps
     return together
@@ -147,13 +146,13 @@ def raised(
     parameters: AscentParameters,
     least_factor: float = 0.0,
 ) -> FloatArray:
-    """Returns amounts of a larger value, at best by all but `enough`; raises LimitReached.
+    """Returns amounts with a larger value, at most `enough` below the maximum; raises LimitReached.
 
     Parameters
     ----------
-    gradient_at : of the value, by the amounts [n]
-    robots : [n] of the columns
-    least_factor : of an amount in a step, before the power
+    gradient_at : returns the gradient of the value [n] at given amounts
+    robots : [n] robot of each column
+    least_factor : smallest factor of an amount in a step, before the power
     """
 
     def by_robot(values: FloatArray) -> FloatArray:
@@ -168,7 +167,7 @@ def raised(
         np.maximum.at(largest, robots, gradient)
         if (largest - mean).sum() <= enough:
             break
-        # Charges may outweigh the credit of a column.
+        # Charges may exceed the credit of a column.
         above, mean = gradient - lowest[robots], (mean - lowest)[robots]
         factors = np.divide(above, mean, out=np.ones_like(mean), where=mean > parameters.least_mean)
         amounts = amounts * np.maximum(factors, least_factor) ** parameters.power

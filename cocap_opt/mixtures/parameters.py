@@ -14,7 +14,7 @@ class Section:
     """The parameters of one part of the search, checked where they are made."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError, which names the parameter, for a number that makes no sense."""
+        """Raises ValueError, naming the parameter, if a number is out of range."""
         for parameter in fields(self):  # type: ignore[arg-type]  # its subclasses are dataclasses
             given, default = getattr(self, parameter.name), parameter.default
             several = given if isinstance(default, tuple) else (given,)
@@ -31,14 +31,14 @@ class Section:
 
     @classmethod
     def told(cls) -> dict[str, tuple[str, str]]:
-        """Returns unit and meaning of each parameter by its name, as the docstring has them."""
+        """Returns the unit and meaning of each parameter by name, as given in the docstring."""
         listed = (inspect.getdoc(cls) or "").partition("----------\n")[2]
         parts = re.findall(r"^(\w+) : (.+)\n((?: {4}.+\n?)+)", listed, re.MULTILINE)
         return {name: (unit, " ".join(meaning.split())) for name, unit, meaning in parts}
 
 
 def _is_allowed(number: object, whole: bool, largest: float) -> bool:
-    """Returns True for a finite number from 0 to the largest, whole where it has to be."""
+    """Returns True for a finite number from 0 to the largest, and whole if required."""
     if isinstance(number, bool) or not isinstance(number, int if whole else int | float):
         return False
     return math.isfinite(number) and 0 <= number <= largest
@@ -46,7 +46,7 @@ def _is_allowed(number: object, whole: bool, largest: float) -> bool:
 
 @dataclass(frozen=True)
 class AscentParameters(Section):
-    """The ascent of a mixture, without a master: steps by its gradient.
+    """The ascent of a mixture without a master: steps along the gradient.
 
     Attributes
     ----------

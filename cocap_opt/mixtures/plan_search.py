@@ -1,10 +1,11 @@
-"""Plans that a mixture leads to: roundings, best responses over few states, neighbourhoods.
+"""Searches for plans guided by a mixture: roundings, best responses over few states,
+neighbourhoods.
 
-The prices of a mixture say which states are worth a look; best responses over these take a
-millisecond or two. Again and again the best of some random roundings of all columns that are known
-(`column_pool`) is taken up: its robots answer one another until none gains, and a short large
-neighbourhood search goes on from there. The columns of each plan that is found join the pool, so
-that roundings put the parts of good plans together.
+The prices of a mixture indicate promising states; best responses over these take a millisecond or
+two. Repeatedly, the best of some random roundings of all known columns (`column_pool`) is selected:
+its robots respond to each other until none gains, and a short large neighbourhood search continues
+from there. The columns of each plan that is found join the pool, so roundings combine parts of good
+plans.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,7 +26,7 @@ from cocap_opt.stop import Stop
 
 
 def team_of(model: Model, columns: Iterable[Column]) -> PlannedTeam:
-    """Returns the team that flies one column for each robot, in the robots' order."""
+    """Returns the team that flies one column per robot, in the robots' order."""
     found = []
     for column in columns:
         pixels = column.added_to(model.problem.no_pixels())
@@ -39,19 +40,19 @@ def columns_of(team: PlannedTeam) -> list[Column]:
 
 
 def tell_nobody(*_: object) -> None:
-    """Does nothing with its arguments."""
+    """Ignores its arguments."""
 
 
 class PlanSearch:
-    """Search for plans with a pool of columns.
+    """Searches for plans with a pool of columns.
 
     Parameters
     ----------
-    model : whose robots all have a path
+    model : a model in which every robot has a path
     stop : stopping criterion
-    rng : of roundings and neighbourhoods
-    parameters : that guide it
-    tell : told the columns of each plan with which the search from a start ends
+    rng : random generator of roundings and neighbourhoods
+    parameters : parameters of the search
+    tell : called with the columns of each plan in which the search from a start ends
     """
 
     def __init__(
@@ -91,16 +92,18 @@ class PlanSearch:
     def better_teams(
         self, team: PlannedTeam, rewards: Sequence[FloatArray]
     ) -> Iterator[PlannedTeam]:
-        """Yields each better team than a whole one, until the search stands still.
+        """Yields each team that is better than a given whole team, until the search makes no more
+        progress.
 
         Parameters
         ----------
-        rewards : [T+1, S] of the states of each class, by which they are worth a look
+        rewards : for each class, the rewards of its states [T+1, S], which indicate promising
+            states
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         parameters = self._parameters
         low_level = RestrictedValueIteration.at_rewards(
@@ -121,7 +124,7 @@ class PlanSearch:
             start = self._drawn() or team
 
     def _improved(self, team: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
-        """Yields a team, and each better one that responses and neighbourhoods lead to."""
+        """Yields a team, and each better team that responses and neighbourhoods lead to."""
         yield team
         for better in in_rounds(team, responses):
             yield (team := better)
@@ -129,7 +132,7 @@ class PlanSearch:
         yield from neighbourhood_search(team, responses, asked, self._rng)
 
     def _drawn(self) -> PlannedTeam | None:
-        """Returns the best of some roundings that is not taken up yet; None if none is left."""
+        """Returns the best of some roundings that has not been used yet; None if there is none."""
         best: LocalOptimum | None = None
         for found in self._pool.drawn(self._rng, self._parameters.draws):
             self._stop.check()

@@ -1,13 +1,12 @@
-"""Prices of what is seen, and the paths that are worth most at them.
+"""Prices of views, and the best paths at given prices.
 
 Of a view sum with pixels p_i of robot i, the root of all is less than
 
     sum_i (alpha sqrt(p_i) + beta p_i) + (1 - alpha)^2 / (4 beta),
 
-so that each robot has a credit of its own: alpha for each root, beta for each px/m2. Where many
-robots see a face alpha is small, and a view of what others miss is worth more. Good prices are
-those of a good mixture (`mixture_ascent`). At any prices one backward sweep finds the best paths of
-a whole class.
+so each robot gets its own credit: alpha for each root, beta for each px/m2. If many robots see a
+face, alpha is small, so views of other faces are worth more. Good prices are those of a good
+mixture (`mixture_ascent`). At any prices, one backward sweep finds the best paths of a whole class.
 """
 
 from collections.abc import Iterable
@@ -27,39 +26,39 @@ from cocap_opt.stop import Stop, never
 
 
 class Prices(NamedTuple):
-    """Credits of a robot for what it sees of each view sum."""
+    """Credits of a robot for its view of each view sum."""
 
-    alpha: FloatArray  # [Z] of the root of its pixels
-    beta: FloatArray  # [Z] m/px^0.5, of its pixels
+    alpha: FloatArray  # [Z] for the root of its pixels
+    beta: FloatArray  # [Z] m/px^0.5, for its pixels
 
     @classmethod
     def alone(cls, problem: Problem) -> Self:
-        """Returns the prices that value every view as if nobody else saw the face."""
+        """Returns the prices that credit every view as if nobody else saw the face."""
         zeros = problem.no_pixels()
         return cls(zeros + 1.0, zeros)
 
 
 class BestPaths(NamedTuple):
-    """The best paths at some prices."""
+    """The best paths at given prices."""
 
-    bound: float  # J of which no mixture has more, but for rounding; proves nothing
+    bound: float  # J that no mixture exceeds, except for rounding; not a proof
     prices: Prices
-    columns: list[Column]  # of each robot that has a path
+    columns: list[Column]  # the best column of each robot that has a path
 
 
 class PricedViews:
-    """The views of all states of a model, ready to be priced.
+    """The views of all states of a model, prepared for pricing.
 
     Parameters
     ----------
-    model : whose coverage is there
+    model : a model with complete coverage
     stop : stopping criterion of sweeps
 
     Attributes
     ----------
-    tables : of each class, the id of its coverage table
-    roots : of each coverage table by its id, as a sparse matrix of nodes by view sums; some classes
-        share a table
+    tables : for each class, the id of its coverage table
+    roots : for each coverage table, by id, a sparse matrix of roots by node and view sum; some
+        classes share a table
     """
 
     def __init__(self, model: Model, stop: Stop = never) -> None:
@@ -77,7 +76,7 @@ class PricedViews:
                 self.roots[id(table)] = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
 
     def at(self, alpha: FloatArray, beta: FloatArray) -> dict[int, FloatArray]:
-        """Returns the prices of the nodes [n] of each table at alpha and beta [Z]."""
+        """Returns the prices of the nodes [n] of each table, given alpha and beta [Z]."""
         of_roots, of_pixels = self._weights * alpha, self._weights * beta
         return {
             at: roots @ of_roots + self._pixels[at] @ of_pixels for at, roots in self.roots.items()
@@ -92,19 +91,19 @@ class PricedViews:
     def with_best_paths(
         self, bound: float, rewards: Iterable[FloatArray], charges: Iterable[Charges]
     ) -> tuple[float, list[Column]]:
-        """Returns a bound's constant and the worth of all robots' best paths together, and these.
+        """Returns a constant plus the total worth of all robots' best paths, and these paths.
 
-        The worth is `CLOSED`, and there is no column, where a robot has no path.
+        If a robot has no path, the worth is `CLOSED`, and there are no columns.
 
         Parameters
         ----------
-        rewards : [T+1, S] of the states of each class
-        charges : of each class
+        rewards : rewards [T+1, S] of the states of each class
+        charges : charges of each class
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         bonuses, columns = Bonuses.of(self.model.problem.objective), []
         for robot_class, reward, charge in zip(self.model.classes, rewards, charges, strict=True):
@@ -118,12 +117,12 @@ class PricedViews:
         return bound, columns
 
     def priced(self, prices: Prices) -> BestPaths:
-        """Returns the best paths at some prices, without regard for rules.
+        """Returns the best paths at given prices, ignoring rules.
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         constant = float(self._weights @ self.model.problem.returns.kappas(*prices))
         nothing = [NO_CHARGES] * len(self.model.classes)

@@ -1,9 +1,9 @@
 """Problems compiled for planners and formulations: robot classes, their graphs and coverage.
 
-`model` has the classes and what is asked of them; `places` says where robots can be and what
-conflicts there, `path_cells` which cells a path passes; `coverage_tables` makes and keeps the
-coverage, which problems that differ in their rules share; `coverage_estimate` says before what it
-costs.
+`model` contains the classes and the queries about them; `places` the places of robots and the
+conflicts among these, `path_cells` the cells that a path passes; `coverage_tables` computes and
+caches the coverage, which problems that differ only in their rules share; `coverage_estimate`
+estimates its cost in advance.
 """
 
 from cocap_opt.model.coverage_estimate import CoverageEstimate

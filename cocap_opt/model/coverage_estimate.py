@@ -1,4 +1,4 @@
-"""Estimates of the cost of coverage before it begins: a sample is timed and extrapolated."""
+"""Estimates the cost of coverage in advance, by timing a sample and extrapolating."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -17,26 +17,27 @@ from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import StateViews
 
 _PARTS = 8  # of the sample, evenly spread over all positions in the order of their steps
-_SPREAD = [0, 4, 2, 6, 7, 3, 5, 1]  # an order of them of which any beginning is spread, too
-_SHARE = 0.02  # of all positions, that are sampled
-_LEAST = 1_024  # views of a part, at least where a batch has as many
-_FEW = 64  # views of a small part, whose time is mostly what every batch takes
-_AT_ONCE = 4  # parts in a pool of threads, between looks at the clock
-_SECONDS = 0.7  # after which a sample of large parts is large enough
-# Bytes of a face seen from a state while drones are planned, without those of states: more than 35
-# while the table is made and written to the cache. Measured, and rounded up: see `study memory`.
+# an order of the parts in which every prefix is evenly spread, too
+_SPREAD = [0, 4, 2, 6, 7, 3, 5, 1]
+_SHARE = 0.02  # share of all positions that are sampled
+_LEAST = 1_024  # views of a part, at least, unless a batch has fewer
+_FEW = 64  # views of a small part, whose time is mostly the overhead of a batch
+_AT_ONCE = 4  # parts in a pool of threads between two checks of the clock
+_SECONDS = 0.7  # s after which a sample of large parts is large enough
+# Bytes per face seen from a state while drones are planned, without those of states: more than the
+# 35 while the table is made and written to the cache. Measured, and rounded up: see `study memory`.
 BYTES_PER_ENTRY = 50
 
 
 class CoverageEstimate(NamedTuple):
-    """The cost of the coverage that is not there yet.
+    """The cost of the coverage that is still missing.
 
     Attributes
     ----------
-    views : number of states at steps whose views are to be evaluated
+    views : number of views to evaluate, i.e. of states at steps
     seconds : s, wall-clock time on all usable cores
-    memory : bytes, about: the entries that a sample lets expect, each as planning needs it, and
-        lists of bodies while the table is made; arrays of value iteration are not in it
+    memory : approximate bytes: the entries that the sample predicts, each as planning needs it, and
+        lists of bodies while the table is made; without the arrays of value iteration
     """
 
     views: int = 0
@@ -49,30 +50,31 @@ class CoverageEstimate(NamedTuple):
     ) -> "CoverageEstimate":
         """Estimates the coverage of all reachable states.
 
-        Which positions, places at steps, are sampled depends on the scene alone, but for an end
-        after a second. It is some 2 % of all, spread over steps and places; each has all its
-        orientations, as in the table's own batches, and costs about as much as any other.
+        Which positions (places at steps) are sampled depends only on the scene, except that
+        sampling ends after a second. The sample has some 2 % of all positions, spread over steps
+        and places; each has all its orientations, as in the table's own batches, and takes about as
+        long as any other.
 
         Parameters
         ----------
         n_places : number of places, each of which has all orientations
-        reachable : [T+1, S] true where a state can be reached and its view is to be evaluated
+        reachable : [T+1, S] True if a state can be reached and its view must be evaluated
         threads : number of threads (default: all usable cores)
         """
         sizes, positions = np.count_nonzero(reachable, axis=1), positions_of(reachable, n_places)
         total, places = int(sizes.sum()), int(positions.sum())
         if not total:
             return cls()
-        views.prepare(total)  # by compiled code, if that is kept and soon repaid
+        views.prepare(total)  # uses compiled code, if it is cached and soon pays off
         most, each = min(max(_SHARE * total / _PARTS, _LEAST), views.batch), total / places
         large, small = (
             _parts(n_places, reachable, positions, round(size / each)) for size in (most, _FEW)
         )
         steps = int(np.count_nonzero(sizes))
-        views.look(small[0])  # what is made once, and kept, is no part of the rates
+        views.look(small[0])  # what is made once and cached must not affect the rates
         threads = threads or usable_cores()
         with ThreadPoolExecutor(threads) as pool:
-            # The first look at a step makes what all others of that step need.
+            # The first view at a step computes what all other views of that step need.
             first, again = (_Timed.of(pool, views, small[1:]) for _ in range(2))
             of_large = _Timed.of(pool, views, large[: 1 + first.parts])
         seconds = steps * max(first.each - again.each, 0.0)
@@ -90,7 +92,7 @@ class CoverageEstimate(NamedTuple):
 
 
 def room_of(views: StateViews, sizes: IntArray, threads: int | None = None) -> float:
-    """Returns the bytes, about, that are taken beside a table while it is made.
+    """Returns the approximate number of bytes used in addition to a table while it is made.
 
     Parameters
     ----------
@@ -102,16 +104,16 @@ def room_of(views: StateViews, sizes: IntArray, threads: int | None = None) -> f
 
 
 class _Timed(NamedTuple):
-    """Positions of which all views were evaluated, in parts."""
+    """A sample of positions whose views were all evaluated, in parts."""
 
     parts: int
     positions: int
-    entries: int  # faces that they see
+    entries: int  # number of faces that they see
     seconds: float
 
     @property
     def each(self) -> float:
-        """Seconds of a part."""
+        """Seconds per part."""
         return self.seconds / self.parts
 
     @classmethod
@@ -127,9 +129,10 @@ class _Timed(NamedTuple):
         return cls(done, found, entries, clock.seconds)
 
     def extrapolated(self, small: "_Timed", positions: int, batches: int) -> float:
-        """Returns the seconds of all positions in batches, by those of larger and smaller parts.
+        """Returns the seconds for all positions in batches, extrapolated from larger and smaller
+        parts.
 
-        A part takes a time of its own, and one for each of its positions.
+        The time of a part is a constant plus a time per position.
         """
         fixed, each = 0.0, self.seconds / self.positions
         n, few = self.positions / self.parts, small.positions / small.parts
@@ -140,9 +143,9 @@ class _Timed(NamedTuple):
 
 
 def _parts(n_places: int, reachable: BoolArray, positions: IntArray, size: int) -> list[Viewpoints]:
-    """Returns a sample in parts of about `size` of the positions [T+1] of one step each.
+    """Returns a sample in parts of about `size` of the positions [T+1], each part at one step.
 
-    Parts are in an order in which the first few are spread over all steps, too.
+    The order is such that the first few parts are spread over all steps, too.
     """
     rng, ends = np.random.default_rng(0), np.cumsum(positions)
     middles = (np.arange(_PARTS) + 0.5) / _PARTS * ends[-1]

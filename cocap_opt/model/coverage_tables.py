@@ -25,48 +25,48 @@ if TYPE_CHECKING:
     _Kept = tuple[TableCache, str]
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
-Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
+Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on, besides its start
 
-# Seconds that value iteration over a state takes, and the ceiling of what a state sees of an actor:
-# measured, and rounded up.
+# Seconds per state of value iteration, and per actor and state of a ceiling: measured, and rounded
+# up.
 SWEEPING, _BOUNDING = 6e-8, 4e-8
 
-# Bytes of a state at a step in the arrays of value iteration, and in that of reachable states:
+# Bytes per state and step in the arrays of value iteration, and in that of reachable states:
 # measured.
 BYTES_PER_STATE = 18
-_KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
+_KEPT_SUMS = 128  # paths whose view sums are cached: planners often keep the same robots' paths
 
 
 def tell_nobody(done: int, total: int) -> None:
-    """Reports progress to nobody."""
+    """Ignores progress reports."""
 
 
 class CoverageTables:
-    """Coverage tables of a problem, one for each motion and camera, made when asked for.
+    """Coverage tables of a problem, one for each motion and camera, computed on first use.
 
     Parameters
     ----------
     use_cache : read tables from the user's cache, and write them there
-    plain : without compiled code, and so without the cache
+    plain : True: use no compiled code, and therefore no cache
 
     Attributes
     ----------
-    seconds : spent on coverage so far
+    seconds : time spent on coverage so far
     """
 
     def __init__(self, problem: Problem, use_cache: bool, plain: bool = False) -> None:
         self.problem = problem
         self.seconds = 0.0
         self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
-        # What the cache has may have been found by compiled code.
+        # Tables in the cache may have been computed by compiled code.
         self._use_cache, self._plain = use_cache and not plain, plain
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
         self._growing: dict[Sight, GrowingTable] = {}
-        self._estimates: dict[tuple[Sight, int], CoverageEstimate] = {}  # from a step on
-        self._spent: dict[Sight, float] = {}  # s, in which each table was computed
-        # The stop that has ended coverage early, and by which limit.
+        self._estimates: dict[tuple[Sight, int], CoverageEstimate] = {}  # by first missing step
+        self._spent: dict[Sight, float] = {}  # s for computing each table
+        # The stopping criterion that ended coverage early, and its limit.
         self._ended: tuple[Stop, Limit] | None = None
 
     def views(self, spec: Robot) -> StateViews:
@@ -76,7 +76,7 @@ class CoverageTables:
         return StateViews.of(self._geometry, self.problem, graph, spec.camera, self._plain, reach)
 
     def _reach(self, spec: Robot) -> Reach:
-        """Returns the places that robots like this one can come to."""
+        """Returns the places that robots like this one can reach."""
         ground = self.problem.height_map
         most = np.array(ground.shape) - 1
         cells = np.clip(_start_cells(self.problem, spec), 0, most)
@@ -84,7 +84,7 @@ class CoverageTables:
         return Reach.around(middles, spec.motion.radius * ground.resolution)
 
     def _along(self, spec: Robot, path: Path) -> FloatArray:
-        """Returns the view sums [Z] along a path, each view of which is evaluated anew."""
+        """Returns the view sums [Z] along a path, evaluating each view anew."""
         pixels, first = self.problem.no_pixels(), self.problem.first_step
         views = self.views(spec).along(first, np.array(path[first:]))
         for t, coverage in enumerate(views, start=first):
@@ -92,7 +92,7 @@ class CoverageTables:
         return read_only(pixels)
 
     def reachable(self, spec: Robot) -> BoolArray:
-        """Returns an array [T+1, S], true where a robot like this one can be in a state."""
+        """Returns an array [T+1, S], True for states that a robot like this one can reach."""
         if _sight(spec) not in self._reachable:
             graph = graph_of(self.problem, spec)
             self._reachable[_sight(spec)] = graph.reachable(
@@ -101,34 +101,34 @@ class CoverageTables:
         return self._reachable[_sight(spec)]
 
     def _starts(self, spec: Robot) -> IntArray:
-        """Returns the states in which robots that move and see alike may start, increasing."""
+        """Returns the possible start states of robots with this motion and camera, increasing."""
         graph = graph_of(self.problem, spec)
         alike = _starts_of(self.problem, spec)
         return np.sort(np.concatenate([graph.indices(states.array) for states in alike]))
 
     def table(self, spec: Robot) -> CoverageTable:
-        """Returns the table of this robot's motion and camera; makes it if it is not there.
+        """Returns the table of this robot's motion and camera; computes it if necessary.
 
         Raises
         ------
         ProblemError
-            If it is larger than the memory.
+            If the table is larger than the memory.
         """
         if _sight(spec) not in self._tables:
             self.prepare(spec, never, tell_nobody, 0.0)
         return self._tables[_sight(spec)]
 
     def require_memory(self, spec: Robot, table: float = 0.0) -> None:
-        """Refuses coverage and sweeps that are larger than the memory.
+        """Raises an error if coverage and sweeps would be larger than the memory.
 
         Parameters
         ----------
-        table : bytes of the tables, as they are estimated; without them what is certain counts
+        table : estimated bytes of the tables; None: count only the bytes that are certain
 
         Raises
         ------
         ProblemError
-            If they are.
+            If they would be larger than the memory.
         """
         graph = graph_of(self.problem, spec)
         steps, faces = self.problem.horizon + 1, len(self.problem.face_weights)
@@ -147,17 +147,18 @@ class CoverageTables:
         )
 
     def _sweeps(self, spec: Robot) -> float:
-        """Returns the bytes of value iteration."""
+        """Returns the bytes that value iteration needs."""
         states = (self.problem.horizon + 1) * graph_of(self.problem, spec).n_states
         return states * BYTES_PER_STATE
 
     def _require_room(self, spec: Robot) -> None:
-        """Refuses a table that is larger than the memory; it is sampled if it may be.
+        """Raises an error if a table would be larger than the memory, which is sampled in case of
+        doubt.
 
         Raises
         ------
         ProblemError
-            If it is.
+            If it would be larger than the memory.
         """
         sizes = np.count_nonzero(self.reachable(spec), axis=1)
         sizes[: self.steps(spec)] = 0
@@ -166,7 +167,7 @@ class CoverageTables:
             self.require_memory(spec, self._sampled(spec).memory)
 
     def _sampled(self, spec: Robot) -> CoverageEstimate:
-        """Returns the estimate of the part of a table that is not there, made once."""
+        """Returns the estimate for the missing part of a table, made once."""
         key = _sight(spec), self.steps(spec)
         if key not in self._estimates:
             reachable = self.reachable(spec).copy()
@@ -176,19 +177,19 @@ class CoverageTables:
         return self._estimates[key]
 
     def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
-        """Makes the table of this robot's motion and camera, if it is not there.
+        """Computes the table of this robot's motion and camera, if it is not known.
 
-        A stop that has ended coverage once does so at once when it is asked again: what was left
-        of its time is for what comes after coverage.
+        A stopping criterion that has ended coverage once ends it at once when coverage is requested
+        again: its remaining time is reserved for what follows coverage.
 
         Parameters
         ----------
-        reserve : seconds to be left, at least
+        reserve : time in s that must remain afterwards
 
         Raises
         ------
         LimitReached
-            If there is no time. What is made by then is known, and made no second time.
+            If the time is over. The part computed so far is kept, and not computed again.
         ProblemError
             If the table is larger than the memory.
         """
@@ -197,7 +198,8 @@ class CoverageTables:
         if self._ended is not None and stop is self._ended[0]:
             raise LimitReached(self._ended[1])
         self.require_memory(spec)
-        with stop.paused():  # it digests code, once in a process: that is no coverage
+        # the digest of the code is computed once per process, and does not count as coverage
+        with stop.paused():
             kept = self._kept(spec)
         clock = Clock()
         if math.isfinite(stop.seconds_left):
@@ -212,21 +214,22 @@ class CoverageTables:
             self.seconds += clock.seconds
 
     def is_there(self, spec: Robot) -> bool:
-        """Returns True if nothing is to be computed: the coverage is in memory or in the cache."""
+        """Returns True if nothing must be computed: the coverage is in memory or in the cache."""
         if _sight(spec) in self._tables:
             return True
         kept = self._kept(spec)
         return kept is not None and kept[0].has(kept[1])
 
     def estimate(self) -> CoverageEstimate:
-        """Estimates what the coverage that is not there yet will cost, from a sample of it.
+        """Estimates the cost of the missing coverage from a sample.
 
-        Its memory has the arrays of value iteration in it, too.
+        Its memory includes the arrays of value iteration.
 
         Raises
         ------
         ProblemError
-            If coverage and sweeps are larger than the memory, for certain or by the sample.
+            If coverage and sweeps are certain to be larger than the memory, or are so by the
+            sample.
         """
         total, tables = CoverageEstimate(), 0.0
         for spec in {_sight(robot): robot for robot in self.problem.robots}.values():
@@ -247,7 +250,7 @@ class CoverageTables:
             table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
             try:
                 table.grow(stop, progress)
-            finally:  # what a limit has ended goes on where it was
+            finally:  # continues where a limit has ended it
                 self._spent[_sight(spec)] = before + clock.seconds
             return table.table(), self._spent[_sight(spec)]
 
@@ -258,13 +261,14 @@ class CoverageTables:
         return self._by_view_sum(table)
 
     def _kept(self, spec: Robot) -> "_Kept | None":
-        """Returns the user's cache and the table's key in it, if the cache is to be used.
+        """Returns the user's cache and the table's key in it; None if the cache is not used.
 
-        The key is the digest of all that the coverage of a robot like this one depends on.
+        The key is the digest of everything on which the coverage of a robot like this one depends.
         """
         if not self._use_cache:
             return None
-        from cocap_opt.vision.cache import TableCache  # no judge of bounds loads it
+        # imported here, so that checkers of bounds do not load it
+        from cocap_opt.vision.cache import TableCache
 
         problem = self.problem
         views = problem.objective.views
@@ -281,7 +285,9 @@ class CoverageTables:
         return TableCache.of_user(), key
 
     def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
-        """Returns a table with the problem's view sums: over time, or of people, too."""
+        """Returns a table with the problem's view sums: summed over time, or extended by people, if
+        required.
+        """
         problem = self.problem
         if not problem.objective.over_time and problem.objective.views is None:
             return table
@@ -298,35 +304,39 @@ class CoverageTables:
         return self._growing[_sight(spec)]
 
     def _seconds_to_bound(self, spec: Robot) -> float:
-        """Returns the seconds, about, of ceilings and some sweeps for steps that are not known."""
+        """Returns the approximate seconds for ceilings and some sweeps at steps without known
+        coverage.
+        """
         reachable = self.reachable(spec)
         unknown = int(np.count_nonzero(reachable[self.steps(spec) :]))
         return unknown * len(self.problem.actors) * _BOUNDING + 2.5 * reachable.size * SWEEPING
 
     def steps(self, spec: Robot) -> int:
-        """Returns the number of steps, from 0 on, that the known coverage is whole for."""
+        """Returns the number of steps, from 0 on, for which the known coverage is complete."""
         whole = self.problem.horizon + 1
         return whole if _sight(spec) in self._tables else self._table_of(spec).steps
 
     def known(self, spec: Robot) -> CoverageTable:
-        """Returns the table as far as it is known."""
+        """Returns the known part of the table."""
         found = self._tables.get(_sight(spec))
         return self._by_view_sum(self._table_of(spec).table()) if found is None else found
 
     @property
     def cost(self) -> float | None:
-        """Seconds in which all tables were computed, here or elsewhere; None if one is missing."""
+        """Seconds in which all tables were computed, in this process or elsewhere; None if one is
+        missing.
+        """
         sights = {_sight(robot) for robot in self.problem.robots}
         if not sights <= self._tables.keys():
             return None
         return sum(self._spent[sight] for sight in sights)
 
     def take(self, other: "CoverageTables") -> None:
-        """Takes over the tables of the same problem, as far as they are known, and nothing else."""
+        """Takes over the known tables of the same problem, and nothing else."""
         self._tables, self._growing, self._spent = other._tables, other._growing, other._spent
 
     def so_far(self) -> "CoverageTables":
-        """Returns a copy in which nobody sees anything at the steps that are not known."""
+        """Returns a copy in which nobody sees anything at steps without known coverage."""
         part = copy(self)
         part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
         return part
@@ -337,18 +347,20 @@ def _sight(spec: Robot) -> Sight:
 
 
 def _starts_of(problem: Problem, spec: Robot) -> Iterator[StartSet]:
-    """Yields the starts of each robot with this one's motion and camera; equal sets once."""
+    """Yields the starts of each robot with the same motion and camera, skipping duplicates."""
     both = zip(problem.robots, problem.starts, strict=True)
     yield from dict.fromkeys(states for robot, states in both if _sight(robot) == _sight(spec))
 
 
 def _start_cells(problem: Problem, spec: Robot) -> IntArray:
-    """Returns the cells (x, y) [n, 2] in which robots with this motion and camera may start."""
+    """Returns the cells (x, y) [n, 2] of the possible starts of robots with this motion and
+    camera.
+    """
     return np.concatenate([states.columns for states in _starts_of(problem, spec)])
 
 
 def graph_of(problem: Problem, spec: Robot) -> TimeGraph:
-    """Returns the graph of the cells that robots with this one's motion and camera can reach."""
+    """Returns the graph of the cells that robots with the same motion and camera can reach."""
     reach = spec.motion.radius * problem.horizon
     window = Window.around(_start_cells(problem, spec), reach, problem.workspace)
     people = None

@@ -13,28 +13,29 @@ from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, Progress
 from cocap_opt.vision.views import StateViews
 
-_WAITING = 1.0  # s that Ctrl-C waits for a plan at least, with the coverage that is there
+# s for which Ctrl-C waits at least for a plan, made with the coverage computed so far
+_WAITING = 1.0
 
 
 class Model:
-    """A compiled problem. Coverage is computed when it is first asked for, and then kept.
+    """A compiled problem. Coverage is computed on first use and then cached.
 
     Parameters
     ----------
-    use_cache : take coverage from the disk cache, and write it there
-    plain : coverage is found without compiled code, which nobody has to trust then, and without the
-        cache
-    tables : coverage of the same problem, under any rules, to be shared; None: its own
-    cut_short : the limit that ended the coverage of `tables`, and the number of steps there are
+    use_cache : True: read coverage from the disk cache, and write it there
+    plain : True: compute coverage without compiled code, which then need not be trusted, and
+        without the cache
+    tables : coverage tables of the same problem, under any rules, to share; None: make new ones
+    cut_short : the limit that ended the coverage of `tables`, and the number of covered steps
 
     Attributes
     ----------
     classes : the robot classes
     class_of : [R] class of each robot
-    places : where the robots of each class can be, and what conflicts there
-    tables : coverage, for each motion and camera
-    is_disaggregated : every robot is a class of its own, though others may be like it
-    cut_short_by : the limit that ended the coverage early; None where it is whole
+    places : the places of each class's robots, and the conflicts among them
+    tables : coverage for each motion and camera
+    is_disaggregated : True if every robot forms its own class, even if others are alike
+    cut_short_by : the limit that ended coverage early; None if coverage is complete
     """
 
     def __init__(
@@ -57,11 +58,11 @@ class Model:
         self._known_steps = cut_short and cut_short[1]
 
     def under_rules_of(self, problem: Problem) -> "Model":
-        """Return the model of a problem that differs in its rules only; coverage is shared."""
+        """Return the model of a problem that differs only in its rules; coverage is shared."""
         return Model(problem, tables=self.tables, is_disaggregated=self.is_disaggregated)
 
     def disaggregated(self) -> "Model":
-        """Return a model in which every robot is a class of its own; coverage is shared."""
+        """Return a model in which every robot forms its own class; coverage is shared."""
         return Model(self.problem, tables=self.tables, is_disaggregated=True)
 
     @property
@@ -75,16 +76,18 @@ class Model:
         return tuple(len(robot_class.robots) for robot_class in self.classes)
 
     def starts(self, robot: int) -> IntArray:
-        """State numbers, increasing, in one of which a robot starts."""
+        """Numbers of a robot's possible start states, increasing."""
         robot_class = self.class_of[robot]
         return robot_class.starts[robot_class.robots.index(robot)]
 
     def first_start(self, robot: int) -> int:
-        """State number of a start that keeps the rules beside those of all others."""
+        """Number of a start state that obeys the rules together with the first starts of all other
+        robots.
+        """
         return self.class_of[robot].graph.index(self.problem.first_starts[robot])
 
     def views(self, robot_class: RobotClass) -> StateViews:
-        """Return a fresh source of coverage that evaluates only the states it is asked for."""
+        """Return a new source of coverage that evaluates only the requested states."""
         return self.tables.views(robot_class.spec)
 
     def reachable(self, robot_class: RobotClass) -> BoolArray:
@@ -93,12 +96,12 @@ class Model:
 
     @property
     def reachable_views(self) -> int:
-        """Number of states at steps that count that robots can reach: of all views there are."""
+        """Number of states that robots can reach at steps that count, i.e. of all views."""
         return self._views_before(self.problem.horizon + 1)
 
     @property
     def covered_views(self) -> int:
-        """Number of those whose coverage is there."""
+        """Number of those views whose coverage is known."""
         return self._views_before(self.covered_steps)
 
     def _views_before(self, step: int) -> int:
@@ -107,12 +110,14 @@ class Model:
 
     @property
     def planning_seconds(self) -> float:
-        """Seconds, about, in which every robot is planned once, when its coverage is there."""
+        """Approximate time in s to plan every robot once, after coverage has been computed."""
         states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
         return states * (self.problem.horizon + 1) * SWEEPING
 
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
-        """Coverage of every state that the class can reach (shared by classes that see alike)."""
+        """Coverage of every state that the class can reach (shared by classes with the same cameras
+        and motion).
+        """
         return self.tables.table(robot_class.spec)
 
     def prepare(
@@ -120,13 +125,14 @@ class Model:
     ) -> None:
         """Compute the coverage of a class.
 
-        Coverage that is there already, in memory or in the cache, is taken at any time. It ends
-        early enough to bound in time what it leaves open (`coverage_so_far`, `vision.ceilings`).
+        Coverage that is known already, in memory or in the cache, is used even after a limit. The
+        computation ends early enough to bound the missing coverage in time (`coverage_so_far`,
+        `vision.ceilings`).
 
         Raises
         ------
         LimitReached
-            If a limit is reached before the coverage is whole. What is there is kept.
+            If a limit is reached before coverage is complete. The coverage computed so far is kept.
         """
         self.tables.prepare(robot_class.spec, stop, progress, reserve=0.0)
 
@@ -136,12 +142,12 @@ class Model:
             self.prepare(robot_class, stop, progress)
 
     def covered_by(self, stop: Stop, progress: Progress = tell_nobody) -> "Model":
-        """Return this model with its coverage, or with as much of it as there is time for.
+        """Return this model with its coverage, or with as much of it as the time allows.
 
-        Time is kept for planning every robot once, but no more than half of what there is; Ctrl-C
-        waits as long, or a second. In a model that is cut short, robots see nothing at the steps
-        whose coverage is missing, but along their own paths: plans are judged right, but made
-        without looking that far.
+        It reserves time to plan every robot once, but at most half of the available time; after
+        Ctrl-C, it takes as much time, or a second. In a model that is cut short, robots see nothing
+        at the steps with missing coverage, except along their own paths: plans are evaluated
+        correctly, but made without looking that far.
         """
         limit, before, reserve = None, stop.reached(), self.planning_seconds
         try:
@@ -163,13 +169,13 @@ class Model:
 
     @property
     def covered_steps(self) -> int:
-        """Number of steps, from 0 on, at which the coverage of all classes is there."""
+        """Number of steps, from 0 on, for which the coverage of all classes is known."""
         if self._known_steps is not None:
             return self._known_steps
         return min(self.tables.steps(c.spec) for c in self.classes)
 
     def coverage_so_far(self, robot_class: RobotClass) -> tuple[CoverageTable, int]:
-        """Returns the coverage that is there, and the number of steps that it is whole for."""
+        """Returns the known coverage, and the number of steps for which it is complete."""
         spec = robot_class.spec
         return self.tables.known(spec), self.tables.steps(spec)
 
@@ -185,7 +191,7 @@ class Model:
         return found
 
     def coverage_at(self, robot_class: RobotClass, t: int, states: IntArray) -> FloatArray:
-        """Returns the coverage [n, W] of a class's states [n] at step t, as `StateViews` does."""
+        """Returns the coverage [n, W] of a class's states [n] at step t, like `StateViews`."""
         problem, table = self.problem, self.coverage(robot_class)
         which, entries = table.entries(t * robot_class.graph.n_states + states)
         columns = table.view_sums[entries] - (
@@ -211,11 +217,11 @@ class Model:
         return pixels
 
     def evaluated_pixels(self, robot: int, path: Path) -> FloatArray:
-        """View sums [Z] along a path, read-only; the last paths are kept."""
+        """View sums [Z] along a path, read-only; results for the most recent paths are cached."""
         return self.tables.along(self.class_of[robot].spec, path)
 
     def spread(self, robot_class: RobotClass, values: FloatArray) -> FloatArray:
-        """Make a reward array [T+1, S] of the values at the nodes of a class's coverage table."""
+        """Make a reward array [T+1, S] from values at the nodes of a class's coverage table."""
         reward = robot_class.graph.no_reward(self.problem.horizon)
         reward.reshape(-1)[self.coverage(robot_class).nodes] = values
         return reward
@@ -249,20 +255,22 @@ class Model:
 
 @lru_cache(maxsize=8)
 def compiled(problem: Problem) -> Model:
-    """Return the model of a problem, made once per process and shared by all that ask for it.
+    """Return the model of a problem, made once per process and shared by all callers.
 
-    A model changes only by keeping the coverage that it has computed, so sharing shows nowhere
-    but in the time it takes. A problem shares its coverage with the same one without rules.
+    A model changes only by caching the coverage that it has computed, so sharing affects nothing
+    but the time. A problem shares its coverage with the same problem without rules.
     """
     free = problem.without_rules()
     return Model(problem) if free is problem else compiled(free).under_rules_of(problem)
 
 
 def compiled_anew(problem: Problem) -> Model:
-    """Return the model of a problem as if nobody had used it yet; only its coverage stays known.
+    """Return a new model of a problem, as if none had been used before; only known coverage is
+    kept.
 
-    From now on `compiled` returns it. A method that begins with it owes nothing to those that ran
-    before: no view that they evaluated, no place or move whose conflicts they looked up.
+    From now on `compiled` returns it. A method that starts with it does not benefit from earlier
+    methods: neither from views that they evaluated, nor from conflicts of places or moves that they
+    looked up.
     """
     used = compiled(problem)
     compiled.cache_clear()
@@ -272,9 +280,10 @@ def compiled_anew(problem: Problem) -> Model:
 
 
 def share_coverage(problem: Problem, other: Problem) -> None:
-    """Gives a problem the coverage of another, which differs from it in weights of J only.
+    """Gives a problem the coverage of another one that differs from it only in the weights of J.
 
-    No weight changes whom drones see. What either makes from then on is known to both.
+    Weights do not affect whom drones see. Coverage that either problem computes from then on is
+    known to both.
     """
     tables = compiled(other.without_rules()).tables
     compiled(problem.without_rules()).tables.take(tables)

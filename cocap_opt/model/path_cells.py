@@ -8,7 +8,7 @@ from cocap_opt.problem import Cell
 
 
 class PathCells(NamedTuple):
-    """A path of one robot with the cells that it passes, which is all that rules look at."""
+    """A path of one robot with the cells that it passes; rules depend only on these."""
 
     class_number: int  # of the robot's class
     states: Path  # T+1 state numbers
@@ -16,7 +16,7 @@ class PathCells(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, robot: int, path: Path) -> "PathCells":
-        """Returns the path of a robot, which is given in state numbers, with its cells."""
+        """Returns the path of a robot, given as state numbers, with its cells."""
         robot_class = model.class_of[robot]
         number = model.classes.index(robot_class)
         cells, n_places = model.places.cells[number], robot_class.graph.n_places

@@ -1,7 +1,7 @@
-"""Robot classes, the places where their robots can be, and which of them conflict.
+"""Robot classes, the places of their robots, and the conflicts among places.
 
-Robots with the same motion, camera and goal form a robot class: they differ only in where they
-start, share one graph and one coverage table, and one sweep prices them all.
+Robots with the same motion, camera and goal form a robot class: they differ only in their starts,
+share one graph and one coverage table, and one sweep prices them all.
 """
 
 from collections.abc import Sequence
@@ -17,36 +17,38 @@ from cocap_opt.model.coverage_tables import Path, Sight, graph_of
 from cocap_opt.problem import AnyGoal, Cell, Problem, Robot, StartSet
 from cocap_opt.problem.rules import Meeting
 
-_KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
-_KEPT_PATHS = 500  # for which cells, the places and moves that conflict are kept
+_KEPT = 20_000  # cells and moves for which conflicting places and moves are cached
+_KEPT_PATHS = 500  # paths, as cells, for which conflicting places and moves are cached
 
 
 @dataclass(frozen=True)
 class RobotClass:
-    """Robots that differ only in where they start."""
+    """Robots that differ only in their starts."""
 
-    spec: Robot  # any of them
+    spec: Robot  # any of these robots
     robots: tuple[int, ...]
-    # State numbers, increasing, in one of which each robot starts.
+    # Numbers of each robot's possible start states, increasing.
     starts: tuple[IntArray, ...] = field(compare=False)
     graph: TimeGraph
 
     @property
     def goal(self) -> AnyGoal | None:
-        """Cell in which all of them must end, or several, in one of which each of them must."""
+        """Cell in which all of these robots must end, or several cells, one of which each must
+        reach.
+        """
         return self.spec.goal
 
     @property
     def sight(self) -> Sight:
-        """Motion and camera, on which the coverage of the class depends besides its starts."""
+        """Motion and camera, which together with the starts determine the coverage of the class."""
         return self.spec.motion, self.spec.camera
 
     @cached_property
     def start_sets(self) -> list[tuple[IntArray, list[int]]]:
-        """The different sets of starts, and the robots that have each.
+        """The distinct sets of starts, each with the robots that have it.
 
-        Robots that start somewhere else are not multiples of each other, though they are of one
-        class: as if they might exchange their starts, a bound would be too high.
+        Robots of one class with different starts are not interchangeable at the start: if a bound
+        let them exchange their starts, it would be too high.
         """
         found: dict[bytes, tuple[IntArray, list[int]]] = {}
         for robot, starts in zip(self.robots, self.starts, strict=True):
@@ -64,7 +66,7 @@ class RobotClass:
 
         Parameters
         ----------
-        is_disaggregated : every robot is a class of its own, though others may be like it
+        is_disaggregated : True: every robot forms its own class, even if others are alike
         """
         members: dict[tuple[object, ...], list[int]] = {}
         for i, robot in enumerate(problem.robots):
@@ -80,9 +82,9 @@ class RobotClass:
 
 
 class Places:
-    """The places of each class of robots, and the conflicts among them under the problem's rules.
+    """The places of each robot class, and the conflicts among them under the problem's rules.
 
-    Tables are made when they are first asked for, and then kept.
+    Tables are computed on first use and then cached.
     """
 
     def __init__(
@@ -96,11 +98,13 @@ class Places:
 
     @cached_property
     def cells(self) -> tuple[tuple[Cell, ...], ...]:
-        """Cell of every place of every class; those of the border have layer -1."""
+        """Cell of every place of every class; places on the border have layer -1."""
         return tuple(_cells(self._problem, robot_class) for robot_class in self._classes)
 
     def place_of(self, robot_class: RobotClass, cell: Cell) -> int | None:
-        """Returns the number of a cell among a class's places; None where it never flies."""
+        """Returns the number of a cell among a class's places; None if the class never flies
+        there.
+        """
         layers, height = robot_class.spec.motion.layers, self._problem.layers[cell.layer]
         if height not in layers or not robot_class.graph.window.covers(cell.x, cell.y):
             return None
@@ -138,7 +142,7 @@ class Places:
 
         Parameters
         ----------
-        move : one of the two that meet there
+        move : one of the two moves that meet there
 
         Returns
         -------
@@ -160,7 +164,9 @@ class Places:
         return tuple(_positions(self._problem, robot_class) for robot_class in self._classes)
 
     def where(self, robot_class: RobotClass, places: IntArray) -> FloatArray:
-        """Returns where robots of a class are in places [..], as [.., 3] in m, like `positions`."""
+        """Returns the positions of robots of a class in places [..], as [.., 3] in m, like
+        `positions`.
+        """
         return self.positions[self._classes.index(robot_class)][places]
 
     def _places_too_close(self, number: int, cell: Cell) -> IntArray:
@@ -173,14 +179,14 @@ class Places:
     def _moves_too_close(self, number: int, move: tuple[Cell, Cell]) -> IntArray:
         """Returns the moves [n, 2] of a class, tails and heads, that conflict with a robot's move.
 
-        They do so between two steps, at neither of which there is a conflict.
+        The conflict occurs between two steps, and at neither of them.
         """
         rules, graph = self._problem.rules, self._classes[number].graph
         (x, y, _), (u, v, _) = move
         tails, heads = (
             graph.moves_past((x, y), (u, v), self._problem.cells_apart)
             if rules.separation
-            else graph.moves_between((u, v), (x, y))  # only these may swap places with it
+            else graph.moves_between((u, v), (x, y))  # only these moves may swap places with it
         )
         here, there = self._problem.positions(move)
         theirs = self.positions[number][tails], self.positions[number][heads]
@@ -189,7 +195,7 @@ class Places:
     def conflict_matrix(
         self, classes: tuple[RobotClass, RobotClass], places: tuple[IntArray, IntArray]
     ) -> BoolArray:
-        """Returns which places [n, m] of two robots' classes conflict at the same step.
+        """Returns True for places [n, m] of two robots' classes that conflict at the same step.
 
         Parameters
         ----------
@@ -205,7 +211,9 @@ def _numbers(graph: TimeGraph, states: StartSet) -> IntArray:
 
 
 def _at_steps(what: list[IntArray], width: int) -> IntArray:
-    """Returns rows [n_t, width] of the steps t = 0.. as one array [n, 1 + width], t before each."""
+    """Returns rows [n_t, width] of steps t = 0.. as one array [n, 1 + width], with t before each
+    row.
+    """
     steps = np.repeat(np.arange(len(what)), list(map(len, what)))
     return np.column_stack([steps, np.concatenate([np.empty((0, width), np.int64), *what])])
 
@@ -236,5 +244,5 @@ def _positions(problem: Problem, robot_class: RobotClass) -> FloatArray:
 
 
 def _inside(graph: TimeGraph) -> IntArray:
-    """Return the places [n] of a graph that are not of its border."""
+    """Return the places [n] of a graph that are not on its border."""
     return graph.without_border(np.arange(graph.n_places)).ravel()

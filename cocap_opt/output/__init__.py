@@ -1,4 +1,4 @@
-"""Answers as people and programs get them: tables, words, JSON, and files written whole.
+"""Answers for people and programs: tables, words, JSON, and files written completely or not at all.
 
-`nearness` says how near drones come where no rule asks for a distance.
+`nearness` reports how close drones come if no rule limits it.
 """

@@ -1,6 +1,6 @@
-"""The answer of a command on standard output: lines, or one JSON object and nothing else.
+"""The answer of a command on standard output: lines, or a single JSON object.
 
-What was asked for comes first. How it was computed is shown on request; JSON always has it.
+Requested values come first. How they were computed is shown on request; JSON always includes it.
 """
 
 import sys
@@ -28,8 +28,7 @@ from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.stop import NO_LIMIT
 
 _BREAK = "\n"
-# Names of keys, as people read them, short enough to stand beside their values in 60 columns; JSON
-# has the keys.
+# Labels of keys, short enough to be beside their values in 60 columns; JSON uses the keys.
 LABELS = {
     "reward": "J",
     "cut_short": "attention",
@@ -109,7 +108,7 @@ LABELS = {
     "bound_program": "program of bound",
     "accuracy": "place on the Earth",
 }
-# Values with what they are, by their keys.
+# Wordings of values, by key.
 _VALUES = {
     "seconds": "{} s",
     "coverage_seconds": "{} s",
@@ -136,10 +135,11 @@ _VALUES = {
     "reward_straight": "{}, also between steps",
     "reward_smooth": "{}, also between steps",
 }
-# Lists of rewards: what each is of, and the number of the first.
+# Lists of rewards: the item that each belongs to, and the number of the first.
 _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
-_FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
-# Values that say nothing, by their keys; JSON has them.
+# number of rewards up to which they are listed; with more there is a summary, and JSON has all
+_FEW = 12
+# Values without information, by key; JSON includes them.
 _SILENT = {
     "limit": NO_LIMIT,
     "evaluated": 0,
@@ -149,15 +149,15 @@ _SILENT = {
     "shortened": 0,
 }
 _ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
-# What was asked for, in the order in which people read it; all else comes after.
+# Requested values, in the order in which people read them; all others follow.
 _FIRST = (
     "cut_short", "valid", "agrees", "reward", "bound", "gap", "optimal", "cameras", "takes",
     "second_opinion", "second_bound", "violations", "near_drones", "near_people", "file", "files",
     "certificate", "rest_scene", "rest_plan", "message",
 )  # fmt: skip
-WIDEST = 26  # columns of labels; a value whose label is wider begins in the next line
-_BETWEEN, _INDENT = 2, 3  # columns between label and value; before a value in a line of its own
-# How it was computed, which developers read.
+WIDEST = 26  # columns of labels; the value of a wider label begins on the next line
+_BETWEEN, _INDENT = 2, 3  # columns between label and value, and before a value on a line of its own
+# Values about the computation, for developers.
 _INTERNAL = frozenset({
     "method", "seconds", "coverage_seconds", "checking_seconds", "bound_seconds", "views",
     "evaluated", "generated", "expanded", "depth", "leaves", "nodes", "iterations", "columns",
@@ -171,11 +171,13 @@ _INTERNAL = frozenset({
 def print_result(row: Record, json: bool, verbose: bool = True) -> None:
     """Prints the answer of a command: a line per key, or one JSON object on one line.
 
-    Infinite numbers are null in JSON; what is not text, or would steer a terminal, is escaped.
+    Infinite numbers are null in JSON; characters that are not text, or would control a terminal,
+    are escaped.
 
     Parameters
     ----------
-    verbose : True: also how it was computed; False: a last line says how many lines that would be
+    verbose : True: also print how the answer was computed; False: a last line gives the number of
+        omitted lines
     """
     if json:
         sys.stdout.write(harmless(msgspec.json.encode(row, enc_hook=path_text).decode()) + "\n")
@@ -191,7 +193,7 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
         if is_internal and not verbose:
             hidden += 1
             continue
-        if key == "conflicts" and row.get("violations"):  # which are listed
+        if key == "conflicts" and row.get("violations"):  # they are listed there
             continue
         shown.append((_label(row, key), _shown(row, key)))
     print_pairs(shown)
@@ -200,17 +202,17 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
 
 
 def _label(row: Record, key: str) -> str:
-    """Returns the label of a value; violations that are all conflicts are called so."""
+    """Returns the label of a value; violations that are all conflicts are labelled as conflicts."""
     if key == "violations" and are_conflicts(row[key]):
         return "conflicts"
     return LABELS.get(key, key)
 
 
 def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
-    """Prints labels with their values beside them, whose lines are folded.
+    """Prints labels beside their values, whose lines are folded.
 
-    A value stands in lines of its own, below its label, if the label is long or if a name in the
-    value has no room beside it: names of files are copied.
+    A value is printed on lines of its own, below its label, if the label is long or if a name in
+    the value does not fit beside it, as names of files are copied.
     """
     pairs, width = [*pairs], terminal().width
     labels = [columns_of(label) for label, _ in pairs if columns_of(label) <= WIDEST]
@@ -229,9 +231,9 @@ def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
 
 
 def _in_order(row: Record) -> Iterable[str]:
-    """Returns the keys of an answer, those that were asked for first.
+    """Returns the keys of an answer, requested ones first.
 
-    Where there is no plan, the message says why, and comes before all else; so do violations.
+    If there is no plan, the message gives the reason and comes first; so do violations.
     """
     first: tuple[str, ...] = _FIRST
     if row.get("reward", 0.0) is None:
@@ -242,18 +244,19 @@ def _in_order(row: Record) -> Iterable[str]:
 
 
 def _shown(row: Record, key: str) -> str:
-    """Returns a value as people read it: conflicts in groups, and long lists summed up."""
+    """Returns a value as text: conflicts in groups, and long lists summarised."""
     value = row[key]
     if key == "gap":
         return f"{cell_text(key, value)}: {_told_gap(row)}"
     if key == "bound" and isinstance(value, float):
         told = told_bound(value, row.get("reward"))
-        return told if value >= 0 else f"{told}: below 0, so no such plan exists"  # no J is
+        # J is never negative
+        return told if value >= 0 else f"{told}: below 0, so no such plan exists"
     if key == "accuracy":
         return told_accuracy(value)
     if key == "optimal":
         return "yes" if value else "not proved"
-    if key == "smoothing_cost":  # which is below 0 where smoothness gains
+    if key == "smoothing_cost":  # negative if smoothness gains
         return f"{-100 * value:+.3f} % of J"
     if key == "takes":
         return told_takes(value)
@@ -261,19 +264,19 @@ def _shown(row: Record, key: str) -> str:
         return cell_text(key, [*_number(row), *grouped_conflicts(value)])
     if key in _SERIES and len(value) > _FEW:
         return _summary(value, *_SERIES[key])
-    if isinstance(value, str) and not value[:1].isdigit():  # such as "unlimited"
+    if isinstance(value, str) and not value[:1].isdigit():  # e.g. "unlimited"
         return cell_text(key, value)
     return _VALUES.get(key, "{}").format(cell_text(key, value))
 
 
 def _number(row: Record) -> Iterable[str]:
-    """Yields the number of conflicts, where an answer counts them and lists pairs of drones."""
+    """Yields the number of conflicts, if an answer counts them and lists pairs of drones."""
     if row["violations"] and row.get("conflicts"):
         yield f"{row['conflicts']:,} in all:"
 
 
 def told_takes(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Returns J and the quality of a plan in each take, a line each."""
+    """Returns J and the quality of a plan in each take, one per line."""
     return _BREAK.join(
         "; ".join(filter(None, [
             f"{row['take']} ({100 * row['probability']:.3g} %): J {rounded(row['reward'])}",
@@ -284,7 +287,7 @@ def told_takes(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _summary(rewards: Sequence[float], noun: str, first: int) -> str:
-    """Returns the mean of rewards, and which is the least and which the largest."""
+    """Returns the mean of rewards, and which are smallest and largest."""
     least, most = (rewards.index(end(rewards)) for end in (min, max))
     return "\n".join([
         f"mean {fsum(rewards) / len(rewards):,.2f} over {len(rewards)}; --json has all",
@@ -294,7 +297,7 @@ def _summary(rewards: Sequence[float], noun: str, first: int) -> str:
 
 
 def _told_gap(row: Record) -> str:
-    """Returns the meaning of a gap; J of the best plan is the bound at most."""
+    """Returns the meaning of a gap: J of the best plan is at most the bound."""
     is_proved = row.get("valid") is not False and 0 <= row["gap"] <= OPTIMALITY
     if (
         is_proved
@@ -309,5 +312,5 @@ def _told_gap(row: Record) -> str:
 
 
 def harmless(json: str) -> str:
-    """Returns JSON whose characters that are not text are escaped, as JSON escapes them."""
+    """Returns JSON in which characters that are not text are escaped."""
     return "".join(c if c.isprintable() else dumps(c)[1:-1] for c in json)

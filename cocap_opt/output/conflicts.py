@@ -11,7 +11,7 @@ _LINE = re.compile(r"step (\d+)(?: to (\d+))?: (drones \d+ and \d+) (.*)")
 
 
 def told_conflict(problem: Problem, conflict: Conflict) -> str:
-    """Says what two drones do that the rules forbid, without the step."""
+    """Returns the movement of two drones that the rules forbid, without the step."""
     first, second = conflict.robots
     return f"drones {first} and {second} {_deed(problem, conflict)}"
 
@@ -41,18 +41,18 @@ def _apart(rules: CollisionRules, way: FloatArray) -> str:
 
 
 def are_conflicts(lines: Sequence[str]) -> bool:
-    """Returns True if all lines, in the referee's words, are conflicts of two drones."""
+    """Returns True if all of the referee's lines are conflicts of two drones."""
     return all(_LINE.fullmatch(line) for line in lines)
 
 
 def grouped_conflicts(lines: Sequence[str]) -> list[str]:
-    """Returns a line for each pair of drones, with all of its steps, of a line for each conflict.
+    """Returns a line for each pair of drones, with all its steps, from a line for each conflict.
 
-    Where a pair breaks a rule in several ways, as at several distances, the first is said.
+    If a pair breaks a rule in several ways, e.g. at several distances, the first is given.
 
     Parameters
     ----------
-    lines : in the referee's words
+    lines : lines in the referee's words
     """
     found: dict[str, tuple[list[tuple[int, int]], list[str]]] = {}
     others = []
@@ -71,7 +71,7 @@ def grouped_conflicts(lines: Sequence[str]) -> list[str]:
 
 
 def _steps(times: Sequence[tuple[int, int]]) -> str:
-    """Returns steps in words, those that follow each other together."""
+    """Returns steps in words, with consecutive steps as ranges."""
     words = [f"{a}" if a == b else f"{a} to {b}" for a, b in _merged(times)]
     noun = "step" if words == [f"{times[0][0]}"] else "steps"
     return f"{noun} {', '.join(words[:-1])}{' and ' if words[1:] else ''}{words[-1]}"

@@ -1,4 +1,6 @@
-"""Files of the command line: plans and certificates in, everything out whole or not at all."""
+"""Files of the command line: reads plans and certificates; writes files completely or not at
+all.
+"""
 
 import csv
 import io
@@ -27,18 +29,18 @@ from cocap_opt.text import OTHERWISE, other_scene, printable, shortened
 
 log = logging.getLogger(__name__)
 
-SOLUTION = ".sol"  # how names of files end that other solvers have written
+SOLUTION = ".sol"  # ending of files that other solvers have written
 
 # -- writing ------------------------------------------------------------------------------
 
 
 def save_bytes(path: Path, content: bytes) -> None:
-    """Writes a file whole or not at all."""
+    """Writes a file completely or not at all."""
     save_files({path: content})
 
 
 def save_files(contents: Mapping[Path, bytes] | Mapping[Path, Callable[[BinaryIO], None]]) -> None:
-    """Writes files whole or not at all, of each its content or what a function writes into it."""
+    """Writes files completely or not at all, each from its content or by a function."""
     try:
         write_atomically(contents)
     except OSError as error:
@@ -56,11 +58,11 @@ def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def check_output(path: Path | None, *inputs: str | Path | None) -> None:
-    """Refuses a file that cannot be written, before the work for it is done.
+    """Raises an error for a file that cannot be written, before the work for it is done.
 
     Parameters
     ----------
-    inputs : files that are read, none of which is overwritten, nor any that such a scene names
+    inputs : files that are read; neither they nor files that such a scene names may be overwritten
     """
     if path is None:
         return
@@ -68,7 +70,7 @@ def check_output(path: Path | None, *inputs: str | Path | None) -> None:
     for given in inputs:
         read = [] if given is None else [given, *files_of(str(given))]
         if target in map(os.path.realpath, read):
-            raise FileError(f"{path}: must be another file than what is read")
+            raise FileError(f"{path}: must not be an input file")
     try:
         folder = file_to_write(path).parent
     except OSError as error:
@@ -76,17 +78,17 @@ def check_output(path: Path | None, *inputs: str | Path | None) -> None:
     if not folder.is_dir():
         raise FileError(f"{path}: the folder {folder} does not exist")
     if not os.access(folder, os.W_OK):
-        raise FileError(f"{path}: the folder {folder} cannot be written to")
+        raise FileError(f"{path}: the folder {folder} is not writable")
 
 
 def make_folder(path: Path | None, *parts: str) -> None:
-    """Makes a folder for results, with folders inside, before the work for them is done."""
+    """Creates a folder for results, including parent folders, before the work for them is done."""
     if path is not None:
         try:
             for part in (".", *parts):
                 (path / part).mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from error
+            raise FileError(f"{path}: cannot be created as a folder: {error.strerror}") from error
 
 
 # -- reading ------------------------------------------------------------------------------
@@ -98,7 +100,7 @@ def read_text(path: Path) -> str:
     Raises
     ------
     FileError
-        If it cannot be read, or is not UTF-8.
+        If the file cannot be read, or is not UTF-8.
     """
     try:
         return read_bytes(path).decode("utf-8-sig")
@@ -111,8 +113,8 @@ class GivenPlan(NamedTuple):
 
     Attributes
     ----------
-    problem : the variant of the scene that it is for
-    file : all that its file says; None of a foreign one
+    problem : the variant of the scene for which it was made
+    file : all content of its file; None for a foreign format
     """
 
     problem: Problem
@@ -121,7 +123,9 @@ class GivenPlan(NamedTuple):
 
     @property
     def planner(self) -> str | None:
-        """The planner that made it, and what stopped that; foreign files do not say."""
+        """The planner that made it, and the limit that stopped it; foreign files do not contain
+        this.
+        """
         if self.file is None:
             return None
         stopped = f", stopped by the {self.file.limit} limit" if self.file.limit else ""
@@ -129,17 +133,17 @@ class GivenPlan(NamedTuple):
 
     @property
     def cut_short(self) -> str:
-        """Words for what a limit has left of it; foreign files do not say."""
+        """Remark on how complete the plan was at a limit; foreign files do not contain it."""
         return "" if self.file is None else self.file.ending.left_of(self.plan)
 
 
 def read_claim(path: Path) -> PlanFile | CertificateFile | ProofFile:
-    """Reads a plan, a certificate or a proof from one of our own files.
+    """Reads a plan, a certificate or a proof from a file of this project.
 
     Raises
     ------
     FileError
-        If it is none.
+        If the file is none of these.
     """
     found = decode_document(read_bytes(path), str(path), PlanFile, CertificateFile, ProofFile)
     assert isinstance(found, PlanFile | CertificateFile | ProofFile)
@@ -147,12 +151,12 @@ def read_claim(path: Path) -> PlanFile | CertificateFile | ProofFile:
 
 
 class PlanReader(NamedTuple):
-    """Reads plans and what proves them from files, for one scene.
+    """Reads plans and certificates from files, for one scene.
 
     Attributes
     ----------
-    scene : its name or file, as typed
-    problem : what it is
+    scene : name or file of the scene, as typed
+    problem : the scene's problem
     """
 
     scene: str
@@ -160,14 +164,14 @@ class PlanReader(NamedTuple):
 
     @staticmethod
     def titles(paths: Sequence[Path]) -> list[str]:
-        """Returns names of plans: their files', with their folders where names are alike."""
+        """Returns names of plans: those of their files, with folders if names are equal."""
         names = [path.name for path in paths]
         return [printable(str(path) if names.count(path.name) > 1 else path.name) for path in paths]
 
     def claim(self, path: Path) -> PlanFile | CertificateFile | ProofFile | Plan:
-        """Reads a plan, a certificate or a proof, or a plan in a foreign format.
+        """Reads a plan, a certificate, a proof, or a plan in a foreign format.
 
-        So may be the solution that a solver has found of a program that `export` has written.
+        A foreign format may be a solver's solution of a program that `export` has written.
         """
         if path.suffix.lower() == SOLUTION:
             return self._solution(path)
@@ -186,10 +190,10 @@ class PlanReader(NamedTuple):
             raise FileError(f"{path}: {error}") from error
 
     def plan(self, path: Path, any_scene: bool = False, any_objective: bool = False) -> GivenPlan:
-        """Reads a plan that can be flown, and finds the variant of the scene that it is for.
+        """Reads a plan that can be flown, and finds the variant of the scene for which it was made.
 
-        A plan file must be of the scene, unless it may be of `any_scene`, or made for
-        `any_objective`, which is then said.
+        A plan file must belong to the scene, unless `any_scene` is True, or unless `any_objective`
+        is True and only the objective differs, which is then logged.
         """
         return self.flown(path, self.claim(path), any_scene, any_objective)
 
@@ -200,7 +204,7 @@ class PlanReader(NamedTuple):
         any_scene: bool = False,
         any_objective: bool = False,
     ) -> GivenPlan:
-        """Returns the content of a file as a plan that can be flown, checked as by `plan`."""
+        """Returns the content of a file as a plan that can be flown, with the checks of `plan`."""
         if isinstance(content, CertificateFile | ProofFile):
             raise FileError(f"{path}: must be a plan, not a certificate")
         file = content if isinstance(content, PlanFile) else None
@@ -210,7 +214,7 @@ class PlanReader(NamedTuple):
             _require_made_for(problem, file, path, any_objective)
         verdict = check(problem, plan)
         if verdict.violations:
-            if file is not None:  # of another scene, as likely as not
+            if file is not None:  # it probably belongs to another scene
                 _require_made_for(problem, file, path)
             raise FileError(f"{path}: {verdict.violations[0]}")
         return GivenPlan(problem, plan, file)
@@ -231,9 +235,10 @@ class PlanReader(NamedTuple):
 def _require_made_for(
     problem: Problem, file: PlanFile, path: Path, any_objective: bool = False
 ) -> None:
-    """Raises a FileError if a plan was made for another scene; another name alone is logged.
+    """Raises FileError if a plan was made for another scene; if only the name differs, this is
+    logged.
 
-    So is another objective, if there may be any.
+    A different objective is logged, too, if it is allowed.
     """
     name, other = shortened(printable(problem.name)), shortened(printable(file.scene))
     if file.digest != problem_digest(problem):

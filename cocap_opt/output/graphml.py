@@ -1,4 +1,4 @@
-"""The time-expanded graph of one drone as GraphML, which networkx, Gephi and igraph read."""
+"""The time-expanded graph of one drone as GraphML, which networkx, Gephi and igraph can read."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ from cocap_opt.problem import Problem, State
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
 
-MOST_EDGES = 2_000_000  # of a file: half a gigabyte
+MOST_EDGES = 2_000_000  # edges of a file: half a gigabyte
 _EVERY = 10_000  # elements between reports
 _GRAPHML = (
     '<graphml xmlns="http://graphml.graphdrawing.org/xmlns" '
@@ -25,7 +25,7 @@ _GRAPHML = (
     'xsi:schemaLocation="http://graphml.graphdrawing.org/xmlns '
     'http://graphml.graphdrawing.org/xmlns/1.0/graphml.xsd">'
 )
-# Attributes d0, d1, .. : of what they are, their names and types.
+# Attributes d0, d1, ..: the elements that have them, their names and types.
 _KEYS = (
     ("graph", "scene", "string"), ("graph", "robot", "long"), ("graph", "horizon", "long"),
     ("node", "step", "long"), ("node", "x", "double"), ("node", "y", "double"),
@@ -41,26 +41,26 @@ def _uncounted(noun: str) -> Callable[[int, int], None]:
 
 
 def graphml(problem: Problem, robot: int, counter: Counter = _uncounted) -> bytes:
-    """Returns the time-expanded graph of a robot with its rewards, as a file's content.
+    """Returns the time-expanded graph of a robot with its rewards, as the content of a file.
 
     A node has the attributes step (0..T), x, y and z (m), heading and tilt (rad, from +x
     counter-clockwise and below the horizon), and reward: the weighted roots of the pixels per m2
-    that the robot alone has there, and what it gets for people whom it sees. The reward of an edge
-    is that for the move. A node's id is step/x/y/layer/heading/pitch, in the indices that plans
-    have.
+    that the robot alone has there, plus its reward for people whom it sees. The reward of an edge
+    is that for the move. A node's id is step/x/y/layer/heading/pitch, in the indices used in plans.
 
     Parameters
     ----------
-    counter : returns a function to call with how many of some things are done, by their name
+    counter : given the name of some items, returns a function to call with the number of finished
+        items
 
     Raises
     ------
     ProblemError
-        If the graph is too large, or empty since no path of the robot ends at its goal.
+        If the graph is too large, or empty because no path of the robot ends at its goal.
     """
     if edges_in_reach(problem, robot, MOST_EDGES) > MOST_EDGES:
         raise ProblemError(
-            f"robots[{robot}]: the graph has more than {MOST_EDGES:,} edges; GraphML is for fewer"
+            f"robots[{robot}]: the graph has more than {MOST_EDGES:,} edges, too many for GraphML"
         )
     graph = time_expanded_graph(problem, robot)
     if not graph:
@@ -94,9 +94,9 @@ def _tail(problem: Problem, robot: int) -> Iterator[str]:
 
 
 def _elements(problem: Problem, robot: int, graph: "Graph") -> Iterator[str]:
-    """Yields the nodes and then the edges, each as lines of the file.
+    """Yields the nodes followed by the edges, each as lines of the file.
 
-    Written as text, since a tree of elements takes several times the time and the memory.
+    They are written as text, since a tree of elements takes several times the time and memory.
     """
     nodes = list(graph)
     known = {
@@ -121,7 +121,7 @@ def _elements(problem: Problem, robot: int, graph: "Graph") -> Iterator[str]:
 
 
 class _Known(NamedTuple):
-    """The parts of a node that are the same at every step of its state."""
+    """The part of a node that is the same at every step of its state."""
 
     name: str
     data: str  # lines
@@ -137,7 +137,7 @@ class _Known(NamedTuple):
 
 
 class _Rewards:
-    """The rewards of a robot that is alone."""
+    """The rewards of a robot if it is alone."""
 
     def __init__(self, problem: Problem, robot: int) -> None:
         model = compiled(problem)
@@ -150,7 +150,7 @@ class _Rewards:
         return self._graph.index(state)
 
     def of_nodes(self, t: IntArray, states: IntArray) -> list[float]:
-        """Returns the rewards [n] for what is seen from states [n] at steps [n]."""
+        """Returns the rewards [n] for views from states [n] at steps [n]."""
         rewards: list[float] = self._views[t, states].tolist()
         return rewards
 

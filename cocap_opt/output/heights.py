@@ -1,10 +1,10 @@
-"""Words for the surface that heights are above."""
+"""Words for the datum of heights."""
 
 from cocap_opt.problem.scene import SceneData
 
 
 def over_datum(scene: SceneData) -> str:
-    """Says what the heights of layers and of the ceiling are above."""
+    """Returns words for the datum of flight heights and the ceiling."""
     earth = scene.earth
     if scene.height_map.datum is not None:
         return "above the ground"

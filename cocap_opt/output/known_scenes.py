@@ -1,4 +1,4 @@
-"""Lists of what scenes are made of: built-in ones, file formats, cameras and airframes."""
+"""Lists of built-in scenes, file formats, cameras and airframes."""
 
 import math
 from collections.abc import Iterator
@@ -9,11 +9,11 @@ from cocap_opt.problem import Camera, Limits
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
-_MOST_SIDE = 9  # of the second number of a shape, as in 16:9
+_MOST_SIDE = 9  # largest second number of an aspect ratio, as in 16:9
 
 
 def known_scenes() -> dict[str, list[Record]]:
-    """Returns rows of all scenes, formats, cameras and airframes, and of options of formats."""
+    """Returns rows of all scenes, formats, cameras and airframes, and of the options of formats."""
     return {
         "scenes": [
             {
@@ -47,7 +47,7 @@ def known_scenes() -> dict[str, list[Record]]:
 
 
 def _options() -> dict[tuple[str, str], list[str]]:
-    """Returns the formats that have an option, by its name and values."""
+    """Returns the formats that have an option, by the option's name and values."""
     found: dict[tuple[str, str], list[str]] = {}
     for key, kind in FORMATS.items():
         if kind.options is not None:
@@ -57,13 +57,13 @@ def _options() -> dict[tuple[str, str], list[str]]:
 
 
 def _shape(camera: Camera) -> str:
-    """Returns the sides of the image in small whole numbers, which may be a little off."""
+    """Returns the aspect ratio of the image in small whole numbers, possibly rounded."""
     ratio = Fraction(camera.width, camera.height).limit_denominator(_MOST_SIDE)
     return f"{ratio.numerator}:{ratio.denominator}"
 
 
 def _known(limits: Limits) -> Iterator[tuple[str, float]]:
-    """Yields the limits that are known, in degrees where a recipe has them so."""
+    """Yields the known limits, in degrees where recipes use degrees."""
     for kind in limits.__struct_fields__:
         if (value := getattr(limits, kind)) is not None:
             yield kind, math.degrees(value) if kind.endswith("_rate") else value

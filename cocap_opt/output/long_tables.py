@@ -1,8 +1,8 @@
 """Long tables of a scene in CSV: who sees whom from where, and who can move how.
 
-A kind are the drones that move and see alike. x, y, layer, heading and tilt are the indices that
-plans have, persons and faces are numbered from 0. What no drone of a kind can reach is left out.
-Rows are written in chunks, so that no table is ever in memory as text.
+A kind consists of the drones that move and see alike. x, y, layer, heading and tilt are the indices
+used in plans; persons and faces are numbered from 0. States that no drone of a kind can reach are
+left out. Rows are written in chunks, so no table is ever in memory as text.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,20 +16,21 @@ from cocap_opt.model import Model, RobotClass
 from cocap_opt.model.coverage_tables import Sight
 from cocap_opt.problem import GoalArea, goal_cells
 
-_CHUNK = 50_000  # rows, or states of which all moves are written
+_CHUNK = 50_000  # rows, or states whose moves are all written
 _STATE = ("x", "y", "layer", "heading", "tilt")
 
-_Columns = Sequence["IntArray | FloatArray | BoolArray | int"]  # one number stands for all rows
+# a single number applies to all rows
+_Columns = Sequence["IntArray | FloatArray | BoolArray | int"]
 
 
 class LongTable(NamedTuple):
-    """A table that a scene is written as.
+    """A table that represents a part of a scene.
 
     Attributes
     ----------
-    columns : their names
+    columns : names of the columns
     chunks : yields the rows of a model, column by column
-    about : what a row is, in words
+    about : description of a row
     """
 
     columns: tuple[str, ...]
@@ -37,7 +38,7 @@ class LongTable(NamedTuple):
     about: str
 
     def write(self, file: BinaryIO, model: Model) -> int:
-        """Writes the table of a model, whose coverage must be there; returns its number of rows."""
+        """Writes the table of a model with complete coverage; returns its number of rows."""
         file.write(f"{','.join(self.columns)}\n".encode())
         total = 0
         for chunk in self.chunks(model):
@@ -57,7 +58,7 @@ def _listed(column: "IntArray | FloatArray | BoolArray | int", size: int) -> lis
 
 
 def _kinds(model: Model) -> list[RobotClass]:
-    """Returns a class of each kind, which is numbered by its place in the list."""
+    """Returns one class of each kind; the position in the list is the kind's number."""
     found: dict[Sight, RobotClass] = {}
     for robot_class in model.classes:
         found.setdefault(robot_class.sight, robot_class)
@@ -120,8 +121,8 @@ def _seen(
 
     Returns
     -------
-    kind, and of each entry: step, indices of the state, the face, or F and more for a person who
-    counts, and px/m2
+    The kind and, for each entry: step, indices of the state, the face (F or more for a counted
+    person), and px/m2
     """
     problem = model.problem
     for kind, robot_class in enumerate(_kinds(model)):
@@ -140,7 +141,7 @@ def _seen(
 
 
 def _moves(model: Model) -> Iterator[_Columns]:
-    """Yields where drones can go from each place at each step; they turn as they please besides."""
+    """Yields the moves of drones from each place at each step; turns are independent of them."""
     problem = model.problem
     for kind, robot_class in enumerate(_kinds(model)):
         graph = robot_class.graph
@@ -163,7 +164,7 @@ def _moves(model: Model) -> Iterator[_Columns]:
 
 
 def _turns(model: Model) -> Iterator[_Columns]:
-    """Yields to which headings and tilts drones can turn in a step, wherever they are."""
+    """Yields the headings and tilts to which drones can turn in a step, in any place."""
     for kind, robot_class in enumerate(_kinds(model)):
         graph = robot_class.graph
         pairs = [(a, b) for a, ahead in enumerate(graph.turns) for b in ahead]
@@ -182,19 +183,19 @@ TABLES = {
     ),
     "coverage": LongTable(
         ("kind", "step", *_STATE, "person", "face", "px_per_m2"), _coverage,
-        "a face that a drone of the kind sees from there, and how well",
+        "a face that a drone of the kind sees from a state, and its coverage",
     ),
     "views": LongTable(
         ("kind", "step", *_STATE, "person"), _views,
-        "a person who counts as seen from there, in a scene with --views",
+        "a person who counts as seen from a state, in a scene with --views",
     ),
     "moves": LongTable(
         ("kind", "step", "x", "y", "layer", "to_x", "to_y", "to_layer", "m", "balanced"), _moves,
-        "a place where a drone of the kind can be a step later; m: how far away it is; balanced: "
-        "1 where dx + dy = 0",
+        "a place that a drone of the kind can reach one step later; m: its distance; balanced: "
+        "1 if dx + dy = 0",
     ),
     "turns": LongTable(
         ("kind", "heading", "tilt", "to_heading", "to_tilt"), _turns,
-        "what a drone of the kind can turn to during any step",
+        "a heading and tilt to which a drone of the kind can turn during any step",
     ),
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Distances of a plan's drones from each other and from people, where no rule asks for any."""
+"""Distances of a plan's drones from each other and from people that no rule limits."""
 
 from collections.abc import Iterator
 
@@ -8,10 +8,11 @@ from cocap_opt.problem import Plan, Problem
 
 
 def nearness(problem: Problem, plan: Plan) -> dict[str, str]:
-    """Returns distances that are less than scenes that are to be flown ask for, by their keys.
+    """Returns distances that are smaller than the default for flown scenes, by key.
 
-    They are those of the straight flight. A plan that breaks no rule may have them where there is
-    no such rule; where drones may even share a cell, nothing is said of drones.
+    The distances are those of the straight flight. They can occur in a plan that breaks no rule, if
+    the scene has no such rule; if drones may even share a cell, distances between drones are left
+    out.
 
     Parameters
     ----------
@@ -31,5 +32,5 @@ def _nearness(problem: Problem, flown: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def no_rule(of: str) -> str:
-    """Returns words for a distance for which there is no rule."""
+    """Returns words for a distance that no rule limits."""
     return f"the scene has no rule {of}"

@@ -1,4 +1,4 @@
-"""Tables and sentences on standard output, which fit the terminal."""
+"""Prints tables and sentences on standard output, fitted to the terminal."""
 
 import html
 import os
@@ -26,15 +26,15 @@ _WRAPPED = (
     "limits",
     "program",
 )  # columns of small tables
-_MOST_NAMES = 0.6  # of the width, of columns that are repeated where a table is in parts
-_FOLDED = 16  # least width, in characters, of text that goes on in the next line
-_UNBOUNDED = 10_000  # characters of a line that is measured only
-_WIDE = 200  # characters of a line that goes to a file or a pipe
-_USUAL = 80  # characters of a line of a terminal
+_MOST_NAMES = 0.6  # share of the width for columns that are repeated if a table is split
+_FOLDED = 16  # least width in characters of text that is folded
+_UNBOUNDED = 10_000  # characters of a line that is only measured
+_WIDE = 200  # characters of a line in a file or a pipe
+_USUAL = 80  # default number of characters per line of a terminal
 _BREAK = "\n"
-_FEW_NOTES = 3  # sentences below a table; more are a list, so that one sees where each begins
-_MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
-# Numbers as tables have them: marks, a sign, digits, a unit; several; a share of something; a note.
+_FEW_NOTES = 3  # sentences below a table; more are printed as a list
+_MARKS = "|`*[]\\"  # characters with a meaning in Markdown, besides HTML
+# Forms of numbers in tables: marks, a sign, digits, a unit; several; a share of something; a note.
 _ONE = (
     r"[*\\]*(?:&lt;|[<~±+-])?\s?\d[\d.,:]*(?:e[+-]?\d+)?(?:\s?[^\s\d(,.]{1,5})?(?:\s?&#42;|[*\\])*"
 )
@@ -47,52 +47,52 @@ _NO_NUMBER = (
     "above 100",
     "inf",
     "nan",
-)  # cells among numbers
+)  # other cells in columns of numbers
 
-# Methods of bounds whose names say little; JSON has the names.
+# Descriptions of bound methods with uninformative names; JSON uses the names.
 _METHODS = {
     "step-envelopes": "column-generation, with step envelopes",
     "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
     "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
-_NAMES = ("seed", "draw")  # numbers that name something, whose digits are not grouped
+_NAMES = ("seed", "draw")  # numbers that are names, whose digits are not grouped
 _SHARES = ("gap", "gap without\nrules", "largest gap")  # printed in %
 
 
 class _Output(Console):
     def on_broken_pipe(self) -> None:
-        raise BrokenPipeError  # rich would exit with 1, which here means a false claim
+        raise BrokenPipeError  # rich would exit with 1, which means a false claim in this program
 
 
 def _has_width() -> bool:
-    """Returns True if lines have a width: of a terminal, or the one that COLUMNS asks for."""
+    """Returns True if lines have a width: that of a terminal, or the one that COLUMNS sets."""
     return sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
 
 
 def terminal(least: int = 0) -> Console:
-    """Returns standard output, at least so wide; text that is too long goes on in the next line."""
+    """Returns standard output with at least this width; longer text is folded."""
     console = _Output() if _has_width() else _Output(width=_WIDE)
     console.width = max(console.width, least)
     return console
 
 
 def counted(number: int, noun: str) -> str:
-    """Returns a number with its noun, as in "1 row" and "2 rows"."""
+    """Returns a number with its noun, e.g. "1 row" or "2 rows"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def rounded(amount: float) -> str:
-    """Returns an amount with two decimals; next to nothing has no sign."""
+    """Returns an amount with two decimals; amounts near 0 have no sign."""
     return f"{round(amount, 2) + 0.0:,.2f}"
 
 
 def print_line(text: str) -> None:
-    """Prints a line as it is."""
+    """Prints a line unchanged."""
     terminal().print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
-    """Prints tables as they are, and below them sentences, each on a line of its own."""
+    """Prints tables unchanged, followed by sentences, each on its own line."""
     for text in tables:
         print_line(f"\n{printable(text, _BREAK)}")
     if tables:
@@ -108,7 +108,7 @@ def print_list(sentences: Iterable[str]) -> None:
 
 
 def _print_folded(text: str, first: str = "", indent: str = "") -> None:
-    """Prints text whose lines are folded, with something before the first and all others."""
+    """Prints folded text, with a prefix for the first line and an indent for all others."""
     width = terminal().width
     for line in printable(text, _BREAK).split(_BREAK):
         print_line(folded(line, width, first, indent))
@@ -116,7 +116,7 @@ def _print_folded(text: str, first: str = "", indent: str = "") -> None:
 
 
 def line_width() -> int:
-    """Returns the characters of a line of a terminal; of a usual one where there is none."""
+    """Returns the number of characters per line of the terminal, or the default."""
     console = terminal()
     return _USUAL if console.width == _WIDE and not console.is_terminal else console.width
 
@@ -124,13 +124,13 @@ def line_width() -> int:
 def markdown_table(rows: Sequence[Mapping[str, str]]) -> str:
     """Returns rows that all have the keys of the first as a Markdown table, its columns aligned.
 
-    Numbers end where their column ends, all else begins where it begins.
+    Numbers are right-aligned, everything else is left-aligned.
 
     Parameters
     ----------
-    rows : text that may have marks of Markdown; `Listing.cell` escapes what must not
+    rows : text that may contain Markdown; `Listing.cell` escapes other text
     """
-    from pandas import DataFrame  # slow to import
+    from pandas import DataFrame  # takes long to import
 
     heads = [Listing.cell(key) for key in rows[0]]
     frame = DataFrame([list(row.values()) for row in rows], columns=heads)
@@ -139,17 +139,17 @@ def markdown_table(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def _are_numbers(cells: Iterable[str]) -> bool:
-    """Returns True if there are numbers, with units and notes in brackets, and nothing else."""
+    """Returns True if all cells are numbers, possibly with units and notes in brackets."""
     filled = [cell for cell in cells if cell.strip("- ") and cell not in _NO_NUMBER]
     return bool(filled) and all(_NUMBER.fullmatch(cell) for cell in filled)
 
 
 class Listing(NamedTuple):
-    """A small table to be printed; its rows all have the keys of the first.
+    """A small table for printing; its rows all have the keys of the first.
 
     Attributes
     ----------
-    notes : sentences below it
+    notes : sentences below the table
     """
 
     title: str
@@ -157,7 +157,9 @@ class Listing(NamedTuple):
     notes: Sequence[str] = ()
 
     def print(self) -> None:
-        """Prints it on standard output; where lines are too narrow for it as several tables."""
+        """Prints the table on standard output, split into several tables if lines are too
+        narrow.
+        """
         for part in self._folded() if _has_width() else [self]:
             terminal(part._least_width).print(part._table())
         is_text = all(words.endswith(".") for words in self.notes)
@@ -167,11 +169,11 @@ class Listing(NamedTuple):
             print_texts([], self.notes)
 
     def first(self, number: int, what: str) -> "Listing":
-        """Returns it with its first rows only, and a note that says so.
+        """Returns the table with only its first rows, and a note that says so.
 
         Parameters
         ----------
-        what : the rows that are kept, in words
+        what : description of the kept rows
         """
         if len(self.rows) <= number:
             return self
@@ -179,13 +181,14 @@ class Listing(NamedTuple):
         return self._replace(rows=self.rows[:number], notes=[note, *self.notes])
 
     def fitted(self, spare: Sequence[str], whole: str = "a wider one") -> "Listing":
-        """Returns it without as many of some columns, the first first, as a terminal is too narrow.
+        """Returns the table without some columns, as many as necessary to fit a narrow terminal, in
+        order.
 
-        A note names them. Where standard output is not a terminal, it is whole.
+        A note names them. If standard output is not a terminal, the table is complete.
 
         Parameters
         ----------
-        whole : what shows all columns, as the note says
+        whole : option that shows all columns, for the note
         """
         listing, gone = self, []
         for key in spare if sys.stdout.isatty() and self.rows else ():
@@ -202,10 +205,10 @@ class Listing(NamedTuple):
         return listing._replace(notes=[f"{words}; {whole} shows all columns.", *listing.notes])
 
     def _folded(self) -> "list[Listing]":
-        """Returns it in parts, each as wide as the terminal if its columns are not wider.
+        """Returns the table in parts that fit the terminal, if single columns do.
 
-        The columns by which one tells rows apart are in all parts; the first one alone, if the
-        others leave no room.
+        Columns that identify rows are in all parts; only the first of them, if the others leave no
+        room.
         """
         keys, width = list(self.rows[0]) if self.rows else [], terminal().width
         count = next((k for k in range(1, len(keys)) if self._differ_by(keys[:k])), len(keys))
@@ -221,20 +224,21 @@ class Listing(NamedTuple):
         return [first, *(other._replace(title="") for other in others)]
 
     def _differ_by(self, keys: Sequence[str]) -> bool:
-        """Returns True if no two rows have the same text in some columns."""
+        """Returns True if the text of some columns distinguishes all rows."""
         texts = {tuple(cell_text(key, row[key]) for key in keys) for row in self.rows}
         return len(texts) == len(self.rows)
 
     def _only(self, keys: Sequence[str]) -> "Listing":
-        """Returns it with some of its columns, without notes."""
+        """Returns the table with some of its columns, without notes."""
         rows = [{key: row[key] for key in keys} for row in self.rows]
         return self._replace(rows=rows, notes=())
 
     @property
     def _least_width(self) -> int:
-        """The number of characters in a line, at least."""
+        """The smallest number of characters per line."""
         console = terminal()
-        unbounded = console.options.update(max_width=_UNBOUNDED)  # else clamped to the terminal
+        # otherwise limited to the terminal
+        unbounded = console.options.update(max_width=_UNBOUNDED)
         return console.measure(self._table(), options=unbounded).minimum
 
     def _table(self) -> Table:
@@ -251,7 +255,7 @@ class Listing(NamedTuple):
         return table
 
     def _widest(self, key: str) -> int:
-        """Returns the least width of a column in columns of a terminal."""
+        """Returns the smallest width of a column, in terminal columns."""
         texts = [key, *(cell_text(key, row[key]) for row in self.rows)]
         return max(columns_of(part) for text in texts for part in (text.splitlines() or [""]))
 
@@ -268,7 +272,7 @@ class Listing(NamedTuple):
 
     @staticmethod
     def cell(text: str) -> str:
-        """Returns text for a cell of a Markdown table, in which no character has a meaning."""
+        """Returns text for a cell of a Markdown table, with special characters escaped."""
         escaped = html.escape(printable(text), quote=False)
         return "".join(f"&#{ord(c)};" if c in _MARKS else c for c in escaped)
 
@@ -278,25 +282,25 @@ def _in_a_line(key: str) -> str:
 
 
 def _is_name(value: object) -> bool:
-    """Returns True for words, which begin where their column begins; numbers end where it ends."""
+    """Returns True for text, which is left-aligned; numbers are right-aligned."""
     return isinstance(value, str) and not (value[:1].isdigit() or value[:1] == "-")
 
 
 class Marked(NamedTuple):
-    """A number, or words in its place, printed with a mark behind it."""
+    """A number, or text in its place, printed with a mark after it."""
 
     value: float | str | None
     mark: str
 
 
 def path_text(value: object) -> str:
-    """Returns the name of a file; what would steer a terminal is escaped."""
-    assert isinstance(value, Path), f"{value!r} is nothing that can be printed"
+    """Returns the name of a file; characters that would control a terminal are escaped."""
+    assert isinstance(value, Path), f"{value!r} cannot be printed"
     return printable(str(value))
 
 
 def cell_text(key: str, value: Any) -> str:
-    """Returns a value as people read it, by its key."""
+    """Returns a value as text, by its key."""
     if isinstance(value, Path):
         return path_text(value)
     if isinstance(value, Marked):

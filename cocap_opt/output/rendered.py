@@ -1,4 +1,4 @@
-"""Coverage as planned beside coverage as rendered: what each face has, and J of a plan's images."""
+"""Compares planned with rendered coverage: the pixels of each face, and J of a plan's images."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,7 +11,7 @@ from cocap_opt.output.printing import Record
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.vision.render import Renderer
 
-LEAST_PIXELS = 400  # of a face, for its error to say something
+LEAST_PIXELS = 400  # smallest number of pixels of a face whose error is meaningful
 _QUANTILES = {"median": 0.5, "90 %": 0.9, "99 %": 0.99, "largest": 1.0}
 
 
@@ -34,10 +34,10 @@ class FaceView(NamedTuple):
 
     pose: Pose
     face: int
-    area: float  # m2, of the face
-    planned: float  # as coverage has it
+    area: float  # area of the face, m2
+    planned: float  # by coverage
     rendered: float
-    unhidden: float  # rendered, were nothing in the way
+    unhidden: float  # rendered without obstructions
 
     @classmethod
     def all_from(
@@ -47,11 +47,11 @@ class FaceView(NamedTuple):
         poses: Sequence[Pose],
         progress: Callable[[int, int], None] = lambda done, total: None,
     ) -> "Iterator[FaceView]":
-        """Yields every face that is seen, by plan or in the picture, from each pose.
+        """Yields every face that is seen from each pose, in the plan or in the rendered image.
 
         Parameters
         ----------
-        progress : told how many poses are done, and of how many
+        progress : called with the number of finished poses, and the total
         """
         problem = model.problem
         for done, pose in enumerate(poses):
@@ -59,7 +59,7 @@ class FaceView(NamedTuple):
             state = np.array([robot_class.graph.index(pose.state)])
             areas = renderer.areas(pose.t)
             coverage = model.views(robot_class).coverage(pose.t, state)[0, : len(areas)]
-            planned = coverage * areas  # of faces; people whom drones count come after these
+            planned = coverage * areas  # pixels of faces; counted people follow them
             rendered = renderer.pixels(robot, pose.t, pose.state)
             unhidden = renderer.unhidden(robot, pose.t, pose.state)
             for f in np.flatnonzero((planned > 0) | (rendered > 0)).tolist():
@@ -69,17 +69,17 @@ class FaceView(NamedTuple):
 
     @property
     def hidden(self) -> bool:
-        """True if something hides a part of what would be in the image."""
+        """True if something hides a part of the face in the image."""
         return self.rendered < self.unhidden
 
     @property
     def error(self) -> float:
-        """Returns (planned - rendered) / rendered; infinite where it is not in the picture."""
+        """Returns (planned - rendered) / rendered; infinite if the face is not in the image."""
         return (self.planned - self.rendered) / self.rendered if self.rendered else math.inf
 
     @staticmethod
     def reward(problem: Problem, views: "Iterable[FaceView]", reward_moves: float) -> float:
-        """Returns J of a plan with its rendered pixels in place of the planned ones.
+        """Returns J of a plan with rendered instead of planned pixels.
 
         Parameters
         ----------
@@ -95,10 +95,10 @@ class FaceView(NamedTuple):
 
     @staticmethod
     def errors(views: "Sequence[FaceView]") -> Record:
-        """Returns errors of planned pixels against rendered ones, in % of these.
+        """Returns errors of planned pixels relative to rendered ones, in %.
 
-        Faces count that have LEAST_PIXELS or more by plan or in the picture. Of one that is planned
-        and not in the picture the error is infinite.
+        Faces with at least LEAST_PIXELS in the plan or in the image count. The error is infinite if
+        a face is planned but not in the image.
         """
         row: Record = {"faces": len(views)}
         for name, hidden in (("clear", False), ("hidden", True)):
@@ -108,7 +108,8 @@ class FaceView(NamedTuple):
             ]  # fmt: skip
             row[name] = len(errors)
             for word, quantile in _QUANTILES.items():
-                # An error that is there: between a finite and an infinite one lies none.
+                # An actual value: interpolation between a finite and an infinite error is
+                # impossible.
                 value = float(np.quantile(errors, quantile, method="higher")) if errors else None
                 row[f"{name}, {word} error (%)"] = value
         return row

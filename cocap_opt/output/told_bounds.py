@@ -1,15 +1,15 @@
-"""Bounds on J and what they leave open, as people read them: one rule for tables and sentences."""
+"""Words for bounds on J and the remaining gap: one rule for tables and sentences."""
 
 import math
 
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.text import rounded_up
 
-_LITTLE = 1e-4  # relative gap below which no figures are told
+_LITTLE = 1e-4  # relative gap below which no digits are given
 
 
 def is_attained(bound: float, reward: float | None) -> bool:
-    """Returns True for a bound that is J of a plan: none is better by more than a millionth."""
+    """Returns True if J of a plan attains a bound: no plan is better by more than a millionth."""
     return reward is not None and abs(bound - reward) <= OPTIMALITY * abs(bound) < math.inf
 
 
@@ -18,7 +18,7 @@ def told_bound(bound: float, reward: float | None = None) -> str:
 
     Parameters
     ----------
-    reward : J of the best plan that is known; None if none is
+    reward : J of the best known plan; None if there is none
     """
     if reward is not None and is_attained(bound, reward):
         return f"{reward:,.2f}"
@@ -26,7 +26,7 @@ def told_bound(bound: float, reward: float | None = None) -> str:
 
 
 def told_gap(share: float, digits: int = 2) -> str:
-    """Returns the largest part of J that may be missing, which a bound leaves open, in words."""
+    """Returns words for the largest share of J that may be missing, by a bound."""
     if share < _LITTLE:
         return f"less than {100 * _LITTLE:g} %, if at all"
     return f"at most {rounded_up(100 * share, digits)} %"

@@ -1,7 +1,7 @@
-"""The value and bound of a method over time, as it reports them, and the file they are kept in.
+"""The value and bound of a method over time, and the file in which they are stored.
 
-The file is a CSV with the columns value, bound (in units of J), seconds, columns, nodes; a value
-or bound that was not known yet is an empty field.
+The file is a CSV with the columns value, bound (in units of J), seconds, columns, nodes; a value or
+bound that was not known yet is an empty field.
 """
 
 import csv
@@ -15,11 +15,11 @@ from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot
 from cocap_opt.output.files import read_text
 
 _COLUMNS = Snapshot._fields
-_MOST = 1e100  # that any J may be
+_MOST = 1e100  # larger than any J
 
 
 class Trace:
-    """Keeps what a method reports: its best value and bound, whenever one has improved.
+    """Stores what a method reports: its best value and bound, whenever one has improved.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class Trace:
         Raises
         ------
         FileError
-            If the file cannot be read, or is no such CSV.
+            If the file cannot be read, or is not such a CSV.
         """
         rows = csv.DictReader(io.StringIO(read_text(path)))
         if tuple(rows.fieldnames or ()) != _COLUMNS:
@@ -47,15 +47,15 @@ class Trace:
 
     @property
     def snapshots(self) -> tuple[Snapshot, ...]:
-        """All snapshots that are kept, in order of time."""
+        """All stored snapshots, in order of time."""
         return tuple(self._snapshots)
 
     @property
     def text(self) -> str:
         """The trace as CSV.
 
-        A search reports the bound of what it has not searched yet. Where that is below the best
-        value, this value is the bound.
+        A search reports the bound of its open part. If that is below the best value, this value is
+        the bound.
         """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -66,7 +66,7 @@ class Trace:
         return text.getvalue()
 
     def report(self, snapshot: Snapshot) -> None:
-        """Keeps a snapshot that is better than those before."""
+        """Stores a snapshot that is better than those before."""
         if self._snapshots:
             last = self._snapshots[-1]
             better = max(last.value, snapshot.value), min(last.bound, snapshot.bound)
@@ -76,7 +76,7 @@ class Trace:
         self._snapshots.append(snapshot)
 
     def beside(self, other: Report) -> Report:
-        """Returns a report that passes snapshots on to another, and to this trace."""
+        """Returns a report function that passes snapshots on to another one, and to this trace."""
 
         def report(snapshot: Snapshot) -> None:
             other(snapshot)
@@ -85,7 +85,7 @@ class Trace:
         return report
 
     def end(self, result: CertifiedResult) -> None:
-        """Keeps how the method ended, even where nothing has improved since."""
+        """Stores how the method ended, even if nothing has improved since the last snapshot."""
         last = self._snapshots[-1] if self._snapshots else Snapshot(-math.inf, math.inf, 0.0)
         self._snapshots.append(
             last._replace(value=result.value, bound=result.bound, seconds=result.seconds)
@@ -94,17 +94,17 @@ class Trace:
 
 def _snapshot(row: dict[str, str], where: str) -> Snapshot:
     try:
-        if None in row.values() or None in row:  # too few, or too many
+        if None in row.values() or None in row:  # too few or too many
             raise ValueError
         value = float(row["value"] or -math.inf)
-        # Earlier versions kept the bound of what was not searched yet, which may be lower.
+        # Earlier versions stored the bound of the open part, which may be lower.
         bound = max(float(row["bound"] or math.inf), value)
         found = Snapshot(
             value, bound, float(row["seconds"]), int(row["columns"]), int(row["nodes"])
         )
     except (TypeError, ValueError) as error:
         raise FileError(f"{where}: must be five numbers") from error
-    if not (0 <= found.seconds < math.inf and value <= bound):  # nor is nan a number
+    if not (0 <= found.seconds < math.inf and value <= bound):  # False for nan, too
         raise FileError(f"{where}: must be five numbers, seconds >= 0")
     if any(row[key] and abs(float(row[key])) > _MOST for key in ("value", "bound")):
         raise FileError(f"{where}: value and bound must be at most {_MOST:g}, or empty")

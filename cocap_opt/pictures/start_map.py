@@ -1,4 +1,4 @@
-"""Maps of where drones may start at step 0, with starts that are refused, for choosing them."""
+"""Maps of where drones may start at step 0, with rejected starts, to help choose starts."""
 
 import math
 import textwrap
@@ -254,5 +254,5 @@ def _handles(site: Site, shown: Sequence[Level]) -> dict[str, Any]:
             for colour in distinct_colours(area.drones)
         )
     if refused:
-        handles["refused, with the nearest free place"] = (mark("x", REFUSED),)
+        handles["rejected, with the nearest free place"] = (mark("x", REFUSED),)
     return handles

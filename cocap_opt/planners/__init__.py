@@ -15,19 +15,18 @@ __all__ = ["PLANNERS", "RECOMMENDED", "Planner"]
 class Planner(Protocol):
     """A method that plans all robots of a problem, and proves nothing unless its result says so.
 
-    Any function that takes a problem and a stop and returns a `Result` is one.
+    Any function that takes a problem and a stopping criterion and returns a `Result` is a planner.
     """
 
     def __call__(self, problem: Problem, stop: Stop, /) -> Result:
         """Plan a problem; at a limit, return the best plan so far."""
 
 
-# The nearest to the optimum of those that take problems of any size, and what commands use if no
-# planner is named.
+# The planner with the best plans among those for problems of any size; the default of the commands.
 RECOMMENDED = "cocap-prices"
 
 _ALONE = "no single drone can improve it"
-_COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
+_COMPLETE = "a plan, or a proof that none exists, unless it is stopped"
 _OBEYS = {"obeys_rules": True}
 _SOLVES = {"obeys_rules": True, "complete": True}
 
@@ -41,11 +40,11 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         "greedy": _planner(
             "greedy:greedy",
             "each drone in turn, collisions ignored",
-            "half the best J without rules; may collide",
+            "at least half the best J without rules; may collide",
         ),
         "greedy-rounds": _planner(
             "greedy:greedy_rounds",
-            "greedy, then rounds of best responses",
+            "greedy, then rounds of best responses, collisions ignored",
             f"{_ALONE}; may collide",
         ),
         "sequential": _planner(
@@ -56,13 +55,13 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         ),
         "sequential-rounds": _planner(
             "sequential:sequential_rounds",
-            "sequential, then rounds that obey the rules",
+            "sequential, then rounds of best responses that obey the rules",
             _ALONE,
             **_OBEYS,
         ),
         "best-of-orders": _planner(
             "sequential:best_of_orders",
-            "sequential in ten orders",
+            "sequential in ten different orders",
             "at least as good as sequential",
             **_OBEYS,
         ),
@@ -98,7 +97,7 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         ),
         "cocap-vs-undiscounted": _planner(
             "cocap:cocap_vs_undiscounted",
-            "cocap-vs, values not discounted",
+            "cocap-vs with undiscounted values",
             _COMPLETE,
             lazy=True,
             **_SOLVES,
@@ -108,19 +107,19 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         ),
         "cocap-focal": _planner(
             "cocap:cocap_focal",
-            "cocap-rounds with a focal list, then rounds",
+            "cocap-rounds with a focal list, then rounds of best responses",
             f"{_COMPLETE}; {_ALONE}",
             **_SOLVES,
         ),
         "cocap-lns": _planner(
             "cocap_lns:cocap_lns",
-            "sequential (cocap-focal where it fails), rounds, large neighbourhood search",
+            "sequential (cocap-focal if it fails), rounds, large neighbourhood search",
             f"{_COMPLETE}; {_ALONE}",
             **_SOLVES,
         ),
         "cocap-prices": _planner(
             "cocap_prices:cocap_prices",
-            "sequential (cocap-focal where it fails), then searches where prices point",
+            "sequential (cocap-focal if it fails), then searches guided by prices",
             f"{_COMPLETE}; {_ALONE}",
             takes=frozenset({"start"}),
             **_SOLVES,
@@ -140,10 +139,10 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
             lazy=True,
             **_OBEYS,
         ),
-        "myopic": _planner("greedy:myopic", "every drone as if alone", "collides"),
+        "myopic": _planner("greedy:myopic", "each drone as if it were alone", "collides"),
         "one-step": _planner(
             "one_step:one_step",
-            "each drone in turn, the best next view",
+            "each drone in turn takes the best next view",
             "obeys the rules",
             lazy=True,
             **_OBEYS,

@@ -10,7 +10,7 @@
      8      if there is none
      9          return N
     10      for each robot of the conflict
-    11          A.constraints <- N.constraints, and that this robot keeps out of the conflict
+    11          A.constraints <- N.constraints, plus: this robot keeps out of the conflict
     12          A.team <- N.team, with this robot replanned
     13          A.value <- J of it
     14          if the robot has a path, insert A into OPEN
@@ -18,8 +18,8 @@
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
 Search (Sharon et al. 2015). The listing is our wording, the same as in docs/concepts/cocap.md; its
 numbers are beside the lines of `algorithm_1`. It takes the greatest J, whereas the paper's
-background section speaks of least cost. `constraint_tree` makes the nodes, and the plan to fall
-back on when time runs out.
+background section speaks of least cost. `constraint_tree` makes the nodes, and a fallback plan for
+when time runs out.
 """
 
 from collections.abc import Iterator
@@ -52,7 +52,9 @@ EXHAUSTED = "no plan obeys the rules: the constraint tree is exhausted"
 
 
 def algorithm_1(tree: ConstraintTree) -> Node | None:
-    """CoCap's Alg. 1: the first conflict-free node that is found; None if the tree is exhausted."""
+    """CoCap's Alg. 1: returns the first conflict-free node that is found; None if the tree is
+    exhausted.
+    """
     root, OPEN = tree.root(), tree.open  # 1-3
     if root is not None:
         OPEN.push(root)  # 4
@@ -137,7 +139,7 @@ def _searched(
     Parameters
     ----------
     plan_root : plans the team of the root, ignoring conflicts
-    ending : improves the plan that is found, under the rules
+    ending : improves the resulting plan under the rules
     """
     responses = Responses(low_level, stop)
     nobody = responses.nobody(problem)
@@ -153,6 +155,7 @@ def _searched(
         statistics = tree.statistics(open_nodes.popped)
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED, statistics)
     team, stopped = followed(found.team, ending(found.team, responses))
-    # A path chosen by few views may have misled the search, though no robot follows it now.
+    # A path chosen after few evaluated views may have misled the search, even if no robot follows
+    # it now.
     statistics = tree.statistics(open_nodes.popped - 1)
     return result_of(team, stopped or responses.limit, statistics)

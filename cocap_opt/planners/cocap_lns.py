@@ -3,8 +3,8 @@
 It combines parts of other planners: sequential planning and rounds of best responses give a first
 plan, which large neighbourhood search improves (`coordination.neighbourhoods`). The search computes
 best responses over few states of each robot, so that it can make many of them; it ends with rounds
-of responses over all states. Where sequential planning fails, CoCap's tree with a focal list, from
-a root planned in rounds, takes over until it finds a plan or has proved that there is none.
+of responses over all states. If sequential planning fails, CoCap's tree with a focal list, starting
+from a root planned in rounds, takes over until it finds a plan or proves that none exists.
 """
 
 from collections.abc import Iterator
@@ -30,8 +30,8 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
 from cocap_opt.timing import timed
 
-# For each robot. Measured on passage, bottleneck, the tight scenes and merge, seeds 0 to 9: they
-# take 12 to 19 times the CPU time of sequential planning.
+# Responses per robot. Measured on passage, bottleneck, the tight scenes and merge, seeds 0 to 9:
+# they take 12 to 19 times the CPU time of sequential planning.
 RESPONSES = 45
 
 
@@ -41,8 +41,8 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
 
     Parameters
     ----------
-    responses : number of paths per robot that the search computes before it ends; more take longer
-        and come closer to the optimum
+    responses : number of paths per robot that the search computes before it ends; more paths take
+        longer and give better plans
 
     Returns
     -------
@@ -62,7 +62,9 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
 def first_plan(
     nobody: PlannedTeam, responses: Responses, stop: Stop, planning: Planning
 ) -> Iterator[PlannedTeam]:
-    """Yields the team while its first plan is made; in the end not whole if there is none."""
+    """Yields the team while its first plan is made; if there is no plan, the last team is not
+    whole.
+    """
     team = nobody
     for team in planning(nobody, responses):
         yield team
@@ -76,7 +78,7 @@ def first_plan(
 def _better_and_better(
     nobody: PlannedTeam, responses: Responses, stop: Stop, asked: int
 ) -> Iterator[PlannedTeam]:
-    """Yields the team while it is planned, and then each better one."""
+    """Yields the team while it is planned, and then each better team."""
     team = nobody
     for team in first_plan(nobody, responses, stop, then_in_rounds):
         yield team

@@ -1,15 +1,15 @@
 """Searches for plans guided by prices, starting from a plan made drone by drone.
 
-A mixture flies several paths of each drone, each in part. Finding the best mixture without rules is
-a concave program, and mixture ascent comes near its optimum within dozens of steps. Its prices say
-what a view is worth given that the other drones do well, and its paths are parts of good plans
+A mixture assigns each drone several paths with weights. Finding the best mixture without rules is a
+concave program, and mixture ascent comes near its optimum within dozens of steps. Its prices
+indicate the value of a view if the other drones fly well, and its paths are parts of good plans
 (`mixtures.plan_search`). Each time the search makes no more progress, the mixture is improved with
-twice as many steps, and the search continues with its new paths and prices, until this gains
-nothing or has been done often enough. Each search ends with rounds of best responses over all
-states. A given plan replaces the first one, made drone by drone, if it obeys the rules.
+twice as many steps, and the search continues with the new paths and prices, until this gains
+nothing or a maximum number of rounds is reached. Each search ends with rounds of best responses
+over all states. A given plan replaces the first one, made drone by drone, if it obeys the rules.
 
 Source: the restricted master heuristics of column generation, Joncour et al. 2010; here the mixture
-is raised without a linear program.
+is improved without a linear program.
 """
 
 from collections.abc import Iterator
@@ -31,10 +31,11 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
 from cocap_opt.timing import timed
 
-# Measured on field, field-long and Hughes et al.'s scenes: 0.02 loses 0.15 % of what long scenes
-# have after ten seconds.
-_ENOUGH = 0.01  # of the bound on mixtures, to which the first one is raised
-# Or as far as it gets: so many steps that leave so large a share of the remaining gap are slow.
+# Measured on `field`, `field-long` and scenes of Hughes et al.: with 0.02, long scenes lose 0.15 %
+# of J after ten seconds.
+# relative to the bound on mixtures: gap at which the ascent of the first mixture ends
+_ENOUGH = 0.01
+# The ascent also ends when it is slow: when so many steps leave so large a share of the gap.
 _PATIENCE, _SLOW = 8, 0.8
 _MOST_SEARCHES = 8
 
@@ -57,7 +58,7 @@ def cocap_prices(problem: Problem, stop: Stop = never, start: Plan | None = None
     Result
         A plan that no robot can improve by changing its own path alone, or, if a limit was reached,
         the best plan so far. `statistics` holds the numbers of `responses` over all states, of
-        `mixtures` and of `searches`; `message` says if the planner made no more progress.
+        `mixtures` and of `searches`; `message` says whether the planner stopped making progress.
     """
     learning = _Learning(Responses(value_iteration, stop), stop)
     nobody = learning.responses.nobody(problem)
@@ -78,7 +79,7 @@ class _Learning:
     ----------
     responses : number of responses over all states
     searches : number of searches begun
-    stands_still : the last search gained nothing, even with a mixture that was improved again
+    stands_still : True if the last search gained nothing, even after the mixture was improved again
     """
 
     def __init__(self, responses: Responses, stop: Stop) -> None:
@@ -88,7 +89,7 @@ class _Learning:
 
     @property
     def statistics(self) -> dict[str, float]:
-        """Counts of all that has been done so far."""
+        """Counts of responses, mixtures and searches so far."""
         asked = self.responses.asked
         return {"responses": asked, "mixtures": self._mixtures, "searches": self.searches}
 
@@ -105,7 +106,9 @@ class _Learning:
             yield from self._searched(team)
 
     def _from(self, nobody: PlannedTeam, start: Plan) -> Iterator[PlannedTeam]:
-        """Yields the team that flies a plan, and then its rounds of best responses."""
+        """Yields the team that flies a plan, and then the team after each best response that
+        gains.
+        """
         model, team = nobody.model, nobody
         for robot, path in enumerate(model.paths(start)):
             team = team.with_path(robot, SingleRobotPath.of(model, robot, path))

@@ -1,4 +1,4 @@
-"""The constraint tree of CoCap: its nodes, their order, and a plan to fall back on."""
+"""The constraint tree of CoCap: its nodes, their order, and a fallback plan."""
 
 import heapq
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ from cocap_opt.stop import Clock, Limit, Stop
 
 @dataclass(frozen=True)
 class Node:
-    """Node of the constraint tree."""
+    """A node of the constraint tree."""
 
     team: PlannedTeam  # one path and its pixels per robot
     constraints: tuple[Charges, ...]  # per robot
@@ -30,18 +30,18 @@ class Node:
 
 
 class OpenNodes:
-    """Queue of nodes that are not expanded yet: the greatest J first, and of equal ones the oldest.
+    """A queue of unexpanded nodes: the greatest J first; among equal ones, the oldest.
 
     Attributes
     ----------
-    pushed, popped : number of nodes so far
-    last : the node popped last
+    pushed, popped : number of nodes pushed and popped so far
+    last : the most recently popped node
     """
 
     def __init__(self) -> None:
         self.pushed = self.popped = 0
         self.last: Node | None = None
-        self._heap: list[tuple[float, int, Node]] = []  # less J, number, node
+        self._heap: list[tuple[float, int, Node]] = []  # -J, number, node
 
     def __bool__(self) -> bool:
         return bool(self._heap)
@@ -52,7 +52,7 @@ class OpenNodes:
         self.pushed += 1
 
     def pop(self) -> Node:
-        """Take the node that comes first."""
+        """Take the first node."""
         self.popped += 1
         self.last = self._take()
         return self.last
@@ -62,15 +62,16 @@ class OpenNodes:
 
 
 class FocalNodes(OpenNodes):
-    """Queue that gives the node with the fewest conflicts among those of nearly the greatest J.
+    """A queue that returns the node with the fewest conflicts among those with nearly the greatest
+    J.
 
-    It gives up a little J to find a plan without conflicts sooner: where many robots meet, the node
-    with the greatest J nearly always has conflicts left. Source: focal search as in Enhanced
+    It sacrifices a little J to find a plan without conflicts sooner: if many robots meet, the node
+    with the greatest J nearly always has conflicts. Source: focal search as in Enhanced
     Conflict-Based Search (Barer et al. 2014), there for the least cost.
 
     Parameters
     ----------
-    within : share of the greatest J that a node may lack, 0..1
+    within : largest relative difference from the greatest J, 0..1
     """
 
     def __init__(self, within: float = 0.01) -> None:
@@ -91,20 +92,21 @@ def _nothing(tree: "ConstraintTree") -> None:
 
 
 class ConstraintTree:
-    """Makes the nodes of a constraint tree, and holds those that are not expanded yet.
+    """Creates the nodes of a constraint tree, and holds those that are not expanded yet.
 
     The numbers beside the code are those of Alg. 1 in `cocap`.
 
     Parameters
     ----------
-    nobody : team in which no robot is planned yet, or only the first ones are
+    nobody : a team in which no robot is planned yet, or only the first ones
     plan_root : plans the team of the root, ignoring conflicts (default: once, as published)
     before_child : called before each child is made
 
     Attributes
     ----------
     open : OPEN, the queue of nodes that are not expanded yet
-    team : of the node popped last; before there is one, that of the root as far as it is planned
+    team : team of the most recently popped node; before the first, the team of the root as far as
+        it is planned
     root_seconds : s, time that planning the root has taken
     """
 
@@ -124,7 +126,9 @@ class ConstraintTree:
         self.root_seconds = 0.0
 
     def root(self) -> Node | None:
-        """The node of every robot's best path given the earlier ones; None if one has none."""
+        """Returns the node of every robot's best path given the earlier ones; None if a robot has
+        no path.
+        """
         clock = Clock()
         for team in self._plan_root(self._root, self._responses):  # 2
             self._root = team
@@ -135,11 +139,13 @@ class ConstraintTree:
         return Node(self._root, unconstrained, self._root.value)  # 3
 
     def first_conflict(self, node: Node) -> Conflict | None:
-        """The earliest conflict of a node's plan, and of several the one with the first robots."""
+        """Returns the earliest conflict of a node's plan; among several, the one with the first
+        robots.
+        """
         return next(iter(node.conflicts), None)  # 7
 
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
-        """The node in which a robot of the conflict gives way; None if it then has no path.
+        """Returns the node in which a robot of the conflict gives way; None if it then has no path.
 
         Only that robot is replanned.
         """
@@ -156,11 +162,11 @@ class ConstraintTree:
 
     @property
     def team(self) -> PlannedTeam:
-        """Team of the node popped last, or of the root as far as it is planned."""
+        """Team of the most recently popped node, or of the root as far as it is planned."""
         return self.open.last.team if self.open.last else self._root
 
     def statistics(self, expanded: int) -> Mapping[str, float]:
-        """Returns the statistics of a search that has expanded so many nodes."""
+        """Returns the statistics of a search that has expanded a number of nodes."""
         return {
             "generated": self.open.pushed,
             "expanded": expanded,
@@ -169,16 +175,16 @@ class ConstraintTree:
         }
 
 
-# Generated nodes after which a spare plan costs little: it takes a path of each robot, and each
-# node has taken one, so that for 6 robots it is a tenth of the work before it.
+# Number of generated nodes after which a spare plan is cheap: it computes one path per robot, as
+# much work as that many nodes, so for 6 robots it adds a tenth to the work before it.
 SPARE_FROM = 64
-FELL_BACK = "stopped: this is the plan of sequential planning"
+FELL_BACK = "stopped early: this is the plan of sequential planning"
 
 
 class SparePlan:
     """Makes a sequential plan once a constraint tree is large or time runs out.
 
-    This takes about as long as planning the root has taken.
+    This takes about as long as planning the root took.
     """
 
     def __init__(self, nobody: PlannedTeam, responses: Responses, stop: Stop) -> None:
@@ -186,7 +192,7 @@ class SparePlan:
         self._team: PlannedTeam | None = None
 
     def keep(self, tree: ConstraintTree) -> None:
-        """Make the plan if it is due and has not been made yet."""
+        """Makes the plan if it is due and has not been made yet."""
         is_late = self._stop.seconds_left < 2 * tree.root_seconds
         if self._team is None and (tree.open.pushed >= SPARE_FROM or is_late):
             changes = one_by_one(self._nobody, self._responses)

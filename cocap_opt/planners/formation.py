@@ -1,17 +1,18 @@
-"""Formation planning: the robots keep evenly spaced places on circles around the actors.
+"""Formation planning: the robots keep evenly spaced positions on circles around the actors.
 
-From Greedy Perspectives (Suresh et al. 2024, arXiv 2310.10863) and its program come these ideas:
-the robots are divided evenly among the actors, fly on a circle 5 m around their actor and 5 m high,
-and look at it; at each step a circle is turned so that its robots see most. Where there are fewer
-robots than actors, a circle surrounds the centroid of several actors and is wider by the distance
-of the farthest, just as the circle of Hughes et al. 2024 (arXiv 2404.03103) surrounds all actors.
+These ideas come from Greedy Perspectives (Suresh et al. 2024, arXiv 2310.10863) and its program:
+the robots are divided evenly among the actors, fly on a circle with a radius of 5 m around their
+actor, 5 m high, and look at it; at each step a circle is turned so that its robots see most. If
+there are fewer robots than actors, a circle surrounds the centroid of several actors, and its
+radius is larger by the distance of the farthest actor, as in Hughes et al. 2024 (arXiv 2404.03103),
+where one circle surrounds all actors.
 
-Both simply put their robots into their places: the robots begin in formation, are as fast as they
-need to be, and fly through walls and each other. This version is our reading of the part that can
-be flown: the starts of the robots decide which places they take, a circle turns no faster than they
-fly, and each robot flies as near to its place as obstacles and the earlier robots allow, and looks
-where it sees most on the way. (Two robots on a circle face each other here; the program places them
-at a right angle.)
+Both sources simply place their robots: the robots begin in formation, are as fast as necessary, and
+fly through walls and each other. This version is our interpretation of the part that can be flown:
+the starts of the robots determine which positions they take, a circle turns no faster than they
+fly, and each robot flies as close to its position as obstacles and the earlier robots allow, and
+looks where it sees most on the way. (Two robots on a circle face each other here; the program
+places them at a right angle.)
 """
 
 import math
@@ -38,27 +39,33 @@ from cocap_opt.world.workspace import HeightMap
 
 
 class Circle(NamedTuple):
-    """The n robots on a circle, counter-clockwise, their intended places, and the actors inside."""
+    """The n robots of a circle, counter-clockwise, their intended positions, and the actors
+    inside.
+    """
 
     robots: tuple[int, ...]
     actors: tuple[int, ...]
     middle: FloatArray  # [T+1, 2] m, centroid of the actors
-    at: FloatArray  # [n, T+1, K, 2] m, of the robots at every step, for K ways to turn the circle
-    height: tuple[float, ...]  # [n] m, at which the robots fly
-    above: tuple[float, ...]  # [n] m, of these over the middle of the tallest actor
+    # [n, T+1, K, 2] m, positions of the robots at every step, for K turns of the circle
+    at: FloatArray
+    height: tuple[float, ...]  # [n] m, flight heights of the robots
+    above: tuple[float, ...]  # [n] m, heights of the robots above the middle of the tallest actor
 
     @classmethod
     def share_out(
         cls, problem: Problem, standoff: float, height: float, orientations: int
     ) -> "list[Circle]":
-        """Divide actors evenly by number, and robots so that their ways are shortest in total.
+        """Divides the actors evenly by number, and the robots such that their total distance is
+        shortest.
 
-        Robots keep the order around their circle in which they start. The parameters are those of
+        Around a circle, robots keep the order of their starts. The parameters are those of
         `formation`.
         """
-        from scipy.optimize import linear_sum_assignment  # a quarter of what imports take
+        # takes a quarter of the time of all imports
+        from scipy.optimize import linear_sum_assignment
 
-        of_take = problem.numbers_in_take  # whoever walks otherwise in another take is one person
+        # a person who walks differently in another take is the same person
+        of_take = problem.numbers_in_take
         people = int(of_take.max(initial=-1)) + 1
         count = min(len(problem.robots), people)
         if not count:
@@ -66,7 +73,7 @@ class Circle(NamedTuple):
         groups = np.array_split(np.arange(people), count)
         actors = [np.flatnonzero(np.isin(of_take, group)) for group in groups]
         sizes = [len(group) for group in np.array_split(np.arange(len(problem.robots)), count)]
-        of_seat = np.repeat(np.arange(count), sizes)  # each robot takes a seat on some circle
+        of_seat = np.repeat(np.arange(count), sizes)  # each robot is assigned a seat on some circle
         middles = np.array([_middle(problem, tuple(group.tolist()))[0] for group in actors])
         starts = np.array([problem.height_map.centre(s.x, s.y) for s in problem.first_starts])
         ways = starts[:, None] - middles[of_seat]
@@ -91,7 +98,7 @@ class Circle(NamedTuple):
         wanted: tuple[float, float],
         turns: FloatArray,
     ) -> "Circle":
-        """Returns evenly spaced places around the actors, outside the outermost of them."""
+        """Returns evenly spaced positions around the actors, outside the outermost of them."""
         (standoff, height), middle = wanted, _middle(problem, inside)
         actors = [problem.actors[j] for j in inside]
         ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
@@ -111,13 +118,14 @@ class Circle(NamedTuple):
         return cls(robots, inside, middle, np.array(at), tuple(heights), tuple(above))
 
     def rewards(self, model: Model, views: list[LazyCoverage], stop: Stop) -> FloatArray:
-        """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
+        """Returns the view reward [T+1, K] of a circle's robots if all are in position and look
+        inwards.
 
-        A robot sees nothing from a place that is blocked or that it cannot have reached yet.
+        A robot sees nothing from a position that is blocked or that it cannot have reached yet.
 
         Parameters
         ----------
-        views : [R] coverage of every robot's states
+        views : [R] coverage of each robot's states
         """
         problem = model.problem
         reach = [_reachable(model, robot) for robot in self.robots]
@@ -136,7 +144,7 @@ class Circle(NamedTuple):
         return rewards
 
     def best_turns(self, problem: Problem, rewards: FloatArray) -> IntArray:
-        """Find the turns [T+1] of the greatest total reward [T+1, K], by value iteration.
+        """Finds the turns [T+1] with the greatest total reward [T+1, K], by value iteration.
 
         A circle turns only if all its robots are fast enough. In a tie it does not turn.
         """
@@ -155,7 +163,9 @@ class Circle(NamedTuple):
         return np.array(chosen)
 
     def _looking_inwards(self, model: Model, seat: int, t: int) -> tuple[IntArray, IntArray]:
-        """Turns [m] of K to places that a robot can reach, and states [m] that look inwards."""
+        """Returns the turns [m] of K whose positions a robot can reach, and states [m] that look
+        inwards.
+        """
         problem, robot = model.problem, self.robots[seat]
         graph = model.class_of[robot].graph
         motion, tilts = graph.motion, np.array(problem.robots[robot].camera.tilts)
@@ -172,9 +182,10 @@ class Circle(NamedTuple):
         return turns, (heading * len(tilts) + pitch) * graph.n_places + place
 
     def _can_follow(self, problem: Problem, t: int) -> BoolArray:
-        """Find the turns [K] of the next step that all robots can reach from each turn [K] of t.
+        """Returns, for each turn of step t, the turns [K] of the next step that all robots can
+        reach.
 
-        Where the actors outrun a robot, a turn is also allowed if it takes the robot no farther
+        If the actors outrun a robot, a turn is also allowed if it takes the robot no farther away
         than not turning.
         """
         before, after = self.at[:, t, :, None], self.at[:, t + 1, None, :]
@@ -186,7 +197,9 @@ class Circle(NamedTuple):
         return result
 
     def _nearest_best(self, problem: Problem, value: FloatArray) -> int:
-        """Turn of the greatest value [K]; of several, the one nearest to the starts."""
+        """Returns the turn with the greatest value [K]; among several, the one nearest to the
+        starts.
+        """
         starts = [problem.height_map.centre(*problem.first_starts[i][:2]) for i in self.robots]
         way = self.at[:, 0] - np.array(starts)[:, None]
         far = np.hypot(way[..., 0], way[..., 1]).sum(axis=0)
@@ -194,16 +207,17 @@ class Circle(NamedTuple):
 
 
 def _middle(problem: Problem, actors: tuple[int, ...]) -> FloatArray:
-    """Centroid [T+1, 2] (m) of actors."""
+    """Returns the centroid [T+1, 2] (m) of actors."""
     poses = np.array([problem.actors[j].poses[: problem.horizon + 1, :2] for j in actors])
     result: FloatArray = poses.mean(axis=0)
     return result
 
 
 def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
-    """Distance (m), nearest to the wanted one, at which the camera sees a point `above` m below it.
+    """Returns the distance (m) nearest to the requested one at which the camera sees a point
+    `above` m below it.
 
-    With a gimbal, one tilt that does so is enough.
+    With a gimbal, one suitable tilt is enough.
     """
     camera = robot.camera
     if not isinstance(camera, Camera) or above <= 0:
@@ -216,7 +230,9 @@ def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
 
 
 def _reachable(model: Model, robot: int) -> BoolArray:
-    """States [T+1, S] in places that a robot can have reached, in any orientation."""
+    """Returns True for states [T+1, S] in places that a robot can have reached, in any
+    orientation.
+    """
     graph = model.class_of[robot].graph
     reach = graph.reachable(model.starts(robot), model.problem.horizon)
     places = reach.reshape(len(reach), graph.n_orientations, graph.n_places).any(axis=1)
@@ -225,7 +241,8 @@ def _reachable(model: Model, robot: int) -> BoolArray:
 
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
 HEIGHT = 5.0  # m, of flight (Greedy Perspectives)
-# Ways to turn a circle. Theirs has 8; one of 5 m must turn by 1 m to be followed cell by cell.
+# Number of turns of a circle. The source has 8; a circle with a radius of 5 m must turn by 1 m at a
+# time to be followed cell by cell.
 _ORIENTATIONS = 32
 
 
@@ -241,10 +258,10 @@ def formation(
 
     Parameters
     ----------
-    standoff : distance (m) from the outermost actor; nearer or farther where the camera would
-        look past the actors' middle
-    height : m; robots fly at the nearest flight height where that is possible
-    orientations : number of ways in which a circle can be turned
+    standoff : distance (m) from the outermost actor; changed if the camera would miss the actors'
+        middle
+    height : m; robots fly at the nearest possible flight height
+    orientations : number of turns of a circle
 
     Returns
     -------
@@ -255,7 +272,7 @@ def formation(
     model = compiled(problem)
     views = LazyCoverage.of_robots(model)
     places = [_starts(problem, robot) for robot in range(len(problem.robots))]
-    with suppress(LimitReached):  # sequential planning hears of it, too
+    with suppress(LimitReached):  # sequential planning notices the limit, too
         for circle in Circle.share_out(problem, standoff, height, orientations):
             turns = circle.best_turns(problem, circle.rewards(model, views, stop))
             for seat, robot in enumerate(circle.robots):
@@ -276,7 +293,7 @@ def _starts(problem: Problem, robot: int) -> FloatArray:
 
 
 def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
-    """Returns points [n, 3] (m) at a flight height over [n, 2]; off the map, over its edge."""
+    """Returns points [n, 3] (m) at a flight height over [n, 2]; outside the map, over its edge."""
     x, y = height_map.cells_of(at).T
     width, depth = height_map.shape
     altitudes = height_map.altitudes((height,))[0]
@@ -285,19 +302,19 @@ def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Formation:
-    """A low level: the path that keeps a robot near its places in the formation.
+    """A low level that finds the path that keeps a robot near its positions in the formation.
 
-    The path has the least total distance from these places, and looks where it sees most. Both are
-    found by value iteration: over all states, then over the states along the way, for the marginal
-    view reward.
+    The path has the least total distance from these positions, and looks where it sees most. Both
+    are found by value iteration: first over all states, then over the states along the way, for the
+    marginal view reward.
     """
 
-    places: list[FloatArray]  # [T+1, 3] m of each robot
-    views: list[LazyCoverage]  # of each robot
+    places: list[FloatArray]  # [T+1, 3] m, positions of each robot
+    views: list[LazyCoverage]  # coverage of each robot's states
     is_lazy: ClassVar = True
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Find the path, or raise LimitReached."""
+        """Finds the path, or raises LimitReached."""
         task.stop.check()
         places, views = self.places[task.robot], self.views[task.robot]
         before, way = views.evaluated, _nearest(task, places)
@@ -309,13 +326,14 @@ class _Formation:
 
 
 def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
-    """Path of least distance from the places [T+1, 3] (m), summed over the steps."""
+    """Returns the path of least total distance from the positions [T+1, 3] (m)."""
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
     graph, height_map = robot_class.graph, problem.height_map
     layer, *cell = graph.coordinates(np.arange(graph.n_places))
     ground = height_map.origin + height_map.resolution * (np.column_stack(cell) + 0.5)
     at = np.zeros((graph.n_places, 3))
-    for k, height in enumerate(graph.motion.layers):  # the border has none, and is closed anyway
+    # the border has no height, and is closed anyway
+    for k, height in enumerate(graph.motion.layers):
         at[layer == k] = _flown(height_map, ground[layer == k], height)
     reward = graph.no_reward(problem.horizon)
     for row, place in zip(reward, places, strict=True):
@@ -326,7 +344,9 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
 
 
 def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
-    """Path through the same places, with the orientations of the greatest total marginal reward."""
+    """Returns the path through the same places, with the orientations of greatest total marginal
+    reward.
+    """
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
     graph, bonuses = robot_class.graph, Bonuses.of(problem.objective)
     everywhere = np.arange(graph.n_orientations) * graph.n_places
@@ -339,5 +359,5 @@ def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
             gain = marginal_gain(problem, view_sums, task.pixels[view_sums], views(t, states))
             reward[t, states] = (gain * problem.view_sum_weights[view_sums]).sum(axis=1)
     value = backward_sweep(graph, reward, bonuses)
-    # A way that can be flown can be flown without turning.
+    # Every path that can be flown can be flown without turning.
     return tuple(best_path(graph, value, way[0], bonuses) or way)

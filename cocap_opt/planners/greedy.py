@@ -1,9 +1,9 @@
 """Greedy planning over robots, ignoring collisions: the "unconstrained" reference.
 
-Each robot in turn gets its best path given what the earlier ones see. Without collision
-rules the plan has at least half the optimal J, if the low level is exact. Myopic planning gives
-each robot its best path as if it were alone, and so shows what the robots' knowledge of one another
-is worth; it is the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
+Each robot in turn gets its best path given what the earlier ones see. Without collision rules the
+plan has at least half the optimal J, if the low level is exact. Myopic planning gives each robot
+its best path as if it were alone, which shows how much coordination is worth; it is the baseline of
+this name in Hughes et al. 2024 (arXiv 2404.03103).
 """
 
 from cocap_opt.coordination.low_level import (
@@ -60,7 +60,7 @@ def greedy_lazy(problem: Problem, stop: Stop = never) -> Result:
 
 
 def _planned(problem: Problem, stop: Stop, low_level: LowLevel, planning: Planning) -> Result:
-    """Returns the result of a team that is planned without rules."""
+    """Returns the result of a team planned without rules."""
     responses = Responses(low_level, stop)
     nobody = responses.nobody(problem)
     team, limit = followed(nobody, planning(nobody, responses))
@@ -70,7 +70,7 @@ def _planned(problem: Problem, stop: Stop, low_level: LowLevel, planning: Planni
 
 
 def myopic(problem: Problem, stop: Stop = never) -> Result:
-    """Plan each robot's best path without regard to the others; collisions are ignored."""
+    """Plan each robot's best path regardless of the others; collisions are ignored."""
     return greedy(problem, stop, low_level=_alone)
 
 

@@ -1,12 +1,12 @@
 """Joint value iteration: the proved optimum for one or two robots.
 
-Two robots move independently of each other, so that the maximum over pairs of actions is taken
-one robot after the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. Rules that hold between
-steps couple the moves: for pairs of places that are near enough, the maximum is recomputed over
-all pairs of moves that are not forbidden.
+Two robots move independently of each other, so the maximum over pairs of actions is taken one robot
+after the other: a step takes S^2 * 2 |A| operations instead of S^2 |A|^2. Rules that apply between
+steps couple the moves: for pairs of places that are close enough, the maximum is recomputed over
+all pairs of allowed moves.
 
-The memory needed is known in advance: it is that of the arrays which `Pair` holds at once, as
-tests/core/test_joint.py measures.
+The required memory is known in advance: it is that of the arrays that `Pair` holds at the same
+time, as tests/core/test_joint.py measures.
 """
 
 from dataclasses import dataclass
@@ -28,18 +28,18 @@ from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
 
-_AT_ONCE = 200_000  # values of near pairs, to bound the memory
+_AT_ONCE = 200_000  # values of near pairs at once, which limits memory
 
 
 @dataclass(frozen=True)
 class _PairSide:
-    """One robot's part of the pair: the places it can reach at each step, numbered per step.
+    """One robot's part of the pair: the places it can reach at each step, numbered step by step.
 
     Its states at step t are numbered orientation by orientation, place by place [O * n_t].
     """
 
     robot_class: RobotClass
-    starts: IntArray  # [n] state numbers, in one of which it starts
+    starts: IntArray  # [n] numbers of its possible start states
     places: list[IntArray]  # per step [n_t] place numbers, increasing
 
     @classmethod
@@ -70,7 +70,7 @@ class _PairSide:
         return orientation * len(self.places[t]) + self.position(t, place)
 
     def targets(self, t: int) -> IntArray:
-        """Returns the positions at t+1 that each move leads to from each place of t [K, n_t]."""
+        """Returns the positions at t+1 to which each move leads from each place of t [K, n_t]."""
         return self.position(t + 1, self.robot_class.graph.heads_at(t, self.places[t]))
 
 
@@ -78,12 +78,12 @@ class _PairWays(NamedTuple):
     """The K ways in which a robot can continue from each of n places."""
 
     turns: bool  # False: the state is unchanged
-    to: IntArray  # [K, n] positions at t+1, one past the last where the way is closed
-    heads: FloatArray  # [K, n, 3] m, where it leads
+    to: IntArray  # [K, n] positions at t+1; one past the last if the way is closed
+    heads: FloatArray  # [K, n, 3] m, ends of the ways
     rewards: FloatArray  # [K]
 
     def of(self, way: int) -> "_PairWays":
-        """Returns one of the ways, as K = 1 of them."""
+        """Returns one of the ways, with K = 1."""
         only = slice(way, way + 1)
         return _PairWays(self.turns, self.to[only], self.heads[only], self.rewards[only])
 
@@ -91,9 +91,9 @@ class _PairWays(NamedTuple):
 class Pair:
     """Value iteration over all pairs of states that robots 0 and 1 (a and b) can reach.
 
-    Values are arrays [n, m] over the states of both robots at a step, CLOSED where the two
-    conflict or one of them cannot continue. Within a step they have the axes [Oa, na_t, Ob, nb_t]:
-    orientations and places of both.
+    Values are arrays [n, m] over the states of both robots at a step, CLOSED if the two conflict or
+    one of them cannot continue. Within a step they have the axes [Oa, na_t, Ob, nb_t]: orientations
+    and places of both.
     """
 
     def __init__(self, model: Model, stop: Stop = never) -> None:
@@ -108,7 +108,7 @@ class Pair:
 
         Parameters
         ----------
-        value : [n, m] best reward to go of all pairs at step 0
+        value : [n, m] best reward-to-go of all pairs at step 0
         """
         sides = (self.a, self.b)
         open_ = value[np.ix_(*(side.positions_of_states(0, side.starts) for side in sides))]
@@ -118,7 +118,7 @@ class Pair:
         return int(self.a.starts[row]), int(self.b.starts[column])
 
     def sweep(self) -> list[FloatArray]:
-        """Returns the best reward to go of all pairs at every step."""
+        """Returns the best reward-to-go of all pairs at every step."""
         values = [self.reward(self.horizon)]
         for t in range(self.horizon - 1, -1, -1):
             values.append(self.step_back(t, values[-1]) + self.reward(t))
@@ -152,7 +152,9 @@ class Pair:
         return tuple(path_a), tuple(path_b)
 
     def reward(self, t: int) -> FloatArray:
-        """Returns the reward of being in each pair of states at step t, with goals at the end."""
+        """Returns the reward of each pair of states at step t; at the end, pairs that miss a goal
+        are closed.
+        """
         reward = self._view_rewards(t).reshape(*self.a.sizes(t), *self.b.sizes(t))
         classes = self.a.robot_class, self.b.robot_class
         conflicts = self.model.places.conflict_matrix(classes, (self.a.places[t], self.b.places[t]))
@@ -173,7 +175,7 @@ class Pair:
             values_at(view_sums, coverage) @ weights for coverage in (coverage_a, coverage_b)
         )
         values: FloatArray = value_a[:, None] + value_b[None, :]
-        # Where both see a face or a person, the values do not add up.
+        # If both see a face or a person, the values do not add up.
         for k in np.flatnonzero(weights):
             self.stop.check()
             rows, columns = np.flatnonzero(coverage_a[:, k]), np.flatnonzero(coverage_b[:, k])
@@ -191,7 +193,7 @@ class Pair:
         return np.flatnonzero(~may_end(robot_class.goal, x, y))
 
     def _flat(self, t: int, values: FloatArray) -> FloatArray:
-        """Returns values [Oa, na_t, Ob, nb_t] with one axis per robot, without a copy."""
+        """Returns values [Oa, na_t, Ob, nb_t] reshaped to one axis per robot, without a copy."""
         (o_a, n_a), (o_b, n_b) = self.a.sizes(t), self.b.sizes(t)
         return values.reshape(o_a * n_a, o_b * n_b)
 
@@ -228,7 +230,7 @@ class Pair:
 
         Parameters
         ----------
-        axis : of the robot's orientations in `ahead`; the next one has its places
+        axis : axis of the robot's orientations in `ahead`; its places are on the next axis
         """
         turned = _with_closed_end(self._turned(ahead, side, axis), axis + 1)
         moves = np.array(side.robot_class.graph.moves)
@@ -251,7 +253,7 @@ class Pair:
     ) -> None:
         """Recomputes, in `best`, pairs of places whose moves may conflict, move by move.
 
-        Where none of b's moves can conflict with a's move, `half` holds b's best.
+        If none of b's moves can conflict with a's move, `half` holds b's best value.
         """
         at_a, at_b = self._near_pairs(t)
         if not len(at_a):
@@ -289,7 +291,7 @@ class Pair:
             self.model.places.where(self.b.robot_class, self.b.places[t]),
         )
         ways = np.abs(first[:, None, :2] - second[None, :, :2])
-        # A little farther, for rounding.
+        # Slightly farther, to allow for rounding.
         at_a, at_b = np.nonzero((ways <= reach * (1 + 1e-9)).all(axis=-1))
         return at_a, at_b
 
@@ -304,8 +306,10 @@ class Pair:
 
         Parameters
         ----------
-        halves : values for places of a at t+1 and of b at t, by whether a may turn
-        values : values of the pairs at t+1, by whether a and b may turn; all with closed ends
+        halves : values for places of a at t+1 and of b at t, one array for each value of "a may
+            turn"
+        values : values of the pairs at t+1, one array for each value of "a may turn" and "b may
+            turn"; all with closed ends
         """
         rules, (at_a, at_b) = self.model.problem.rules, at
         tails_a, tails_b = (
@@ -351,7 +355,7 @@ class Pair:
     def _successors(
         self, side: _PairSide, t: int, state: int
     ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns the states that a robot can go to from its state at step t.
+        """Returns the states to which a robot can go from its state at step t.
 
         Returns
         -------
@@ -366,7 +370,7 @@ class Pair:
     def _forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
-        """Returns an array [n, m], true for pairs of moves (tails to heads) that break a rule."""
+        """Returns an array [n, m], True for pairs of moves (tails to heads) that break a rule."""
         if not self.model.problem.rules.hold_between_steps:
             return False
         sides = self.a, self.b
@@ -383,13 +387,13 @@ class Pair:
 
 
 def _with_closed_end(values: FloatArray, axis: int) -> FloatArray:
-    """Returns values with one more entry along `axis`, CLOSED: the target of hidden moves."""
+    """Returns values with one more entry along `axis`, CLOSED: the target of closed moves."""
     pad = [(0, 0)] * values.ndim
     pad[axis] = (0, 1)
     return np.pad(values, pad, constant_values=CLOSED)
 
 
-MEMORY_LIMIT = 8e9  # bytes that the process may have
+MEMORY_LIMIT = 8e9  # bytes that the process may use
 
 
 @timed
@@ -399,7 +403,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     Raises
     ------
     UnsupportedError
-        For more than two robots, and where pixels add up over time.
+        If there are more than two robots, or if pixels add up over time.
     """
     if len(problem.robots) > 2:
         raise UnsupportedError(f"joint planning takes one or two drones, not {len(problem.robots)}")
@@ -414,7 +418,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         return result_without_conflicts(PlannedTeam.nobody(model), reached.limit, {})
     if paths is None:
         return Result.without_plan(
-            Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
+            Reason.INFEASIBLE, "no plan obeys the rules: every pair of paths breaks one"
         )
     if model.cut_short_by:
         found = (SingleRobotPath.of(model, i, path) for i, path in enumerate(paths))
@@ -424,12 +428,12 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
 
 
 def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
-    """Returns the best paths of all robots; None where the rules leave none.
+    """Returns the best paths of all robots; None if no paths obey the rules.
 
     Raises
     ------
     LimitReached
-        Also when the values of all pairs would take too much memory.
+        If a limit is reached, or if the values of all pairs would take too much memory.
     """
     stop.check()
     if len(model.problem.robots) == 1:
@@ -437,21 +441,23 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
         return None if path is None else (path,)
     pair = Pair(model, stop)
     if not all(len(places) for side in (pair.a, pair.b) for places in side.places):
-        return None  # people leave a robot no way
+        return None  # people leave a robot no path
     if bytes_needed(pair) > MEMORY_LIMIT:
         raise LimitReached(Limit.MEMORY)
     return pair.best_paths(pair.sweep())
 
 
-PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept
-_BYTES = 8.0  # of a number
-_TEMPORARIES = 5  # arrays of a step's size that one step back needs at once
-_PER_FACE = 2.0  # of each state and face: the coverage and the root of it
-_PER_STATE = 40.0  # of each state besides, to spare
-_PER_MOVE = 5.0  # of each move from each place: where it leads, while it is found
-_PER_PAIR = 6.0  # of each pair of places: whether it is near, while that is found
-_PER_VALUE = 2.0  # of each way of b from a near pair and its orientations: values, and the best
-_PER_WAY = 20.0  # of each way of b from a near pair: where it leads, and whether it conflicts
+# bytes, approximately: Python, the libraries, the problem, and freed memory that is kept
+PROCESS = 100e6
+_BYTES = 8.0  # bytes per number
+_TEMPORARIES = 5  # number of arrays of a step's size that one step back needs at the same time
+_PER_FACE = 2.0  # numbers per state and face: the coverage and its root
+_PER_STATE = 40.0  # further numbers per state, as a reserve
+_PER_MOVE = 5.0  # numbers per move from each place, while its end is found
+_PER_PAIR = 6.0  # numbers per pair of places, while it is checked for nearness
+# numbers per way of b from a near pair and per pair of orientations: values, and the best
+_PER_VALUE = 2.0
+_PER_WAY = 20.0  # numbers per way of b from a near pair: its end, and whether it conflicts
 
 
 def bytes_needed(pair: Pair) -> float:
@@ -468,7 +474,7 @@ def bytes_needed(pair: Pair) -> float:
 
 
 def _numbers_of_step_back(pair: Pair, t: int) -> float:
-    """Returns the largest count of numbers that a step back from t+1 to t holds in memory."""
+    """Returns the largest amount of numbers that a step back from t+1 to t holds in memory."""
     (o_a, n_a), (o_b, n_b) = pair.a.sizes(t), pair.b.sizes(t)
     ahead_a, ahead_b = len(pair.a.places[t + 1]), len(pair.b.places[t + 1])
     whole = float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))

@@ -1,20 +1,20 @@
 """Value iteration that evaluates only the views on good paths, and finds the same path.
 
-     1  R(t, s) <- the reward of state s at step t if hardly anything hides anybody, an upper bound
+     1  R(t, s) <- an upper bound on the reward of state s at step t: hardly anything hides anybody
      2  forever
      3      V <- one backward sweep over R
      4      path <- the best path by V
      5      if all of its views are evaluated: return it
      6      evaluate the views on the path, and those on paths nearly as good
-     7      R of these <- their rewards
+     7      R of these states <- their true rewards
 
 A path that is best by an upper bound is the best of all if its own rewards are exact. It is also
 the path that value iteration on all views finds: any path that ties with it by the true rewards
 also ties by R, and both methods break ties in the same way.
 
-Source: LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490); the numbers are those of this listing.
-Many views are evaluated at once, since a sweep takes as long as evaluating hundreds of views, and a
-view among many takes a tenth of the time that it takes alone.
+Source: LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490); the numbers in the code are those of
+this listing. Many views are evaluated at once, since a sweep takes as long as evaluating hundreds
+of views, and evaluating a view among many takes a tenth of the time of evaluating it alone.
 """
 
 import numpy as np
@@ -29,22 +29,22 @@ from cocap_opt.model import Model, Path
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
 
-# Measured with cocap on bridge, bridge with seven layers and four pitches, corridor, and the field
-# and the town of 120 x 120 cells: first rounds half or twice as wide, wider later ones, and growth
-# by 2 take 0.95 to 1.4 times the CPU time and 0.7 to 1.7 times the views.
-_WIDTH = 8  # states of a step that are evaluated at most in the first round; later ever more
-_GROWTH = 4  # times as many from round to round
-_MOST = 32  # at most in any round
-_MANY = 8  # times as many moves are looked at, since several lead to one state
-_HURRIED = 1.2e-7  # s, of planning past a limit, for each state at a step: measured, and rounded up
+# Measured with cocap on bridge, bridge with seven layers and four pitches, corridor, and field and
+# town with 120 x 120 cells: widths of first rounds that are halved or doubled, wider later rounds,
+# and a growth of 2 take 0.95 to 1.4 times the CPU time and 0.7 to 1.7 times the views.
+_WIDTH = 8  # largest number of states of a step that are evaluated in the first round
+_GROWTH = 4  # factor on that number from round to round
+_MOST = 32  # largest number in any round
+_MANY = 8  # factor for the number of moves to examine, since several moves lead to one state
+_HURRIED = 1.2e-7  # s per state and step for planning past a limit; measured, and rounded up
 
 
 class LazyValueIteration:
-    """Lazy value iteration as a low level. Each instance remembers the views it has evaluated.
+    """Lazy value iteration as a low level. Each instance caches the views it has evaluated.
 
-    It reserves time to plan every robot once from what is known by then, but no more than half of
-    the time available. Such a path is good by the views evaluated so far, and names the limit that
-    was near.
+    It reserves enough time to plan every robot once from the views evaluated by then, but at most
+    half of the available time. A path found in this time is the best by these views, and its
+    `limit` names the limit that was near.
     """
 
     is_lazy = True
@@ -54,7 +54,7 @@ class LazyValueIteration:
         self._reserves: dict[tuple[Model, Stop], float] = {}  # s
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Find the path that value iteration on all views finds, or raise LimitReached."""
+        """Finds the path that value iteration on all views finds, or raises LimitReached."""
         task.stop.check()
         reserve = self._reserve_of(task)
         coverage = self._coverage_of(task)
@@ -67,7 +67,7 @@ class LazyValueIteration:
         return SingleRobotPath(path, coverage.pixels_along(path), evaluated, limit)
 
     def _reserve_of(self, task: SingleRobotTask) -> float:
-        """Returns the seconds to reserve, given those left at the first task of a model."""
+        """Returns the seconds to reserve, given the time left at the first task of a model."""
         key = task.model, task.stop
         if key not in self._reserves:
             self._reserves[key] = min(_seconds_in_a_hurry(task.model), task.stop.seconds_left / 2)
@@ -82,7 +82,7 @@ class LazyValueIteration:
 
 
 def _seconds_in_a_hurry(model: Model) -> float:
-    """Returns the approximate seconds that planning every robot once takes without more rounds."""
+    """Returns the approximate time in s to plan every robot once without further rounds."""
     states = sum(len(c.robots) * c.graph.n_states for c in model.classes)
     return states * (model.problem.horizon + 1) * _HURRIED
 
@@ -98,11 +98,11 @@ class _Search:
         self._frames = Frame.all_from(self._graph, self._starts, task.model.problem.horizon)
 
     def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
-        """Returns the best path, whose views are all evaluated; None if there is none.
+        """Returns the best path, whose views have all been evaluated; None if there is no path.
 
         Parameters
         ----------
-        enough : a limit; once it is reached, a path that is good by the views evaluated so far is
+        enough : a limit; once it is reached, the best path by the views evaluated so far is
             returned together with the limit
         """
         width, best, least, earlier = _WIDTH, None, CLOSED, None
@@ -128,14 +128,14 @@ class _Search:
     def _sweep(
         self, rewards: FloatArray, earlier: tuple[FloatArray, int] | None = None
     ) -> FloatArray:
-        """Returns the best reward to go [T+1, S] of every state."""
+        """Returns the best reward-to-go [T+1, S] of every state."""
         return backward_sweep(
             self._graph, rewards, self._bonuses, self._task.charges, self._class.goal,
             self._task.stop, earlier, self._frames,
         )  # fmt: skip
 
     def _path_of(self, value: FloatArray) -> Path | None:
-        """Returns the best path by a sweep."""
+        """Returns the best path, given the result of a sweep."""
         path = best_path(self._graph, value, self._starts, self._bonuses, self._task.charges)
         return None if path is None else tuple(path)
 
@@ -144,13 +144,15 @@ class _Search:
         return nodes
 
     def _evaluate(self, nodes: IntArray) -> int:
-        """Evaluates the nodes among [n] that are not known; returns the last step of any, or 0."""
+        """Evaluates nodes among [n] that are not evaluated yet; returns the last step of any of
+        them, or 0.
+        """
         unknown = self._coverage.unknown(nodes)
         self._coverage.evaluate(unknown, self._task.stop)
         return int(unknown.max(initial=0)) // self._graph.n_states
 
     def _worth(self, path: Path) -> float:
-        """Evaluates the views of a path, and returns its worth."""
+        """Evaluates the views of a path, and returns the path's worth."""
         nodes = self._nodes(path)
         self._evaluate(nodes)
         views = float(self._coverage.rewards.reshape(-1)[nodes].sum())
@@ -165,13 +167,13 @@ def _near_best(
     width: int,
     least: float,
 ) -> IntArray:
-    """Returns nodes [n] of nearly best paths from starts: at each step those that lose least.
+    """Returns nodes [n] of nearly best paths from starts: at each step, those that lose least.
 
     Parameters
     ----------
-    value : [T+1, S] of a backward sweep
+    value : [T+1, S] result of a backward sweep
     width : largest number of nodes per step
-    least : least value of a path through them
+    least : smallest value of a path through such a node
     """
     turns = _turns(graph)
     best = value[0, starts]
@@ -202,6 +204,6 @@ def _near_best(
 
 
 def _turns(graph: TimeGraph) -> IntArray:
-    """Returns the orientations [O, W] that follow each one, some of them repeated."""
+    """Returns the orientations [O, W] that can follow each orientation, some of them repeated."""
     most = max(map(len, graph.turns))
     return np.array([heads + heads[:1] * (most - len(heads)) for heads in graph.turns])

@@ -1,6 +1,6 @@
-"""Planning one step ahead: step by step, each robot in turn takes the best view of the next step.
+"""Plans one step ahead: step by step, each robot in turn takes the best view of the next step.
 
-The comparison with it shows what looking farther ahead is worth.
+It is a baseline that shows the value of looking farther ahead.
 """
 
 from collections.abc import Iterable
@@ -27,21 +27,21 @@ from cocap_opt.timing import timed
 
 @dataclass
 class _Progress:
-    """One robot on its way."""
+    """The progress of one robot."""
 
     robot_class: RobotClass
     coverage: LazyCoverage  # shared by its class
-    leads: BoolArray  # [T+1, S] states from which the goal can be reached, if alone
+    leads: BoolArray  # [T+1, S] states from which the goal can be reached by a robot that is alone
     pixels: FloatArray  # [Z] px/m2 seen so far
     path: list[int]  # state numbers, one per step so far
     evaluated: int = 0
 
     def state(self, t: int) -> State:
-        """State at a step."""
+        """Returns the state at a step."""
         return self.robot_class.graph.state(self.path[t])
 
     def look(self, t: int, states: IntArray) -> FloatArray:
-        """Coverage [n, F] of states [n] at step t."""
+        """Returns the coverage [n, F] of states [n] at step t."""
         before = self.coverage.evaluated
         seen = self.coverage(t, states)
         self.evaluated += self.coverage.evaluated - before
@@ -55,12 +55,12 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     If a robot has several starts, it takes the one from which it sees most at the first step that
     counts, clear of the earlier robots and of one possible start for each later robot.
 
-    A robot keeps clear of the places that earlier robots go to and of those that later robots are
-    in. All robots can therefore stay where they are at any time, so that without goals there is
-    always a plan that obeys the rules; the price is that no robot moves into a cell that a later
-    robot is about to leave. In a tie it takes the calmest move, as value iteration does. A robot
-    with a goal takes only states from which it could reach the goal if it were alone; if the others
-    then block its way, the planner fails. At a limit, all robots stay where they are from then on.
+    A robot keeps clear of the next places of earlier robots and the current places of later robots.
+    All robots can therefore stay where they are at any time, so without goals there is always a
+    plan that obeys the rules; the drawback is that no robot moves into a cell that a later robot is
+    about to leave. In a tie it takes the calmest move, as value iteration does. A robot with a goal
+    enters only states from which it could reach the goal if it were alone; if other robots then
+    block its way, the planner fails. At a limit, all robots stay where they are from then on.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
             stop.check()
             heads = _open_heads(model, robots, robot, t)
             if not heads.size:
-                words = f"drone {robot} cannot reach its goal beside the others after step {t}"
+                words = f"after step {t}, the other drones keep drone {robot} from its goal"
                 return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
             _move(model, robots, robot, t + 1, heads)
     except LimitReached as reached:
@@ -92,7 +92,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
 
 
 def _at_starts(model: Model) -> list[_Progress]:
-    """Put all robots at their starts, with the pixels that they have there if these count."""
+    """Places all robots at their starts, with the pixels that they have there if these count."""
     problem = model.problem
     robots, sources = list[_Progress](), LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
@@ -107,7 +107,7 @@ def _at_starts(model: Model) -> list[_Progress]:
 
 
 def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progress) -> int:
-    """Choose the start of a robot, given those that are placed already."""
+    """Chooses the start of a robot, given the robots that are placed already."""
     problem, starts = model.problem, model.starts(robot)
     if len(starts) == 1:
         return int(starts[0])
@@ -120,7 +120,7 @@ def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progres
     if not len(starts):
         return model.first_start(robot)
     t, view_sums = problem.first_step, problem.view_sums_at(problem.first_step)
-    seen = np.zeros(problem.step_width)  # by those that are placed, if they stay
+    seen = np.zeros(problem.step_width)  # pixels of the placed robots if they stay
     for other in placed:
         seen += other.look(t, np.array(other.path[:1]))[0]
     gains = marginal_gain(problem, view_sums, seen, progress.look(t, starts))
@@ -128,7 +128,9 @@ def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progres
 
 
 def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> IntArray:
-    """States that a robot may go to from step t, after the earlier robots have moved."""
+    """Returns the states to which a robot may go from step t, after the earlier robots have
+    moved.
+    """
     progress = robots[robot]
     others = _others(model.problem, robots, robot, t)
     closed = avoid_paths(model, progress.robot_class, others)
@@ -142,14 +144,16 @@ def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> In
 def _others(
     problem: Problem, robots: list[_Progress], robot: int, t: int
 ) -> Iterable[tuple[Cell, Cell]]:
-    """Cells of the others at step t and at the next; the same ones if they have not moved yet."""
+    """Yields the cells of the others at step t and at the next; the same cell twice if they have
+    not moved yet.
+    """
     for other, progress in enumerate(robots):
         if other != robot:
             yield problem.cell(other, progress.state(t)), problem.cell(other, progress.state(-1))
 
 
 def _stay(model: Model, robots: list[_Progress]) -> bool:
-    """Leave all robots where they are, from the last step of each to the horizon.
+    """Lets all robots stay in place from the last step of each to the horizon.
 
     Returns False if a person comes too close to one of them.
     """
@@ -166,13 +170,13 @@ def _stay(model: Model, robots: list[_Progress]) -> bool:
 
 
 def _move(model: Model, robots: list[_Progress], robot: int, t: int, heads: IntArray) -> None:
-    """Take the best of the heads [n] for step t."""
+    """Takes the best of the heads [n] for step t."""
     problem, progress = model.problem, robots[robot]
     graph, view_sums = progress.robot_class.graph, problem.view_sums_at(t)
     coverage = progress.look(t, heads)
     seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
     gains = marginal_gain(problem, view_sums, seen, coverage) * problem.view_sum_weights[view_sums]
-    # A path of one step, so that bonuses and ties are those of all other planners.
+    # A path of one step, so that bonuses and ties are treated as in all other planners.
     value = np.full((2, graph.n_states), CLOSED)
     value[0, progress.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)

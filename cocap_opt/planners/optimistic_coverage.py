@@ -1,10 +1,10 @@
 """Coverage of states that is an upper bound until it is evaluated.
 
-Until then the coverage of a state is computed as if nobody were hidden, except by a single column
-of the map that hides the whole person. The reward of a view is w (sqrt(z + c) - sqrt(z)), summed
-over the faces. It grows with the view's coverage c, whatever pixels z the others have, so that an
-upper bound on coverage gives one on the reward. Where drones that see people are counted, everybody
-who may be partly visible counts as seen.
+An unevaluated state's coverage is computed as if nobody were hidden, except by a single column of
+the map that hides the whole person. The reward of a view is w (sqrt(z + c) - sqrt(z)), summed over
+the faces. It grows with the view's coverage c, whatever pixels z the others have, so an upper bound
+on coverage gives one on the reward. If drones that see people are counted, everybody who may be
+partly visible counts as seen.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -21,12 +21,12 @@ from cocap_opt.vision.coverage import usable_cores
 from cocap_opt.vision.seen import SeenColumns
 from cocap_opt.vision.unhidden import UnhiddenViews
 
-_SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
-_AT_ONCE = 1_000_000  # entries, to bound the memory
+_SLACK = 1e-9  # relative to the largest reward; much more than the rounding of bounds
+_AT_ONCE = 1_000_000  # entries, which limits memory
 
 
 class OptimisticCoverage:
-    """Coverage of the states of a robot class on top of what other robots see.
+    """Coverage of the states of a robot class, and rewards on top of what other robots see.
 
     Node t S + s is state s at step t.
 
@@ -37,8 +37,8 @@ class OptimisticCoverage:
     Attributes
     ----------
     evaluated : number of nodes evaluated so far
-    rewards : [T+1, S] rewards of states on top of the others' pixels: exact for nodes that are
-        known, an upper bound for others, CLOSED outside the free states
+    rewards : [T+1, S] rewards of states on top of the others' pixels: exact for evaluated nodes,
+        upper bounds for others, CLOSED outside the free states
     """
 
     def __init__(self, model: Model, robot_class: RobotClass, stop: Stop) -> None:
@@ -57,12 +57,12 @@ class OptimisticCoverage:
         self._flat[nodes] = alone + _SLACK * alone.max(initial=0.0)
         self._known = np.ones(len(self._flat), dtype=bool)
         self._known[nodes] = False
-        self._rows: dict[int, int] = {}  # of evaluated nodes
+        self._rows: dict[int, int] = {}  # row of each evaluated node
         self._found, self._new = _Evaluated.nothing(), list[_Evaluated]()
         self.evaluated = 0
 
     def _set_bounds(self, steps: "list[_StepBounds]") -> None:
-        """Stores the bounds on each node's pixels of each face, in the order of the view sums."""
+        """Stores the bounds on each node's pixels of each face, ordered by view sum."""
         nodes, pixels, counts = (
             np.concatenate(column)
             for column in zip(*((s.seeing, s.pixels, s.counts) for s in steps), strict=True)
@@ -74,19 +74,21 @@ class OptimisticCoverage:
             nodes, pixels = nodes[order], pixels[order]
             counts = np.bincount(view_sums, weights=counts).astype(np.int64)
         self._bounded, self._bounds = nodes, pixels  # [n], and [n] px/m2, > 0
-        self._bound_counts = counts  # [Z] entries of each view sum
+        self._bound_counts = counts  # [Z] number of entries of each view sum
         self._first_bounds = np.cumsum(counts) - counts  # [Z]
 
     def unknown(self, nodes: IntArray) -> IntArray:
-        """Returns the nodes among [n] that are not evaluated and may see something, increasing."""
+        """Returns the nodes among [n] that are not evaluated and may see something, in increasing
+        order.
+        """
         return np.unique(nodes[~self._known[nodes]])
 
     def known_rewards(self) -> FloatArray:
-        """Returns rewards [T+1, S] that are 0 for nodes that are not known: lower bounds."""
+        """Returns rewards [T+1, S] that are 0 for nodes that are not evaluated: lower bounds."""
         return np.where(self._known.reshape(self.rewards.shape), self.rewards, 0.0)
 
     def put_on_top_of(self, pixels: FloatArray) -> None:
-        """Makes `rewards` those on top of the pixels [Z] that others have."""
+        """Sets `rewards` to those on top of the pixels [Z] of the other robots."""
         before, self._pixels = self._pixels, pixels.copy()
         changed = np.flatnonzero(pixels != before)
         n_parts = int(self._bound_counts[changed].sum()) // _AT_ONCE + 1
@@ -104,12 +106,13 @@ class OptimisticCoverage:
         self._flat[self._found.nodes] = self._gains(self._found)
 
     def evaluate(self, nodes: IntArray, stop: Stop) -> None:
-        """Evaluates unknown nodes [n], in increasing order, and updates `rewards`.
+        """Evaluates nodes [n] that are not evaluated yet, in increasing order, and updates
+        `rewards`.
 
         Raises
         ------
         LimitReached
-            If a limit is reached before all are evaluated. Those already evaluated are kept.
+            If a limit is reached before all are evaluated. Nodes evaluated so far are kept.
         """
         for first in range(0, len(nodes), self._views.batch):
             stop.check()
@@ -137,7 +140,7 @@ class OptimisticCoverage:
         return rewards
 
     def pixels_along(self, path: Path) -> FloatArray:
-        """Returns the pixels [Z] along a path whose nodes are all known."""
+        """Returns the pixels [Z] along a path whose nodes are all evaluated."""
         nodes = np.arange(len(path)) * self._n_states + np.array(path)
         rows = [self._rows[node] for node in nodes.tolist() if node in self._rows]
         found = _Evaluated.joined(self._found, *self._new)
@@ -150,26 +153,27 @@ class OptimisticCoverage:
 class _StepBounds(NamedTuple):
     """Upper bounds at one step."""
 
-    nodes: IntArray  # [s] that may see something, increasing
-    rewards: FloatArray  # [s] of a robot that is alone
-    seeing: IntArray  # [n] nodes of the entries, one entry for each column that a node may see
-    pixels: FloatArray  # [n] px/m2, > 0; 1 of people who count
-    counts: IntArray  # [W] entries of each column, which stand one after the other
+    nodes: IntArray  # [s] nodes that may see something, increasing
+    rewards: FloatArray  # [s] rewards of a robot that is alone
+    seeing: IntArray  # [n] nodes of the entries; one entry for each column that a node may see
+    pixels: FloatArray  # [n] px/m2, > 0; 1 for counted people
+    counts: IntArray  # [W] number of entries of each column, whose entries are contiguous
 
     @classmethod
     def of(cls, found: SeenColumns, first: int, weights: FloatArray) -> Self:
-        """Returns the bounds of a step whose first node has this number.
+        """Returns the bounds of a step, given the number of its first node.
 
         Parameters
         ----------
-        weights : [W] of the columns
+        weights : [W] weights of the columns
         """
         seeing = np.flatnonzero(found.counts)
         nodes, sizes = first + seeing, found.counts[seeing]
         starts = np.cumsum(sizes) - sizes
-        roots = np.sqrt(found.amounts) * weights[found.columns]  # of 1 drone as well
+        # also for counts, as the root of 1 drone is 1
+        roots = np.sqrt(found.amounts) * weights[found.columns]
         rewards = np.add.reduceat(roots, starts) if len(starts) else roots
-        # NumPy sorts numbers of 16 bits much faster.
+        # NumPy sorts 16-bit numbers much faster.
         columns = found.columns.astype(np.min_scalar_type(len(weights)))
         order = np.argsort(columns, kind="stable")
         counts = np.bincount(found.columns, minlength=len(weights))
@@ -177,7 +181,9 @@ class _StepBounds(NamedTuple):
 
 
 def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBounds]:
-    """Returns the bounds of all steps for all nodes that a class can reach; raises LimitReached."""
+    """Returns the bounds of all steps, for all nodes that a class can reach; raises
+    LimitReached.
+    """
     problem, views = model.problem, UnhiddenViews(model.views(robot_class))
     reachable, size = model.reachable(robot_class), robot_class.graph.n_states
 
@@ -199,7 +205,7 @@ class _Evaluated(NamedTuple):
     """The pixels of evaluated nodes, in the order in which they were evaluated."""
 
     nodes: IntArray  # [n]
-    counts: IntArray  # [n] number of view sums that each sees
+    counts: IntArray  # [n] number of view sums that each node sees
     view_sums: IntArray  # [m]
     pixels: FloatArray  # [m] px/m2, > 0
 
@@ -216,5 +222,5 @@ class _Evaluated(NamedTuple):
 
     @classmethod
     def joined(cls, *parts: Self) -> Self:
-        """Returns the nodes of all parts."""
+        """Returns the nodes of all parts in one."""
         return cls(*map(np.concatenate, zip(*parts, strict=True))) if len(parts) > 1 else parts[0]

@@ -1,4 +1,4 @@
-"""Results made of a team, complete or not."""
+"""Makes results from a team, whether complete or not."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,7 +10,7 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit
 
 _ONE_STEP_AT_A_TIME = (
-    "a heuristic: pixels add up over time, and this planner looks at one step at a time"
+    "a heuristic: pixels add up over time, but this planner considers one step at a time"
 )
 
 
@@ -24,7 +24,7 @@ def hovering(team: PlannedTeam) -> PlannedTeam:
 
 
 def _hover(team: PlannedTeam, robot: int) -> SingleRobotPath:
-    """Returns the path that stays at the start, which needs no time to be found."""
+    """Returns the path that stays at the start, which takes no time to find."""
     problem = team.model.problem
     if not problem.may_hover(robot, StartSet.of([problem.first_starts[robot]]))[0]:
         return SingleRobotPath(None, problem.no_pixels(), 0)
@@ -41,7 +41,7 @@ def result_of(
     There is no plan if a robot has no path, because it may not stay at its start.
     """
     if not team.is_whole:
-        assert limit is not None, "robots have no path, though no limit stopped the planner"
+        assert limit is not None, "robots have no path, although no limit stopped the planner"
         return Result.stopped_without_plan(limit, statistics)
     evaluated = sum(single.evaluated for single in team.found if single is not None)
     model = team.model
@@ -50,12 +50,12 @@ def result_of(
     if early:
         limit = limit or early[0]
         count = f"{len(early)} of {team.size}"
-        messages.append(f"{count} paths are based on few views: a limit was near")
+        messages.append(f"{count} paths are based on few evaluated views, as a limit was near")
     if model.cut_short_by:
         limit = limit or model.cut_short_by
         messages.append(
-            f"coverage computed for {model.covered_steps} of {model.problem.horizon + 1} steps "
-            "only; the rest was ignored"
+            f"coverage was computed for only {model.covered_steps} of "
+            f"{model.problem.horizon + 1} steps; the planner ignored the others"
         )
     return Result(
         plan=model.plan(team.paths),
@@ -71,10 +71,10 @@ def result_of(
 def result_without_conflicts(
     team: PlannedTeam, limit: Limit, statistics: Mapping[str, float]
 ) -> Result:
-    """Make the result of a planner that is stopped before its paths obey the rules.
+    """Make the result of a planner that was stopped before its paths obey the rules.
 
-    At first all robots stay at their starts, which obeys every rule; then one after the other takes
-    its path if that collides with no other robot and increases J. There is no plan if a robot's
+    Initially all robots stay at their starts, which obeys every rule; then each robot in turn takes
+    its path if the path collides with no other robot and increases J. There is no plan if a robot's
     goal is elsewhere.
     """
     safe: PlannedTeam = hovering(Team.nobody(team.model))
@@ -92,17 +92,17 @@ def result_without_conflicts(
             safe, cells[robot] = changed, wanted
     result = result_of(safe, limit, statistics)
     staying = sum(len(set(path)) == 1 for path in safe.paths)
-    if not staying or staying == safe.size:  # the latter is said of any plan
+    if not staying or staying == safe.size:  # the latter would be true of any plan
         return result
     words = f"{staying} of {safe.size} drones stay at their starts, clear of the others"
     return with_message(result, words)
 
 
 def with_message(result: Result, words: str) -> Result:
-    """Returns a result with further words in its message."""
+    """Returns a result with an additional message."""
     return replace(result, message="; ".join(filter(None, (result.message, words))))
 
 
 def without_a_path(robot: int) -> Result:
-    """Make the result of a planner that finds no path for one robot alone."""
+    """Make the result of a planner for which one robot has no path even if it is alone."""
     return Result.without_plan(Reason.INFEASIBLE, f"drone {robot} has no path, even alone")

@@ -17,7 +17,7 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.timing import timed
 
-ORDERS = 10  # of `best_of_orders`
+ORDERS = 10  # number of orders that `best_of_orders` tries
 
 
 @timed
@@ -26,9 +26,9 @@ def sequential(
 ) -> Result:
     """Plan the robots in order, each clear of the earlier ones' paths.
 
-    The start cells of robots not yet planned are kept free at all steps, as in the source,
-    so that a robot for which no time is left can stay there. The attempt ends if a robot has no
-    path left: the order has then failed, which proves nothing.
+    The start cells of robots not yet planned are kept free at all steps, as in the source, so that
+    a robot that cannot be planned in time can stay there. The attempt ends if a robot has no path
+    left: the order has then failed, which proves nothing.
     """
     responses = Responses(low_level, stop)
     nobody = responses.nobody(problem)
@@ -46,8 +46,8 @@ def sequential_rounds(
 ) -> Result:
     """Plan as `sequential` does, then in rounds of best responses that obey the rules.
 
-    In a round, each robot in turn is replanned, clear of all others and for the views that it
-    adds to theirs. The rounds end with a plan that no robot can improve by changing its own path
+    In a round, each robot in turn is replanned, clear of all others, for its marginal gain over
+    what they see. The rounds end with a plan that no robot can improve by changing its own path
     alone.
     """
     responses = Responses(low_level, stop)
@@ -61,7 +61,7 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
 
     Parameters
     ----------
-    orders : number of orders; the first is that of the robots' numbers, the others are random
+    orders : number of orders; the first is by robot number, the others are random
     """
     responses = Responses(value_iteration, stop)
     nobody = responses.nobody(problem)
@@ -69,7 +69,7 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
 
 
 def _in_orders(nobody: PlannedTeam, responses: Responses, orders: int) -> Iterator[PlannedTeam]:
-    """Yields each better team; before the first whole one, also the teams that lead to it."""
+    """Yields each better team; before the first whole team, also the partial teams on the way."""
     rng, best = np.random.default_rng(0), None
     for n in range(orders):
         order = rng.permutation(nobody.size).tolist() if n else None
@@ -83,7 +83,7 @@ def _result(team: PlannedTeam, limit: Limit | None) -> Result:
     """Returns the result of a team that is planned as far as a limit or the other robots allow."""
     if not team.is_whole and limit is None:
         robot = team.found.index(None)
-        words = f"drone {robot} has no path left beside the drones before it"
+        words = f"the drones planned before leave drone {robot} no path"
         return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
     whole = hovering(team)
     if limit is not None and not whole.is_whole:

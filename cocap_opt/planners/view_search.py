@@ -14,11 +14,11 @@
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), to the letter: the discount of line 7,
 Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1) with k from 1, compounds, since Rbar_k is discounted
 already; a state includes its step; dominance compares the compounded values; after a dead end the
-search goes back to the best state left in OPEN. The listing is our wording, the same as in
+search continues with the best state in OPEN. The listing is our wording, the same as in
 docs/concepts/view-search.md; its numbers are beside the lines of `_algorithm_2`. The search
-evaluates the coverage of a state only when it reaches that state, which is its whole point:
-rendering views costs far more than searching. The paper names no gamma; `cocap-opt study gamma`
-measures some.
+evaluates the coverage of a state only when it reaches that state, which is its purpose: rendering
+views takes far longer than searching. The paper names no gamma; `cocap-opt study gamma` measures
+some.
 """
 
 import heapq
@@ -39,16 +39,17 @@ from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.problem import Problem
 
 # The gamma that needs the fewest views for 95 % of the J that CoCap has with value iteration, as
-# `cocap-opt study gamma` measures it on corridor and bottleneck: 0.97 gets 95 % of that J
-# from 17 % of the views; 0.8 gets 98 % from 64 %, 0.99 gets 93 % from 9 %.
+# `cocap-opt study gamma` measures it on scenes `corridor` and `bottleneck`: 0.97 gets 95 % of that
+# J from 17 % of the views; 0.8 gets 98 % from 64 %, 0.99 gets 93 % from 9 %.
 GAMMA = 0.97
 # gamma ** T of the undiscounted search. Measured over 8 seeds with gamma from 0.6 to 1: near this
 # value CoCap gets 92-99 % of the J that it gets with value iteration and evaluates 17-40 % of the
-# states (corridor, T = 8, and bottleneck, T = 11); 0.05 costs most of the states, 1 gives 84-96 %.
+# states (`corridor`, T = 8, and `bottleneck`, T = 11); 0.05 evaluates most of the states, 1 gives
+# 84-96 %.
 _FINAL_DISCOUNT = 0.2
-_TIE = 6  # digits; angles and distances that agree to these are equal
+_TIE = 6  # digits; angles and distances that agree to this many digits are equal
 
-_Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
+_Way = tuple[float, float]  # angle from the heading (rad) and distance (m) of the nearest actor
 _Entry = tuple[float, int, _Way, int, int]  # of the queue: -key, -k, way, number, state
 
 
@@ -63,7 +64,7 @@ class Compounded:
         return (reward + value) * self.gamma ** (k - 1)
 
     def key(self, value: float, k: int, horizon: int) -> float:
-        """Returns Rbar_{k+1}, the key in the queue of the (k+1)-th state."""
+        """Returns Rbar_{k+1}, the key of the (k+1)-th state in the queue."""
         return value
 
 
@@ -82,7 +83,7 @@ class Undiscounted:
         return value + reward
 
     def key(self, value: float, k: int, horizon: int) -> float:
-        """Returns the sum, discounted by depth."""
+        """Returns the sum of rewards, discounted by depth."""
         gamma = _FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
         return value * gamma ** (k - 1)
 
@@ -91,17 +92,18 @@ _Discount = Compounded | Undiscounted
 
 
 def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:
-    """CoCap's Alg. 2: the path to the first state at the last step that is taken; None without one.
+    """CoCap's Alg. 2: returns the path to the first state at the last step that is popped; None if
+    there is none.
 
-    States are (k, v): state number v as the k-th of a path, k = 1..T+1.
+    Nodes are (k, v): state number v as the k-th of a path, k = 1..T+1.
     """
     T = task.model.problem.horizon
     starts = _rewarded_starts(task, coverage)
     Rbar = {(1, v): R for v, R, _ in starts}
     parent, processed = {(1, v): (1, v) for v, *_ in starts}, set[tuple[int, int]]()
     # The greatest key is first. Ties go to the deeper state, then to the one that looks more
-    # directly at the nearest actor, then to the nearer one: without a view there is nothing else to
-    # go by. Last to the older.
+    # directly at the nearest actor, then to the one nearer to it: without a view there is no other
+    # criterion. Remaining ties go to the older state.
     numbers = count()
     OPEN: list[_Entry] = [(-R, -1, way, next(numbers), v) for v, R, way in starts]  # 1
     heapq.heapify(OPEN)
@@ -125,7 +127,7 @@ def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Disco
 
 
 class ViewSearch:
-    """View search as a low level. Each instance remembers the coverage it has evaluated.
+    """View search as a low level. Each instance caches the coverage it has evaluated.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ class ViewSearch:
         self._views: dict[Model, list[LazyCoverage]] = {}  # by robot
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Search for a path, or raise LimitReached."""
+        """Searches for a path, or raises LimitReached."""
         model = task.model
         if model not in self._views:
             self._views[model] = LazyCoverage.of_robots(model)
@@ -153,7 +155,7 @@ class ViewSearch:
 def _rewarded_starts(
     task: SingleRobotTask, coverage: LazyCoverage
 ) -> list[tuple[int, float, _Way]]:
-    """Possible start states of the robot, with their rewards and ways to actors.
+    """Returns the possible start states of the robot, with their rewards and ways to actors.
 
     The paper has a single start, whose reward is a constant and taken as 0. With several starts,
     the search begins at the one that looks most directly at the nearest actor if views at the start
@@ -177,15 +179,17 @@ def _rewarded_starts(
 def _rewarded_successors(
     task: SingleRobotTask, coverage: LazyCoverage, k: int, v: int
 ) -> Iterator[tuple[int, float, _Way]]:
-    """States that may follow v, the k-th state, with their marginal rewards and ways to actors."""
+    """Yields the states that may follow v, the k-th state, with their marginal rewards and ways to
+    actors.
+    """
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
     graph = robot_class.graph
     heads = graph.successors(k - 1, v)
-    # Moves are open that no charge closes, and from which the goal stays in reach.
+    # A move is open if no charge closes it and the goal can still be reached from its end.
     leads = leads_to_goal(graph, problem.horizon, robot_class.goal)[k, heads]
     heads = heads[leads & task.charges.free_moves(k - 1, v, heads.tolist(), graph.n_places)]
     if not len(heads):
-        return  # a dead end: the queue holds the alternatives
+        return  # a dead end: the queue contains the alternatives
     view_sums = problem.view_sums_at(k)
     gains = marginal_gain(problem, view_sums, task.pixels[view_sums], coverage(k, heads))
     rewards = (gains * problem.view_sum_weights[view_sums]).sum(axis=1)
@@ -194,7 +198,9 @@ def _rewarded_successors(
 
 
 def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[_Way]:
-    """Angle (rad) from each state's heading to the nearest actor, and distance (m) of it."""
+    """Returns, for each state, the angle (rad) from its heading to the nearest actor, and the
+    distance (m).
+    """
     if not problem.actors:
         return [(0.0, 0.0)] * len(states)
     orientation, place = np.divmod(states, graph.n_places)

@@ -9,7 +9,7 @@ from cocap_opt.data import MOST_WEIGHT, Data, FloatArray, frozen, read_only, req
 from cocap_opt.problem.shapes import Cuboid, Shape
 from cocap_opt.text import printable, shortened
 
-_LATEST = 1e12  # s, of times that may count from 1970
+_LATEST = 1e12  # s; times may be counted from 1970
 
 
 class Actor(Data, frozen=True, eq=False, dict=True):
@@ -22,14 +22,14 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     weights : one per face of the shape; None: all 1
     importance : [>= T+1] factor of the weights; None: all 1
     name : the person's name for readers; None if unspecified
-    begin : s, the time at step 0 in the track that the person walks; None: there is no track
-    take : name of the only take in which the person is there; None: of all takes
+    begin : time of step 0 in the person's track, s; None: there is no track
+    take : name of the only take in which the person is present; None: all takes
 
     Raises
     ------
     ProblemError
-        If poses are not [>= T+1, 4] finite numbers (T is checked by `Problem`), or weights
-        are out of range or not one per face.
+        If poses are not [>= T+1, 4] finite numbers (T is checked by `Problem`), or if weights are
+        out of range or not one per face.
     """
 
     poses: FloatArray
@@ -70,7 +70,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def face_weights(self) -> FloatArray:
-        """Weights of the faces of this actor [F of its shape], before its importance."""
+        """Weights of the faces of this actor [F of its shape], without its importance."""
         if self.weights is None:
             return read_only(np.ones(len(self.shape.faces())))
         return read_only(np.array(self.weights, dtype=np.float64))

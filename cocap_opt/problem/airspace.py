@@ -1,4 +1,6 @@
-"""Airspace that is closed although it is empty: no-fly zones, above a ceiling, and near people."""
+"""Airspace that is closed although it is empty: no-fly zones, above the ceiling, and near
+people.
+"""
 
 from collections.abc import Iterable
 
@@ -11,21 +13,21 @@ from cocap_opt.world.workspace import Mesh
 
 
 class Airspace(Data, frozen=True):
-    """The limits of where drones may fly, which hold at every moment.
+    """The limits of the airspace in which drones may fly, at every moment.
 
     No-fly zones and the ceiling are checked like solid matter, cell by cell: a cell that a zone
-    covers in part is closed between the zone's heights, which belong to it. People walk straight
-    from pose to pose within a step.
+    covers in part is closed between the zone's lower and upper height, inclusive. People walk
+    straight from pose to pose within a step.
 
     Attributes
     ----------
-    no_fly : solids that no drone enters; they hide nobody
-    ceiling : m above the datum of the map, as `Motion.layers` are; None: there is none
-    people_aside : m, least distance to the middle of a person, seen from above; 0: none
+    no_fly : solids that no drone may enter; they hide nobody
+    ceiling : m above the datum of the map, like `Motion.layers`; None: there is none
+    people_aside : least horizontal distance from the middle of a person, m; 0: none
     people_above : m above the head, or below the feet, beyond which `people_aside` no longer
         applies; None: it applies at any height
-    people_stray : share of a move by which drones may be ahead of an even pace or behind it; moves
-        keep a correspondingly larger distance from people
+    people_stray : share of a move by which drones may be ahead of a constant speed or behind it;
+        moves keep a correspondingly larger distance from people
     """
 
     no_fly: tuple[Mesh, ...] = ()
@@ -46,7 +48,7 @@ class Airspace(Data, frozen=True):
         )
         if self.people_above is not None:
             within(self.people_above, 0, LARGEST, "people_above", "m")
-            require(self.people_aside > 0, "people_above", "must be None where people_aside is 0")
+            require(self.people_aside > 0, "people_above", "must be None if people_aside is 0")
         within(self.people_stray, 0, 1, "people_stray", "of a move")
 
     def __str__(self) -> str:
@@ -62,18 +64,18 @@ class Airspace(Data, frozen=True):
 
     @property
     def told_people(self) -> str:
-        """The required distance to people, in words, if there is one."""
+        """The required distance from people, in words; empty if there is none."""
         over = "" if self.people_above is None else f" or {self.people_above:g} m above"
         return f"{self.people_aside:g} m from people{over}"
 
     def near_person(
         self, actor: Actor, t: int, before: FloatArray, after: FloatArray | None = None
     ) -> BoolArray:
-        """Returns an array [..], true if drones are too close to a person.
+        """Returns an array [..], True if drones are too close to a person.
 
         Parameters
         ----------
-        before, after : [.., 3] m, positions of drones at steps t and t+1; without the latter only
+        before, after : [.., 3] m, positions of drones at steps t and t+1; without `after`, only
             step t counts
         """
         if not self.people_aside:
@@ -85,10 +87,11 @@ class Airspace(Data, frozen=True):
         return rules.pass_too_near((before - middles[t]) * scale, (after - middles[t + 1]) * scale)
 
     def _scale(self, rules: CollisionRules, moves: FloatArray) -> FloatArray:
-        """Returns factors [.., 3] that shorten the ways to people if moves [.., 3] (m) may stray.
+        """Returns factors [.., 3] by which distances from people shrink if moves [.., 3] (m) may
+        stray.
 
-        A drone that keeps its distance in the world shrunk by these factors keeps it however its
-        moves stray.
+        A drone that keeps its distance in the space shrunk by these factors keeps the true distance
+        however its moves stray.
         """
         aside = np.hypot(moves[..., 0], moves[..., 1])
         least = np.array([rules.separation, rules.separation, rules.vertical]) - TOLERANCE
@@ -96,7 +99,7 @@ class Airspace(Data, frozen=True):
         return np.asarray(least / (least + spare))
 
     def rules_beside(self, actor: Actor) -> CollisionRules:
-        """Returns the rules that hold between a drone and the middle of a person's body."""
+        """Returns the rules between a drone and the middle of a person's body."""
         half = actor.shape.height / 2
         over = LARGEST if self.people_above is None else self.people_above + half
         return CollisionRules(separation=self.people_aside, vertical=min(over, LARGEST))

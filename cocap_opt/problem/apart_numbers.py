@@ -1,4 +1,4 @@
-"""Numbers beside points of a map, none of which lies on another."""
+"""Numbers beside points of a map, placed so that none overlaps another."""
 
 from collections.abc import Sequence
 
@@ -13,26 +13,26 @@ from matplotlib.transforms import IdentityTransform
 from cocap_opt.data import FloatArray
 from cocap_opt.problem.labels import placed
 
-_MM = 25.4 / 72  # in a point
+_MM = 25.4 / 72  # mm per point
 _HALO = 2.0  # points
-_DOT = 3.0  # points, of a dot what no number may touch
-_FAR = 3.0  # mm, from a mark, from where on a line leads there from the number
-_PAD = 1.2  # mm of width and height, around a number
+_DOT = 3.0  # points, diameter of a dot that no number may touch
+_FAR = 3.0  # mm; from a number farther from its mark than this, a line leads to the mark
+_PAD = 1.2  # mm; padding of a number's width and height
 
 
 class ApartNumbers(Artist):
-    """Numbers of points, each beside its own, but for those of points outside of the axes.
+    """Numbers of points, each beside its point; points outside the axes have none.
 
-    From a number that is farther away, as there was no room, a line leads to its point.
+    If a number had to be placed farther away, a line leads to its point.
 
     Parameters
     ----------
     points : [n, 2] in the units of the axes
-    colours : of the numbers 0, 1, ..
-    size : points, of the letters
-    discs : [k, 2] in the units of the axes, middles of discs that must not be hidden
-    disc : points, width of a disc
-    marks : [n] in the units of the axes, widths of the marks of points (default: dots)
+    colours : colours of the numbers 0, 1, ..
+    size : font size, points
+    discs : [k, 2] middles of discs that must not be hidden, in the units of the axes
+    disc : width of a disc, points
+    marks : [n] widths of the marks of points, in the units of the axes (default: dots)
     """
 
     def __init__(
@@ -53,15 +53,15 @@ class ApartNumbers(Artist):
         self.set_in_layout(False)  # people may be far off the map
 
     def get_children(self) -> list[Artist]:
-        """Returns the numbers, so that they are found as other text is."""
+        """Returns the numbers, so that matplotlib finds them like other text."""
         return [*self.texts]
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw the numbers where there is room, now that the limits of the axes are final."""
+        """Draw the numbers where there is room; by now the limits of the axes are final."""
         figure = self.get_figure(root=True)
         if self.axes is None or figure is None or not self.get_visible():
             return
-        px = float(np.asarray(renderer.points_to_pixels(1.0), dtype=float)) / _MM  # in a mm
+        px = float(np.asarray(renderer.points_to_pixels(1.0), dtype=float)) / _MM  # px per mm
         room = self.axes.get_window_extent(renderer)
         corner, size = np.array([room.x0, room.y0]), np.array([room.width, room.height]) / px
         points, discs = (
@@ -74,7 +74,7 @@ class ApartNumbers(Artist):
             text.set_figure(figure)
         boxes = [self.texts[k].get_window_extent(renderer) for k in shown]
         sizes = np.array([[box.width, box.height] for box in boxes]).reshape(-1, 2) / px + _PAD
-        scale = self.axes.transData.get_matrix()[0, 0] / px  # mm in a unit of the axes
+        scale = self.axes.transData.get_matrix()[0, 0] / px  # mm per unit of the axes
         wide = np.maximum(self._marks * scale, _DOT * _MM)[:, None]
         taken = np.concatenate([
             np.stack([discs, np.full_like(discs, self._disc * _MM)], axis=1),

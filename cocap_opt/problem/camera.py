@@ -32,7 +32,7 @@ class Camera(Data, frozen=True, tag="pinhole"):
         within(self.focal, *FOCAL, "focal", "px")
         require(len(self.tilts) > 0, "tilts", "must hold at least one tilt")
         for tilt in self.tilts:
-            allowed = abs(tilt) <= math.pi / 2  # false for nan, too
+            allowed = abs(tilt) <= math.pi / 2  # False for nan, too
             require(allowed, "tilts", f"must be within +-pi/2 rad, not {tilt}")
 
     @property
@@ -42,10 +42,11 @@ class Camera(Data, frozen=True, tag="pinhole"):
 
 
 class Cone(Data, frozen=True, tag="cone"):
-    """The sensor of Hughes et al. 2024, without image or range limit, which sees past obstacles.
+    """The sensor of Hughes et al. 2024, which has no image and no range limit, and sees through
+    obstacles.
 
-    It detects the actors whose foot point is ahead, within half of the opening to either side.
-    Each of their faces then counts `|d.u| max(0, -d.n) / |d|^4` in place of px/m2, where n is the
+    It detects the actors whose foot point is ahead, within half of the opening to either side. Each
+    of their faces then counts as `|d.u| max(0, -d.n) / |d|^4` instead of px/m2, where n is the
     face's normal, d the vector to its middle, projected to the ground, and u the horizontal viewing
     direction.
 

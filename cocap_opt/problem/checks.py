@@ -1,4 +1,4 @@
-"""Checks of a scene: each check names the field that is wrong and the values that are allowed."""
+"""Checks a scene; each message names the wrong field and the allowed values."""
 
 from cocap_opt.data import (
     LARGEST,
@@ -23,7 +23,7 @@ from cocap_opt.text import in_digits
 
 
 def require_scene(scene: SceneData) -> None:
-    """Checks that the fields of a scene, whose types are already checked, fit each other.
+    """Checks that the fields of a scene, whose types have been checked before, fit each other.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def _require_importance(scene: SceneData, j: int, actor: Actor) -> None:
     require(
         not scene.objective.over_time or len(set(actor.importance[:steps])) == 1,
         field,
-        "must not change where pixels add up over time",
+        "must not change if pixels add up over time",
     )
 
 
@@ -81,7 +81,7 @@ def _require_robot(scene: SceneData, i: int, robot: Robot) -> None:
         _require_area(scene, f"robots[{i}].start", robot.start, robot)
     if robot.goal is not None:
         _require_goal(scene, f"robots[{i}].goal", robot.motion, robot.goal)
-    without = f"robots[{i}].home", "must be given for all drones, or for none"
+    without = f"robots[{i}].home", "must be given for all drones or for none"
     require((robot.home is None) == (scene.robots[0].home is None), *without)
     if robot.home is not None:
         _require_home(scene, i, robot)
@@ -95,7 +95,7 @@ def _require_home(scene: SceneData, i: int, robot: Robot) -> None:
     field, (x, y) = f"robots[{i}].home", robot.home
     _require_on_map(scene, field, x, y)
     for k, other in enumerate(scene.robots[:i]):
-        words = f"must be in a cell of its own; that of robots[{k}] is ({x}, {y}), too"
+        words = f"must be in a cell of its own; robots[{k}] has cell ({x}, {y}), too"
         require(other.home != robot.home, field, words)
     require(
         len(landing_layers(scene, robot)) > 0,
@@ -106,7 +106,7 @@ def _require_home(scene: SceneData, i: int, robot: Robot) -> None:
 
 
 def _in_metres(scene: SceneData, x: int, y: int) -> str:
-    """Returns the middle of a cell in words."""
+    """Returns the middle of a cell, in words."""
     across, along = scene.height_map.centre(x, y)
     return f"x = {in_digits(across)}, y = {in_digits(along)} m"
 
@@ -141,7 +141,7 @@ def _require_on_map(scene: SceneData, field: str, x: int, y: int) -> None:
 def _require_goal(scene: SceneData, field: str, motion: Motion, goal: AnyGoal) -> None:
     if isinstance(goal, GoalArea):
         width, depth = scene.height_map.shape
-        for cell in goal.cells:  # there may be many: no words are made for those on the map
+        for cell in goal.cells:  # there may be many: no message is built for cells on the map
             if not (0 <= cell[0] < width and 0 <= cell[1] < depth):
                 _require_on_map(scene, f"{field}.cells", *cell)
         free = motion.free_places(scene.workspace)[:, *goal.array.T]
@@ -166,13 +166,13 @@ def _require_limits(
     words = limits.broken_by(robot.motion, robot.camera.tilts, edge, step)
     if words:
         raise ProblemError(f"{field}.{words}")
-    if robot.home is not None:  # batteries are changed there in a pause of the take
+    if robot.home is not None:  # batteries are changed there during a pause of the take
         return
     words = limits.outlasted_by(scene.horizon * step)
     if words:
         raise ProblemError(
-            f"{field}.limits.endurance: {words}; use fewer steps, or homes, at which batteries "
-            "are changed"
+            f"{field}.limits.endurance: {words}; use fewer steps, or define homes, at which "
+            "batteries are changed"
         )
 
 
@@ -180,4 +180,4 @@ def _require_starts(scene: SceneData) -> None:
     """Checks that each robot has a start, and that all can start without a conflict."""
     if refusals := refused_starts(scene):
         raise ProblemError(told(scene, refusals))
-    _ = scene.first_starts  # which raises where there is none
+    _ = scene.first_starts  # raises an error if there are none

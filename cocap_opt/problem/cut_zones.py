@@ -1,4 +1,4 @@
-"""Arrows where the edge of a top view cuts a no-fly zone, to show that the zone goes on."""
+"""Arrows where the edge of a top view cuts a no-fly zone, which show that the zone continues."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from cocap_opt.data import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CUT = "no-fly zone goes on"  # in legends
-_APART = 1 / 16  # of the longer side of the picture, between two arrows
+CUT = "no-fly zone continues"  # in legends
+_APART = 1 / 16  # least distance between two arrows, relative to the longer side of the picture
 _SIZE = 7.0  # points
 
 
 class Cut(NamedTuple):
-    """An arrow: its middle x, y (m) on an edge, and the mark of matplotlib that points outwards."""
+    """An arrow: its middle x, y (m) on an edge, and matplotlib's mark that points outwards."""
 
     x: float
     y: float
@@ -56,12 +56,12 @@ def draw_cuts(ax: Axes, zones: Sequence[FloatArray], colour: str) -> None:
 
 
 def _crossed(triangles: FloatArray, axis: int, at: float) -> Iterator[tuple[float, float]]:
-    """Yields the merged parts, within triangles, of the line where one coordinate is `at`."""
+    """Yields the merged parts, within triangles, of the line on which one coordinate is `at`."""
     across, along = triangles[..., axis], triangles[..., 1 - axis]
     passed = (across.min(axis=1) < at) & (across.max(axis=1) > at)
     across, along = across[passed], along[passed]
     a, b = across, np.roll(across, -1, axis=1)
-    meets = (a < at) != (b < at)  # sides that the line crosses: two of each triangle
+    meets = (a < at) != (b < at)  # sides that the line crosses: two of each triangle it meets
     share = (at - a) / np.where(meets, b - a, 1.0)
     met = along + share * (np.roll(along, -1, axis=1) - along)
     begins = np.where(meets, met, np.inf).min(axis=1)

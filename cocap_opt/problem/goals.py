@@ -9,17 +9,18 @@ from cocap_opt.data import BoolArray, Data, IntArray, require, whole
 
 
 class GoalArea(Data, frozen=True, tag="area", dict=True):
-    """A drone ends in one of these cells, whichever is best, in any layer and orientation.
+    """A drone ends in one of these cells, in any layer and orientation; planners choose the best.
 
     Attributes
     ----------
-    cells : (x, y) of the map, all different, in order
+    cells : distinct cells (x, y) of the map, in order
     """
 
     cells: tuple[tuple[int, int], ...]
 
     def __post_init__(self) -> None:
-        if not _are_cells(self.cells):  # as from files, which hold hundreds of thousands
+        # false for cells from files, which may be hundreds of thousands
+        if not _are_cells(self.cells):
             super().__post_init__()
             for cell in self.cells:
                 for index in cell:
@@ -33,7 +34,9 @@ class GoalArea(Data, frozen=True, tag="area", dict=True):
 
     @cached_property
     def _hash(self) -> int:
-        """Its hash, for there may be many cells, and tables are found by it again and again."""
+        """The cached hash, since there may be many cells, and tables are looked up by it
+        repeatedly.
+        """
         return hash(self.cells)
 
     @cached_property
@@ -45,7 +48,7 @@ class GoalArea(Data, frozen=True, tag="area", dict=True):
 
     @cached_property
     def inside(self) -> frozenset[tuple[int, int]]:
-        """The cells, to look them up."""
+        """The cells as a set, for look-ups."""
         return frozenset(self.cells)
 
     def __repr__(self) -> str:
@@ -53,7 +56,7 @@ class GoalArea(Data, frozen=True, tag="area", dict=True):
 
 
 def _are_cells(cells: object) -> bool:
-    """Returns True for a tuple of pairs of Python's whole numbers, which need no further look."""
+    """Returns True for a tuple of pairs of Python integers, which need no further check."""
     return type(cells) is tuple and all(
         type(cell) is tuple and len(cell) == 2 and type(cell[0]) is type(cell[1]) is int
         for cell in cells
@@ -69,7 +72,7 @@ def goal_cells(goal: AnyGoal) -> IntArray:
 
 
 def may_end(goal: AnyGoal | None, x: IntArray, y: IntArray) -> BoolArray:
-    """Returns an array [n], true for cells x [n], y [n] in which a drone with this goal may end."""
+    """Returns an array [n], True for cells x [n], y [n] in which a drone with this goal may end."""
     if goal is None:
         return np.ones(len(x), dtype=np.bool_)
     if not isinstance(goal, GoalArea):

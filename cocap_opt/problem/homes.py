@@ -5,7 +5,7 @@ from cocap_opt.problem.scene import SceneData
 
 
 def landing_layers(scene: SceneData, robot: Robot) -> list[int]:
-    """Returns the layers between which and its home a drone may go straight up and down."""
+    """Returns the layers between which and its home a drone can fly straight up and down."""
     assert robot.home is not None
     (x, y), motion, workspace = robot.home, robot.motion, scene.workspace
     ground = float(scene.height_map.heights[x, y])

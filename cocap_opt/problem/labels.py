@@ -1,4 +1,4 @@
-"""Labels beside points of a map, placed so that none lies on another."""
+"""Labels beside points of a map, placed so that none overlaps another."""
 
 import math
 
@@ -7,36 +7,37 @@ import numpy as np
 from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray
 
-_WAYS = 16  # directions that are tried
-_FAR = 0.0, 1.5, 4.0, 7.0, 11.0, 16.0, 22.0  # mm between a label and its point that are tried
+_WAYS = 16  # directions to try
+_FAR = 0.0, 1.5, 4.0, 7.0, 11.0, 16.0, 22.0  # mm; distances between a label and its point to try
 _GAP = 0.4  # mm between two labels
-_ON_LABEL, _ON_POINT, _ON_LINE = 100.0, 10.0, 1.0  # costs: per mm2, per point of a mark, of a line
-_OF_MM = 0.3  # of a distance
+# costs: per mm2 of another label, per point of a mark, per point of a line
+_ON_LABEL, _ON_POINT, _ON_LINE = 100.0, 10.0, 1.0
+_OF_MM = 0.3  # cost per mm of distance
 
 
 def placed(
     points: FloatArray, sizes: FloatArray, room: tuple[float, float], lines: FloatArray,
     taken: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """Returns the middles [n, 2] of labels, each near its point and within the room.
+    """Returns the middles [n, 2] of labels, each near its point and within the map.
 
-    Labels come in their order, each where it hides least: first of all no other label, then no
-    point of another, then few points of lines. If there is no such place, labels overlap.
+    Labels are placed in order, each where it hides least: above all no other label, then no other
+    point, then few points of lines. If there is no free place, labels overlap.
 
     Parameters
     ----------
-    points : [n, 2] mm, what labels belong to
+    points : [n, 2] mm, points to which the labels belong
     sizes : [n, 2] mm, width and height of labels
     room : mm, width and height of the map
-    lines : [m, 2] mm, points of lines that are better not hidden
-    taken : [k, 2, 2] mm, middle and size of what is on the map already and must not be hidden
+    lines : [m, 2] mm, points of lines that should not be hidden
+    taken : [k, 2, 2] mm, middles and sizes of items on the map that must not be hidden
     """
     angles = math.tau * np.arange(_WAYS) / _WAYS
     ways = np.column_stack([cosines(angles), sines(angles)])
     boxes = [*taken]
     for point, size in zip(points, sizes, strict=True):
         reach = size / 2
-        # Along each way the label's edge, not its middle, is so far from the point.
+        # The distance is measured from the point to the label's edge, not to its middle.
         edge = 1 / np.maximum(np.abs(ways) / reach, 1e-9).max(axis=1)
         far = np.array(_FAR)[:, None] + edge[None, :] + 1.0
         middles = point + (far[..., None] * ways[None]).reshape(-1, 2)
@@ -52,6 +53,6 @@ def placed(
 
 
 def _inside(middles: FloatArray, reach: FloatArray, points: FloatArray) -> FloatArray:
-    """Returns the number of points [c] in each of some boxes of one size."""
+    """Returns the number of points in each of several boxes of the same size [c]."""
     within = (np.abs(middles[:, None] - points[None]) < reach).all(axis=2)
     return np.asarray(within.sum(axis=1), dtype=float)

@@ -1,4 +1,4 @@
-"""The land of a scene as a map shows it: water, green, streets and the like."""
+"""The land of a scene, as a map shows it: water, green, streets and the like."""
 
 from collections.abc import Sequence
 from typing import Literal, get_args
@@ -12,20 +12,20 @@ from cocap_opt.world.workspace import HeightMap
 
 Land = Literal["water", "green", "street", "footway", "paved", "yard", "building", "other"]
 LANDS: tuple[Land, ...] = get_args(Land)
-_TRIED = 40  # points along the longer side of an area, of which one is far from its rim
+_TRIED = 40  # candidate points along the longer side of an area, for a point far from its rim
 
 
 class LandCover(Data, frozen=True, eq=False):
-    """An area of the ground and what covers it.
+    """An area of the ground, and the kind of land that covers it.
 
-    Pictures show it, and warnings name it where drones land; no plan depends on it.
+    Pictures show it, and warnings name it if drones land there; no plan depends on it.
 
     Attributes
     ----------
     kind : "water", "green", "street", "footway", "paved", "yard", "building" or "other"
     outline : [n, 2] m, corners x, y along the rim
-    holes : rims of the parts that are left out, each in the form of the outline
-    name : written on the ground; None if it has none
+    holes : rims of excluded parts, each in the form of the outline
+    name : name written on the ground; None if it has none
 
     Raises
     ------
@@ -44,7 +44,7 @@ class LandCover(Data, frozen=True, eq=False):
         require(self.kind in LANDS, "kind", f"must be one of {known}, not {self.kind!r}")
         msgspec.structs.force_setattr(self, "outline", _rim(self.outline, "outline"))
         wide = bool((np.ptp(self.outline, axis=0) > 0).all())
-        require(wide, "outline", "must have corners that do not lie on each other")
+        require(wide, "outline", "must have corners that do not coincide or lie on one line")
         holes = tuple(_rim(hole, f"holes[{k}]") for k, hole in enumerate(self.holes))
         msgspec.structs.force_setattr(self, "holes", holes)
         if self.name is not None:
@@ -56,19 +56,19 @@ class LandCover(Data, frozen=True, eq=False):
         return self.outline.min(axis=0), self.outline.max(axis=0)
 
     def holds(self, points: FloatArray) -> BoolArray:
-        """Returns an array [n], true for points [n, 2] (m) in the area.
+        """Returns an array [n], True for points [n, 2] (m) in the area.
 
         The rim belongs to the area, and holes do not.
         """
-        import shapely  # few have land
+        import shapely  # imported here, as few scenes have land
 
         area = shapely.Polygon(self.outline, self.holes)
-        shapely.prepare(area)  # an index of its sides, of which a map may have 100,000
+        shapely.prepare(area)  # an index of its sides; a map may have 100,000
         return np.asarray(shapely.intersects_xy(area, *points.T), dtype=np.bool_)
 
     @property
     def label(self) -> tuple[float, float]:
-        """A point x, y (m) inside, far from all rims, at which the name is written."""
+        """A point x, y (m) inside the area, far from all rims, at which the name is written."""
         low, high = self.box
         apart = float((high - low).max()) / _TRIED
         axes = [np.arange(a + apart / 2, b, apart) for a, b in zip(low, high, strict=True)]
@@ -100,7 +100,7 @@ def _rim(rim: FloatArray, field: str) -> FloatArray:
 
 
 def lands_at(areas: Sequence[LandCover], points: FloatArray) -> list[Land | None]:
-    """Returns the kind of land at points [n, 2] (m); None where that is unknown.
+    """Returns the kind of land at points [n, 2] (m); None if it is unknown.
 
     Where areas overlap, the last one counts.
     """
@@ -112,7 +112,8 @@ def lands_at(areas: Sequence[LandCover], points: FloatArray) -> list[Land | None
 
 
 def in_cells(areas: Sequence[LandCover], height_map: HeightMap) -> IntArray:
-    """Returns the number in LANDS of the land at the middle of each cell [X, Y]; -1 where unknown.
+    """Returns the number in LANDS of the land at the middle of each cell [X, Y]; -1 if it is
+    unknown.
 
     Where areas overlap, the last one counts.
     """

@@ -1,4 +1,4 @@
-"""The part of a map in which something happens: the part that pictures show."""
+"""The part of a map that pictures show: the part in which something happens."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.world.workspace import HeightMap
 
-_AROUND, _LEAST_SIDE = 3.0, 12.0  # m, around the action, and of the part that is drawn
-_DISC = 0.03  # of the longer side: half the width of what marks a place
+_AROUND, _LEAST_SIDE = 3.0, 12.0  # m; margin around the action, and shortest side of the frame
+_DISC = 0.03  # relative to the longer side: half the width of a mark of a place
 
 
 class MapFrame(NamedTuple):
-    """The part of a map that is drawn, from its lower to its upper corner (m)."""
+    """The part of a map to draw, from its lower to its upper corner (m)."""
 
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def around(cls, height_map: HeightMap, places: Iterable[tuple[float, float]]) -> Self:
-        """Returns the part of a map around places (m), with a margin; all of it without places.
+        """Returns the part of a map around places (m), with a margin; without places, the whole
+        map.
 
-        It goes beyond the map only where the mark of a place would be cut at the edge.
+        The frame extends beyond the map only if the mark of a place would otherwise be cut at the
+        edge.
         """
         origin = np.array(height_map.origin)
         end = origin + np.array(height_map.shape) * height_map.resolution
@@ -34,7 +36,7 @@ class MapFrame(NamedTuple):
         low, high = found.min(axis=0), found.max(axis=0)
         middle, size = (low + high) / 2, np.maximum(high - low + 2 * _AROUND, _LEAST_SIDE)
         low, high = np.maximum(middle - size / 2, origin), np.minimum(middle + size / 2, end)
-        if not (low < high).all():  # people may walk off the map, all of them
+        if not (low < high).all():  # all people may have walked off the map
             return cls(origin, end)
         marks, disc = np.clip(found, origin, end), _DISC * float((high - low).max())
         return cls(

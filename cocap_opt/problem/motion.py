@@ -1,4 +1,4 @@
-"""Motion of a robot: its states, and the moves between them."""
+"""Motion of a robot: its states, and the moves between states."""
 
 import math
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from cocap_opt.data import (
 )
 from cocap_opt.world.workspace import HeightMap, Workspace
 
-MOST_MOVED = 16  # of a move along an axis
-ROUNDING = 1e-9  # share of a limit by which motion may exceed it
+MOST_MOVED = 16  # cells of a move along an axis
+ROUNDING = 1e-9  # relative amount by which motion may exceed a limit
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 
 
@@ -31,7 +31,8 @@ class State(NamedTuple):
     ----------
     x, y : the cell of the height map
     layer : index into `Motion.layers`, the flight heights
-    heading : 0 looks along +x; headings go counter-clockwise, `Motion.headings` to a full turn
+    heading : 0 looks along +x; headings are numbered counter-clockwise, `Motion.headings` in a full
+        turn
     pitch : index into `Camera.tilts`
     """
 
@@ -51,13 +52,13 @@ class Cell(NamedTuple):
 
 
 class Stride(Data, frozen=True):
-    """The farthest that a robot moves in one step; None means no bound.
+    """The largest distances that a robot may move in one step; None: unlimited.
 
     Attributes
     ----------
-    aside : m, seen from above
-    upright : m, up or down
-    space : m, in space
+    aside : horizontally, m
+    upright : up or down, m
+    space : in space, m
     """
 
     aside: float | None = None
@@ -86,7 +87,7 @@ class Stride(Data, frozen=True):
         return Stride(**bounds)
 
     def allows(self, aside: float, rise: FloatArray) -> BoolArray:
-        """Returns an array [..], true for moves of allowed length, as seen from above, and rise."""
+        """Returns an array [..], True for moves of allowed horizontal length and rise."""
         space = np.hypot(aside, rise)
         bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, space)
         allowed = np.ones(rise.shape, dtype=np.bool_)
@@ -99,20 +100,20 @@ class Stride(Data, frozen=True):
 class Motion(Data, frozen=True):
     """The moves of a robot in one step: up to `radius` cells along each axis, and a turn.
 
-    The default is Greedy Perspectives' action set: 3x3 cells times yaw -45, 0, +45 degrees.
+    The default is the action set of Greedy Perspectives: 3x3 cells times yaw -45, 0, +45 degrees.
 
     Attributes
     ----------
     radius : cells along each axis per step
     headings : number of headings in a full turn
     turn : heading indices per step, either way
-    layers : m above the map's datum, flight heights, increasing
+    layers : flight heights in m above the map's datum, increasing
     climb : layers per step, either way
     pitch_turn : gimbal pitch indices per step, either way
-    clearance : m, to solid matter above and below; touching it is too close
-    corner_cutting : True: only the ends of a move must be free, as in the papers
-    spacing : cells; moves along each axis are multiples of it
-    stride : the farthest that one step may lead; None: all of the moves above are allowed
+    clearance : distance from solid matter above and below, m; touching it is too close
+    corner_cutting : True: only the end cells of a move must be free, as in the papers
+    spacing : moves along each axis are multiples of this number of cells
+    stride : largest distances of one step; None: all moves within the limits above are allowed
     """
 
     radius: int = 1
@@ -158,7 +159,7 @@ class Motion(Data, frozen=True):
         found = []
         for move in self.moves:
             climb, aside = abs(move[0]), height_map.resolution * math.hypot(*move[1:])
-            # Where layers follow the ground a climb may lead less far up, or none at all.
+            # If layers follow the ground, a climb may be smaller, or none at all.
             rises = np.zeros(1) if uneven else layers[climb:] - layers[: len(layers) - climb]
             if self.stride.allows(aside, rises).any():
                 found.append(move)
@@ -194,17 +195,18 @@ class Motion(Data, frozen=True):
         return min([*lengths, *(climbs if self.climb else [])], default=math.inf)
 
     def headings_after(self, heading: int) -> set[int]:
-        """Returns the headings, a ring, that one step can turn `heading` to."""
+        """Returns the headings, which form a ring, to which one step can turn from `heading`."""
         most = min(self.turn, self.headings // 2)
         return {k % self.headings for k in range(heading - most, heading + most + 1)}
 
     def pitches_after(self, pitch: int, pitches: int) -> set[int]:
-        """Returns the pitches, a line of `pitches`, that one step can tilt `pitch` to."""
+        """Returns the pitches, out of `pitches`, to which one step can tilt from `pitch`."""
         most = self.pitch_turn
         return set(range(max(0, pitch - most), min(pitches, pitch + most + 1)))
 
     def free_places(self, workspace: Workspace) -> BoolArray:
-        """Returns an array [layer, X, Y], true where no solid matter is within the clearance.
+        """Returns an array [layer, X, Y], True for places with no solid matter within the
+        clearance.
 
         Places in a no-fly zone or above the ceiling are not free, either.
         """

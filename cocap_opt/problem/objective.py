@@ -2,25 +2,25 @@
 
 from cocap_opt.data import MOST_WEIGHT, Data, require, whole, within
 
-# The version of coverage, the formula by which pixels are computed. Whoever changes a
-# number of it by more than rounding adds one here, since each J is then another:
-# 1, rays to sample points; 2, faces are cut by the shadows of convex bodies.
+# The version of coverage, the formula by which pixels are computed. Increase it by one after any
+# change of pixels by more than rounding, since J then changes, too: 1, rays to sample points; 2,
+# faces are cut by the shadows of convex bodies.
 COVERAGE_VERSION = 2
 
 
 _MOST_CAMERAS = 64
-_LEAST_SHARE = 1e-6  # of a solid angle, much more than rounding
+_LEAST_SHARE = 1e-6  # share of a solid angle; much more than rounding
 
 
 def require_visible_share(share: float, field: str) -> None:
     """Checks the share of a person that a drone must see; the message names the field."""
     within(share, 0, 1, field)
-    words = f"must be > 0, not {share!r}; else all drones see everybody"
+    words = f"must be > 0, not {share!r}; with 0, all drones would see everybody"
     require(share >= _LEAST_SHARE, field, words)
 
 
 class Views(Data, frozen=True):
-    """The part of the objective that counts the drones that see a person.
+    """The part of the objective that counts the drones that see each person.
 
     A point that fewer than two drones see cannot be reconstructed, however many pixels it has.
     This part is
@@ -30,16 +30,16 @@ class Views(Data, frozen=True):
 
     A drone sees a person if at least the share `at_least` of the person's unobstructed solid angle
     is visible in its image; a `Cone` camera sees everybody whom it detects. Drones are counted at
-    each step, even where pixels add up over time.
+    each step, even if pixels add up over time.
 
     Attributes
     ----------
-    cameras : k, the number of drones beyond which more add nothing
+    cameras : k, the number of drones per person beyond which further drones add nothing
     weight : weight of one drone that sees a person at one step, in px^0.5/m; one number for all
         people or one for each
     at_least : share of the solid angle, 0 < share <= 1
     share : share of all possible views (k drones on each person at each step) that plans should
-        keep; no part of J. None: no share is required
+        reach; not part of J. None: no share is required
     """
 
     cameras: int = 2
@@ -73,7 +73,7 @@ class Views(Data, frozen=True):
 
 
 class Objective(Data, frozen=True):
-    """The weights of the objective, besides the actors' face weights.
+    """The weights of the objective, except the actors' face weights.
 
     J = pixels x sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
       + sum over robots and their T moves of
@@ -81,14 +81,14 @@ class Objective(Data, frozen=True):
           + balanced [dx + dy = 0]
       + the drones that see each person, if `views` counts them.
 
-    Each robot is rewarded for its own moves, whatever it sees. The planner of Hughes et al.
+    Each robot is rewarded for its own moves, regardless of its views. The planner of Hughes et al.
     (2024) has `keep_heading` (0.02) and `keep_cell` (0.01). The program of Greedy Perspectives
-    (Suresh et al. 2024) has `balanced` (100): it is meant for staying, but dx + dy is 0 for the
-    two diagonal moves (+1, -1) and (-1, +1) as well.
+    (Suresh et al. 2024) has `balanced` (100): it is intended to reward staying, but dx + dy is also
+    0 for the two diagonal moves (+1, -1) and (-1, +1).
 
-    With `over_time`, the pixels of a face add up over all steps before the root is taken, the
-    other reading of CoCap's eq. 1: J = sum over actors, faces of w sqrt(pixels of all robots
-    at all t) + the rewards for moves as before. Planning one robot is then no longer a dynamic
+    With `over_time`, the pixels of a face add up over all steps before the root is taken, which is
+    the other reading of CoCap's eq. 1: J = sum over actors, faces of w sqrt(pixels of all robots at
+    all t) + the rewards for moves as before. Planning one robot is then no longer a dynamic
     program, but bounds and exact methods remain valid.
 
     Attributes
@@ -96,10 +96,10 @@ class Objective(Data, frozen=True):
     stationarity : reward per step in which the state does not change
     keep_cell : reward per step in the same cell, layer included
     keep_heading : reward per step with the same heading
-    balanced : reward per step with dx + dy = 0 cells, layers aside
-    count_start : True: the views at t = 0 count too; a constant where starts are fixed
+    balanced : reward per step with dx + dy = 0 cells, in any layer
+    count_start : True: the views at t = 0 count, too; they are constant if starts are fixed
     over_time : True: pixels add up over time as well as over robots
-    pixels : weight of all pixels, 0 where only `views` are to count
+    pixels : weight of all pixels; 0: only `views` count
     views : the part of J for drones that see a person; None: there is none
     """
 

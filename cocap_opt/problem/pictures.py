@@ -1,4 +1,4 @@
-"""Top views of scenes and flights by matplotlib, which is imported only for drawing."""
+"""Top views of scenes and flights, drawn by matplotlib, which is imported only for drawing."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     class WholeAxes(Axes):
         """Axes in a whole figure, which can be saved, rather than in a subfigure.
 
-        For type checkers only: matplotlib's types do not distinguish the two.
+        It exists for type checkers only: matplotlib's types do not distinguish the two.
         """
 
         @property
@@ -39,31 +39,32 @@ if TYPE_CHECKING:
 
 
 GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#d0b79b", "#d0021b40"
-ZONE = "#a00000"  # of arrows where a picture cuts a no-fly zone
+ZONE = "#a00000"  # colour of arrows where a picture cuts a no-fly zone
 PERSON = "#d1495b"
-# What the land is, as maps show it; drones, people and obstacles stand out from all of it.
+# Colours of land, as on maps; drones, people and obstacles stand out from all of them.
 LAND_COLOURS: Mapping[Land, str] = {
     "water": "#b5d3e8", "green": "#cfe0b4", "street": "#d3d2d0", "footway": "#e8e5df",
     "paved": "#dfd8cb", "yard": "#eee6c8", "building": "#d9c3b0", "other": "#d8d3c8",
 }  # fmt: skip
-NAME = "#4f5a66"  # of the land, as it is written there
-# Colours of drones, whatever style of matplotlib is in use; red is kept for people.
+NAME = "#4f5a66"  # colour of names written on the land
+# Colours of drones, independent of matplotlib's style; red is reserved for people.
 DRONE_COLOURS = (
     "#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf", "#8c564b", "#bcbd22", "#e377c2",
     "#7f7f7f",
 )  # fmt: skip
-# People of one take each; the first is that of people where there are no takes.
+# Colours of people, one per take; the first is used if there are no takes.
 TAKE_COLOURS = PERSON, "#7b3fa0", "#b35900", "#c2378f", "#5b4bbd", "#8f6a00"
-# The ground above which drones may start.
+# Colour of the ground above which drones may start.
 STARTABLE = "#d3ead6"
-TICK = 0.9  # cells, length of the line that shows a heading
+TICK = 0.9  # cells; length of the line that shows a heading
 
 
-_MOST_TAKES = len(TAKE_COLOURS)  # in a legend
-_MOST_AREAS = 6  # of starts, in a legend
-_DASH, _SMALL, _DISC = 3.0, 9.0, 11.0  # points: of lines, of letters, of drones and people
-_WIDTH, _LINE, _LONG = 5.2, 0.2, 26  # inches, of a picture and a line of its legend; letters
-_DPI, _FINE = 100, 2  # of a picture, and how many times finer it is for sharp screens
+_MOST_TAKES = len(TAKE_COLOURS)  # takes in a legend
+_MOST_AREAS = 6  # start areas in a legend
+_DASH, _SMALL, _DISC = 3.0, 9.0, 11.0  # points: dashes, letters, marks of drones and people
+# inches: width of a picture, height of a legend's line; letters of a long line
+_WIDTH, _LINE, _LONG = 5.2, 0.2, 26
+_DPI, _FINE = 100, 2  # resolution of a picture, and factor for sharp screens
 
 
 def take_colour(take: int) -> str:
@@ -72,7 +73,7 @@ def take_colour(take: int) -> str:
 
 
 def people_by_take(takes: Sequence[str]) -> dict[str, str]:
-    """Returns the lines of a legend for the walks of people, and the colour of each.
+    """Returns the legend's lines for the walks of people, and the colour of each.
 
     Parameters
     ----------
@@ -90,18 +91,19 @@ def land_colour(kind: Land, strength: float = 1.0) -> str:
 
 
 def drone_colour(number: int) -> str:
-    """Returns the colour of a drone, by its number."""
+    """Returns the colour of a drone, given its number."""
     return DRONE_COLOURS[number % len(DRONE_COLOURS)]
 
 
 def shared_digits(corner: float) -> float:
-    """Returns the thousands that are taken off coordinates (m) and shown once; 0 if they are few.
+    """Returns the offset (m) that is subtracted from coordinates and shown once; 0 for small
+    coordinates.
 
-    Map coordinates have seven digits, and those of a scene have the first ones in common.
+    Map coordinates have seven digits, and those of a scene share the first ones.
 
     Parameters
     ----------
-    corner : m, the least coordinate
+    corner : smallest coordinate, m
     """
     return corner // 1000 * 1000 if abs(corner) >= 10_000 else 0.0
 
@@ -112,7 +114,7 @@ def distinct_colours(drones: Iterable[int]) -> list[str]:
 
 
 class HasPaths(Protocol):
-    """A plan as pictures need it; `Plan` is one."""
+    """A plan as pictures need it; `Plan` satisfies it."""
 
     @property
     def paths(self) -> Sequence[Sequence[State]]:
@@ -120,28 +122,29 @@ class HasPaths(Protocol):
 
 
 class TopView(NamedTuple):
-    """A scene from above, and flights over it if there are any."""
+    """A scene from above, and the flights over it, if any."""
 
-    # [X, Y] 0 ground, 1 something above that does not block, 2 blocks, 3 lower, 4 closed airspace
+    # [X, Y] 0 ground, 1 an obstacle that does not block this height, 2 blocks, 3 lower, 4 closed
+    # airspace
     kinds: IntArray
     corner: tuple[float, float]  # m, of cell (0, 0)
     cell: float  # m, edge of a cell
-    height: float  # m, at which cells block
+    height: float  # m, flight height for which blocked cells are shown
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
     take_of: Sequence[int]  # per person
-    takes: Sequence[str]  # names; none where people walk as they do
-    # Per number of a drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3], if it has one.
+    takes: Sequence[str]  # names; empty if there are no takes
+    # By number of a drone: x, y (m) and yaw (rad) [T+1, 3]; or only its start [1, 3], if fixed.
     flights: Mapping[int, FloatArray]
-    areas: Sequence[StartGround]  # where the other drones may start
+    areas: Sequence[StartGround]  # ground above which the other drones may start
     frame: MapFrame  # the part that is drawn
-    land: Sequence[LandCover] = ()  # shown where nothing stands
+    land: Sequence[LandCover] = ()  # shown where there is no obstacle
     zones: Sequence[FloatArray] = ()  # triangles [n, 3, 3] (m) of no-fly zones at the height
 
     @classmethod
     def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
         """Returns the scene from above, with the flights of a plan or the drones' starts.
 
-        Drones that may start in several states are shown by their area instead of a start.
+        Drones that may start in several states are represented by their area instead of a start.
         """
         lowest = scene.layers[0]
         clearance = max(
@@ -201,19 +204,20 @@ class TopView(NamedTuple):
         """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
 
         A ring marks the start of each drone; the line at each of its places shows its heading. In a
-        separate figure the legend is below the map. Axes beside others share one legend below all
-        of them, and the axis labels; a single one of the caller's has its legend on the map.
+        new figure the legend is below the map. Several axes in one figure share one legend below
+        all of them, and the axis labels; single axes passed by the caller have the legend on the
+        map.
         """
         handles, figure = self._handles(), None
         if ax is None:
             from matplotlib.figure import Figure
 
             width, depth = self.frame.size
-            size = min(max(0.84 * _WIDTH * depth / width, 1.2), 9.0)  # inches, of the map
+            size = min(max(0.84 * _WIDTH * depth / width, 1.2), 9.0)  # inches, height of the map
             below = 0.6 + _LINE * math.ceil(len(handles) / _columns(handles)) + 0.1
             whole = size + below + 0.3
             figure = Figure(figsize=(_WIDTH, whole), dpi=_DPI)
-            figure.set_layout_engine("none")  # whatever style is in use
+            figure.set_layout_engine("none")  # regardless of the style in use
             ax = figure.add_axes((0.12, below / whole, 0.84, size / whole))
         self.draw_map(ax)
         self.draw_walks(ax)
@@ -238,7 +242,7 @@ class TopView(NamedTuple):
         return bool(cuts(self.zones, self.frame.low, self.frame.high))
 
     def _places(self) -> Iterator[tuple[float, float]]:
-        """Yields the places where something happens (m)."""
+        """Yields the positions (m) at which something happens."""
         for way in (*self.walks, *(flight[:, :2] for flight in self.flights.values())):
             yield from map(tuple, way.tolist())
         for area in self.areas:
@@ -247,7 +251,7 @@ class TopView(NamedTuple):
             yield from map(tuple, (self.corner + self.cell * np.array(corners)).tolist())
 
     def draw_area(self, ax: Axes, area: StartGround, is_filled: bool = False) -> None:
-        """Draw the ground of an area, and its outline with a dash in the colour of each drone."""
+        """Draw the ground of an area, with an outline dashed in the colours of its drones."""
         from matplotlib.colors import ListedColormap
 
         (x, y), (width, depth) = self.corner, self.kinds.shape
@@ -294,8 +298,8 @@ class TopView(NamedTuple):
 
         Parameters
         ----------
-        colours : of the kinds of cells
-        strength : of the colours of the land; 0 is white
+        colours : colours of the kinds of cells
+        strength : strength of the colours of the land; 0 is white
         """
         from matplotlib.colors import ListedColormap
         from matplotlib.ticker import FuncFormatter, MaxNLocator
@@ -310,7 +314,7 @@ class TopView(NamedTuple):
         )  # fmt: skip
         ax.set_aspect("equal")
         ax.grid(visible=False)
-        ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
+        ax.set_xlim(*extent[:2])  # later drawing must not move the frame
         ax.set_ylim(*extent[2:])
         for axis, name, corner in ((ax.xaxis, "x", x), (ax.yaxis, "y", y)):
             axis.set_major_locator(MaxNLocator(6))
@@ -319,7 +323,9 @@ class TopView(NamedTuple):
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
     def _draw_land(self, ax: Axes, strength: float) -> None:
-        """Draw the areas of the land, the first at the bottom, and names that fit completely."""
+        """Draw the areas of the land, the first at the bottom, and all names that fit
+        completely.
+        """
         from matplotlib.patches import PathPatch, Rectangle
         from matplotlib.path import Path
         from matplotlib.patheffects import withStroke
@@ -346,7 +352,7 @@ class TopView(NamedTuple):
                 ax.add_artist(name)
 
     def _handles(self) -> dict[str, _Marks]:
-        """Returns the lines of the legend: their words, and the marks before them."""
+        """Returns the lines of the legend: their texts, with the marks before them."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
@@ -378,7 +384,7 @@ class TopView(NamedTuple):
 
     @property
     def meanings(self) -> dict[int, tuple[str, str]]:
-        """The colour of each kind of cells that is there, and what it means."""
+        """The colour of each kind of cell that occurs, and its meaning."""
         kinds = {
             1: (COVERED, f"free at {self.height:g} m, below or above a mesh"),
             2: (WALL, f"blocks flight at {self.height:g} m"),
@@ -412,7 +418,7 @@ class TopView(NamedTuple):
 
 
 def _flight(scene: SceneData, number: int, path: Sequence[State]) -> FloatArray:
-    """Returns the places x, y (m) and headings (rad) of a drone [T+1, 3]."""
+    """Returns the positions x, y (m) and headings (rad) of a drone [T+1, 3]."""
     turn = math.tau / scene.robots[number].motion.headings
     return np.array([(*scene.height_map.centre(s.x, s.y), turn * s.heading) for s in path])
 
@@ -423,7 +429,7 @@ def _columns(labels: Iterable[str]) -> int:
 
 
 def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) -> None:
-    """Draw a legend below a separate figure, once below several axes, or on a single one's axes."""
+    """Draw a legend: below a new figure, once below several axes, or on single axes."""
     from matplotlib.legend_handler import HandlerTuple
 
     how: dict[str, Any] = {

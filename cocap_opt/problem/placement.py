@@ -1,7 +1,7 @@
-"""Places for all drones at once, chosen from several for each, that keep the collision rules.
+"""Chooses a place for each drone among several, such that all obey the collision rules.
 
-This is the search for an independent set with one place for each drone. Few scenes need more than
-the first try; where there is no choice, counting usually proves it.
+This is a search for an independent set with one place per drone. Few scenes need more than the
+first try; if no choice exists, counting usually proves it.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ _MOST_TRIES = 2_000
 
 
 class UndecidedError(Exception):
-    """The search has found neither places nor a proof that there are none, after too many tries."""
+    """The search has found neither places nor a proof that none exist, after too many tries."""
 
 
 def places_apart(rules: CollisionRules, places: Sequence[FloatArray]) -> list[int] | None:
@@ -23,11 +23,11 @@ def places_apart(rules: CollisionRules, places: Sequence[FloatArray]) -> list[in
 
     Parameters
     ----------
-    places : for each robot the places [n, 3] (m) that it may take
+    places : for each robot, the positions [n, 3] (m) that it may take
 
     Returns
     -------
-    The first such choice that is found; None if there is none.
+    The first such choice that is found; None if none exists.
 
     Raises
     ------
@@ -44,7 +44,7 @@ class _Search:
 
     def __init__(self, rules: CollisionRules, places: Sequence[FloatArray]) -> None:
         self._rules, self._places = rules, places
-        # Robots with the same places are alike: the numbers of theirs increase.
+        # Robots with the same places are interchangeable: the numbers of their places increase.
         kinds = [at.tobytes() for at in places]
         self._alike = [
             [k for k, kind in enumerate(kinds) if kind == of_robot] for of_robot in kinds

@@ -13,7 +13,7 @@ from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.starts import StartSet
 from cocap_opt.stop import Limit, Reason
 
-NO_PLAN = "no plan"  # so begin the words for a plan in which, for want of time, nobody moves
+NO_PLAN = "no plan"  # first words of the message for a plan in which nobody moves for lack of time
 
 
 class VertexConflict(NamedTuple):
@@ -23,7 +23,7 @@ class VertexConflict(NamedTuple):
     ----------
     t : step
     robots : their numbers, the lower first
-    cells : where they are, in the order of `robots`
+    cells : their cells, in the order of `robots`
     """
 
     t: int
@@ -32,11 +32,12 @@ class VertexConflict(NamedTuple):
 
 
 class PassConflict(NamedTuple):
-    """Two robots pass closer than the separation between t and t+1, but keep it at both steps.
+    """Two robots pass each other closer than the separation between t and t+1, but obey it at both
+    steps.
 
     Attributes
     ----------
-    t : step before
+    t : the step before
     robots : their numbers, the lower first
     moves : the cells that each robot leaves and enters, in the order of `robots`
     """
@@ -51,7 +52,7 @@ class SwapConflict(NamedTuple):
 
     Attributes
     ----------
-    t : step before
+    t : the step before
     robots : their numbers, the lower first
     cells : the cells that they leave, in the order of `robots`
     """
@@ -76,8 +77,9 @@ class Ending(NamedTuple):
     ----------
     reason : why it ended
     limit : the limit that stopped it; None if none did
-    in_coverage : the limit was reached before the coverage of all steps was complete
-    told : note of the plan's file on how far the plan got before the limit; empty without a file
+    in_coverage : True if the limit was reached before coverage was complete
+    told : the remark in the plan's file on how complete the plan was at the limit; empty without a
+        file
     """
 
     reason: Reason
@@ -86,9 +88,9 @@ class Ending(NamedTuple):
     told: str = ""
 
     def left_of(self, plan: "Plan") -> str:
-        """Says in words how far the plan got before the limit; empty without a limit.
+        """Returns a message on how complete the plan was at the limit; empty without a limit.
 
-        If all drones stay at their starts for want of time, it says that there is no plan.
+        If all drones stay at their starts for lack of time, the message says that there is no plan.
         """
         if self.told or self.limit is None:
             return self.told
@@ -129,19 +131,21 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @property
     def cut_short(self) -> str:
-        """The words of its file for how far the plan got before a limit; empty if it has none."""
+        """The remark in the plan's file on how complete the plan was at a limit; empty if there is
+        none.
+        """
         return "" if self.ending is None else self.ending.left_of(self)
 
     def of_problem(self, digest: str, scene: str, ending: Ending | None = None) -> "Plan":
-        """Returns an equal plan that knows what its file says.
+        """Returns an equal plan with the information from its file.
 
         Parameters
         ----------
-        digest, scene : of the problem that the plan was made for
+        digest, scene : digest and name of the problem for which the plan was made
         ending : the end of the search for the plan
         """
         plan = Plan(paths=self.paths)
-        # No fields, for they are no part of what is flown.
+        # These are not fields, as they are not part of the flight.
         vars(plan).update(_made_for=digest, _scene=scene, _ending=ending)
         return plan
 
@@ -163,7 +167,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def hovering(cls, problem: Problem) -> "Plan | None":
         """Returns the plan in which no robot moves, which obeys all rules because starts do.
 
-        None if a robot may not stay because its goal is elsewhere or people come too close.
+        Returns None if a robot may not stay because its goal is elsewhere or people come too close.
         """
         starts = problem.first_starts
         if not all(problem.may_hover(i, StartSet.of([state]))[0] for i, state in enumerate(starts)):
@@ -180,7 +184,8 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         moves = (at[first, :-1], at[first, 1:]), (at[second, :-1], at[second, 1:])
         near = problem.rules.too_near(at[second] - at[first])
         between = problem.rules.conflict_between(*moves)
-        # At each step first who is too close, then who is until the next one.
+        # For each step, first the robots that are too close at the step, then those that are so
+        # before the next.
         for n, which in np.argwhere(_alternated(near, between).T).tolist():
             t, (i, k) = n // 2, (int(first[which]), int(second[which]))
             here = cells[i][t], cells[k][t]
@@ -195,7 +200,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 def _alternated(at: BoolArray, between: BoolArray) -> BoolArray:
-    """Returns columns [n, 2 T + 1]: those at steps [n, T+1], alternating with those between."""
+    """Returns columns [n, 2 T + 1]: those at steps [n, T+1], alternating with those in between."""
     result = np.zeros((len(at), 2 * at.shape[1] - 1), dtype=np.bool_)
     result[:, ::2], result[:, 1::2] = at, between
     return result

@@ -1,7 +1,7 @@
 """The whole planning problem: workspace, robots, actors, objective and collision rules.
 
-Everything here is immutable data, checked once when it is created and then trusted.
-The same classes are the scene file: `cocap_opt.files.documents` reads and writes them as JSON.
+Everything here is immutable data, checked once when it is created and then trusted. The same
+classes define the scene file: `cocap_opt.files.documents` reads and writes them as JSON.
 
 Axis letters used throughout the project: R robots, T steps, S motion states, A actors,
 F faces over all actors. Metres, radians, pixels. Steps are t = 0..T.
@@ -33,25 +33,25 @@ if TYPE_CHECKING:
 
 
 class Problem(SceneData, frozen=True, eq=False, dict=True):
-    """A view-planning problem: all that a planner, a bound or the referee needs to know.
+    """A view-planning problem: all data that planners, bounds and the referee need.
 
     Attributes
     ----------
-    name : shown in tables and pictures
+    name : name shown in tables and pictures
     height_map : the terrain and buildings as columns
     robots : the drones
     actors : the people
     horizon : T, number of moves
     rules : the conflicts between drones that are forbidden
-    objective : the weights of J besides those of the faces
+    objective : the weights of J, except those of the faces
     face_samples : each triangle of a face that a mesh may hide is tested with this number squared
-        of sight rays; convex meshes, columns and actors need none
-    meshes : solid matter besides the height map
+        of sight rays; convex meshes, columns and actors need no rays
+    meshes : solid matter in addition to the height map
     airspace : no-fly zones, a ceiling, and the distance that drones keep from people
-    step : seconds from a step to the next; None if unspecified
-    earth : where the scene is on the Earth; None if unknown
-    takes : ways in which people may walk, whose probabilities sum to 1; a person who belongs to no
-        take gets a copy in each. None: people walk in one way only
+    step : length of a step in seconds; None if unspecified
+    earth : the scene's place on the Earth; None if unknown
+    takes : alternative walks of the people, whose probabilities sum to 1; a person who belongs to
+        no take gets a copy in each. None: people walk in one way only
     land_cover : areas of the ground that pictures show: water, streets and the like
 
     Raises
@@ -62,7 +62,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "name", printable(self.name))  # it may be a file's
+        msgspec.structs.force_setattr(self, "name", printable(self.name))  # it may come from a file
         actors, objective = in_all_takes(self.takes, self.actors, self.objective)
         if actors != self.actors:
             msgspec.structs.force_setattr(self, "actors", actors)
@@ -87,7 +87,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""
-        from cocap_opt.problem.pictures import TopView  # which nothing that is computed needs
+        from cocap_opt.problem.pictures import TopView  # no computation needs it
 
         return f"<p>{html.escape(repr(self))}</p>{TopView.of(self).image()}"
 
@@ -115,12 +115,12 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return TopView.of(self, plan).draw(ax)
 
     def until(self, step: int) -> "Problem":
-        """Returns the problem cut off after a step: people, weights and all else stay the same.
+        """Returns the problem cut off after a step; everything else stays the same.
 
         Raises
         ------
         ProblemError
-            If there is no such step, or it is the first.
+            If the step does not exist or is the first.
         """
         within(step, 1, self.horizon, "steps")
         if step == self.horizon:
@@ -140,7 +140,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def without_rules(self) -> "Problem":
         """Returns the problem without inter-robot collision rules; itself if it has none.
 
-        It is the same object each time, so that anything computed for it is reused.
+        It is the same object each time, so all results computed for it are reused.
         """
         return self if self.rules.none else self._without_rules
 
@@ -149,7 +149,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return self.replace(rules=NO_RULES)
 
     def of_take(self, k: int) -> "Problem":
-        """Returns the problem of one take alone, with only its people.
+        """Returns the problem of a single take, with only its people.
 
         J of a plan is the mean of its J in all takes, weighted by their probabilities. It is the
         same object each time; without takes, take 0 is the problem itself.
@@ -157,7 +157,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         Raises
         ------
         ProblemError
-            If there is no such take.
+            If the take does not exist.
         """
         within(k, 0, max(len(self.takes), 1) - 1, "take")
         if not self.takes:
@@ -186,7 +186,9 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @cached_property
     def count_weights(self) -> FloatArray:
-        """Weights of a drone that sees a person [T+1, A]; [T+1, 0] if these are not counted."""
+        """Weights of a drone that sees a person [T+1, A]; [T+1, 0] if such drones are not
+        counted.
+        """
         if self.objective.views is None:
             return np.zeros((self.horizon + 1, 0))
         weights = self.importance * np.array(self.objective.views.weights(len(self.actors)))
@@ -218,11 +220,11 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @property
     def view_sum_steps(self) -> int:
-        """Number of steps whose pixels are kept apart: T+1, or 1 if they add up over time.
+        """Number of steps with separate pixels: T+1, or 1 if pixels add up over time.
 
-        A view sum is a face at such a step, with number step * F + face; J sums the roots of view
-        sums. Where drones that see people are counted, a person at a step is a view sum, too, after
-        all of these, with number n_roots + step * A + person.
+        A view sum is a face at such a step, with number step * F + face; J adds up the roots of
+        view sums. If drones that see people are counted, a person at a step is a view sum, too,
+        after all faces, with number n_roots + step * A + person.
         """
         return 1 if self.objective.over_time else self.horizon + 1
 
@@ -236,7 +238,9 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @property
     def step_width(self) -> int:
-        """Number of view sums to which a state adds, W: F faces, plus A people if views count."""
+        """Number of view sums to which a state adds, W: F faces, plus A people if views are
+        counted.
+        """
         return len(self.face_weights) + int(self.count_weights.shape[1])
 
     @cached_property
@@ -259,7 +263,9 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return slice(first, first + faces)
 
     def by_step(self, values: FloatArray) -> FloatArray:
-        """Returns the sums [T+1] of values [Z] over each step's view sums; not for `over_time`."""
+        """Returns the sums [T+1] of values [Z] over each step's view sums; not available with
+        `over_time`.
+        """
         steps, n = self.horizon + 1, self.returns.n_roots
         sums: FloatArray = values[:n].reshape(steps, len(self.face_weights)).sum(axis=1)
         if len(values) > n:
@@ -267,7 +273,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return sums
 
     def no_pixels(self) -> FloatArray:
-        """Makes view sums [Z] to which no robot has added anything yet."""
+        """Returns view sums [Z] to which no robot has added anything yet."""
         return np.zeros(self.returns.n_roots + len(self.returns.caps))
 
     @cached_property
@@ -283,7 +289,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @property
     def most_views_of_a_face(self) -> int:
-        """Largest number of views, each of one robot at one step, that add to a face's view sum."""
+        """Largest number of views (of one robot at one step) that add to a face's view sum."""
         return len(self.robots) * (self.horizon + 1 if self.objective.over_time else 1)
 
     @property

@@ -1,4 +1,4 @@
-"""Forbidden starts of drones, all those of a scene at once, and the nearest free places."""
+"""Finds all forbidden starts of a scene's drones, and the nearest free places."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -18,18 +18,18 @@ _MOST_TOLD = 12
 
 
 class Refusal(NamedTuple):
-    """A start that is refused, and what could replace it.
+    """A rejected start, and a possible replacement.
 
     Attributes
     ----------
     robot : number of the robot
     field : path of the start, as in messages
-    state : the start
+    state : the rejected start
     why : the reason, in words
-    nearest : the nearest start at this height that is free and does not conflict with starts that
-        are kept or that were proposed before, in the largest free area (`largest_area`) if one is
-        there; None if there is none
-    has_nearer : True if a nearer place is free, but in a smaller area, such as a closed yard
+    nearest : the nearest free start at this height that does not conflict with accepted or
+        previously proposed starts, in the largest free area (`largest_area`) if possible; None if
+        there is none
+    has_nearer : True if a nearer place is free, but in a smaller area, e.g. a closed yard
     height : m, the lowest other flight height at which this cell is free; None if there is none
     """
 
@@ -42,7 +42,7 @@ class Refusal(NamedTuple):
     height: float | None
 
     def way_out(self, scene: SceneData) -> str:
-        """Returns the words for the nearest free place."""
+        """Returns the part of the message that names the nearest free place."""
         motion, nearest = scene.robots[self.robot].motion, self.nearest
         here = "" if self.height is None else f"; here it is free at {self.height:g} m"
         if nearest is None:
@@ -55,17 +55,17 @@ class Refusal(NamedTuple):
 
 
 def told(scene: SceneData, refusals: Sequence[Refusal]) -> str:
-    """Returns one line that names all refused starts, and the nearest free place for each."""
+    """Returns one line that names all rejected starts, and the nearest free place for each."""
     parts = [f"{each.field}: {each.why}; {each.way_out(scene)}" for each in refusals[:_MOST_TOLD]]
     more = len(refusals) - len(parts)
-    return "; ".join([*parts, *([f"{more} more are refused"] if more else [])])
+    return "; ".join([*parts, *([f"{more} more are rejected"] if more else [])])
 
 
 def refused_starts(scene: SceneData) -> list[Refusal]:
-    """Returns the stated starts in which robots may not be, or not together with the others.
+    """Returns the stated starts that are not allowed, alone or together with the others.
 
-    Of two that are too close to each other, the second is refused. The proposed places, taken
-    together with the starts that are kept, are free and do not conflict.
+    Of two that are too close to each other, the second is rejected. The proposed places are free,
+    and do not conflict with each other or with the accepted starts.
 
     Raises
     ------
@@ -92,7 +92,9 @@ def refused_starts(scene: SceneData) -> list[Refusal]:
 
 
 def _stated(scene: SceneData, i: int, robot: Robot) -> Iterator[tuple[str, State]]:
-    """Yields the starts of a robot that may be refused, with their fields; one if it may choose."""
+    """Yields the starts of a robot that may be rejected, with their fields; one if the robot has a
+    choice.
+    """
     field = f"robots[{i}].start"
     if isinstance(robot.start, State):
         yield field, robot.start
@@ -122,7 +124,7 @@ def _require_in_range(scene: SceneData, field: str, robot: Robot, start: State) 
 
 
 def _closed(scene: SceneData, robot: Robot, start: State) -> str:
-    """Says why a robot may not be at a start, even alone; empty if it may."""
+    """Returns the reason why a robot may not be at a start, even alone; empty if it may."""
     motion = robot.motion
     cell, height = f"cell ({start.x}, {start.y})", f"flight height {motion.layers[start.layer]:g} m"
     if scene.blocked(start.x, start.y, motion, start.layer):
@@ -142,7 +144,7 @@ def _closed(scene: SceneData, robot: Robot, start: State) -> str:
 
 
 def _solid_at(scene: SceneData, start: State) -> str:
-    """Names the solid matter in a robot's start cell."""
+    """Returns words for the solid matter in a robot's start cell."""
     (_, height), *solids = scene.workspace.columns.at(start.x, start.y)
     if not solids:
         return f"height {height:g} m"
@@ -151,20 +153,21 @@ def _solid_at(scene: SceneData, start: State) -> str:
 
 
 def _crowded(scene: SceneData, kept: tuple[int, State], placed: tuple[int, State]) -> str:
-    """Says that a start is too close to one that is kept; empty if it is not."""
+    """Returns a message if a start is too close to an accepted one; empty if it is not."""
     a, b = scene.cell(*kept), scene.cell(*placed)
     if not scene.too_close(a, b):
         return ""
     apart = math.dist(*scene.positions([a, b]))
-    return f"is {apart:.2f} m from robots[{kept[0]}].start, must keep the rules {scene.rules}"
+    return f"is {apart:.2f} m from robots[{kept[0]}].start, must obey the rules {scene.rules}"
 
 
 def _with_places(
     scene: SceneData, found: dict[tuple[int, str], tuple[State, str]], kept: list[tuple[int, State]]
 ) -> Iterator[Refusal]:
-    """Yields refusals with the nearest free places, in no conflict with each other or those kept.
+    """Yields rejected starts with the nearest free places, free of conflicts among all proposed and
+    accepted starts.
 
-    Places in the largest free area of the flight height come before all others.
+    Places in the largest free area of the flight height are preferred.
     """
     taken, areas = list(kept), dict[tuple[Motion, int], BoolArray]()
     for (i, field), (state, why) in sorted(found.items(), key=lambda row: row[0][0]):
@@ -195,7 +198,7 @@ def _nearest(free: BoolArray, state: State) -> State | None:
 def _free(
     scene: SceneData, robot: Robot, layer: int, taken: Sequence[tuple[int, State]]
 ) -> BoolArray:
-    """Returns the cells [X, Y] in which a robot may start, given the starts that are taken."""
+    """Returns the cells [X, Y] in which a robot may start, given the starts already taken."""
     free = startable(scene, robot.motion, layer)
     places = np.argwhere(free)
     rows = np.column_stack([places, np.full(len(places), layer)])
@@ -207,7 +210,9 @@ def _free(
 
 
 def startable(scene: SceneData, motion: Motion, layer: int) -> BoolArray:
-    """Returns the cells [X, Y] in which a robot of this motion may be at step 0, alone."""
+    """Returns the cells [X, Y] in which a robot with this motion may be at step 0 if it is
+    alone.
+    """
     places = np.argwhere(np.ones((*scene.height_map.shape, 1)))
     places[:, 2] = layer
     return scene.may_start(motion, places).reshape(scene.height_map.shape)
@@ -216,7 +221,9 @@ def startable(scene: SceneData, motion: Motion, layer: int) -> BoolArray:
 def _other_height(
     scene: SceneData, i: int, state: State, taken: Sequence[tuple[int, State]]
 ) -> float | None:
-    """Returns the lowest flight height (m), other than a start's own, at which its cell is free."""
+    """Returns the lowest flight height (m), other than that of a start, at which its cell is
+    free.
+    """
     robot = scene.robots[i]
     for layer, height in enumerate(robot.motion.layers):
         other = state._replace(layer=layer)

@@ -1,4 +1,4 @@
-"""A robot of a problem, and the limits of its motion, set by its airframe and autopilot."""
+"""A robot of a problem, and the limits that its airframe and autopilot set to its motion."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -20,13 +20,13 @@ class Limits(Data, frozen=True):
 
     Attributes
     ----------
-    speed : m/s, seen from above
-    climb : m/s, upwards
-    descent : m/s, downwards
+    speed : horizontal speed, m/s
+    climb : speed upwards, m/s
+    descent : speed downwards, m/s
     acceleration : m/s2, in space
     yaw_rate : rad/s
-    gimbal_rate : rad/s, of the camera's pitch
-    endurance : s for which the battery lasts
+    gimbal_rate : rate of the camera's pitch, rad/s
+    endurance : time for which the battery lasts, s
     """
 
     speed: float | None = None
@@ -46,7 +46,9 @@ class Limits(Data, frozen=True):
                 require(value > 0, field, f"must be more than 0, not {value!r}")
 
     def outlasted_by(self, seconds: float) -> str:
-        """Says that the battery does not last for a flight of so many seconds; empty if it does."""
+        """Returns a message if the battery does not last for a flight of this length; empty if it
+        does.
+        """
         if self.endurance is None or seconds <= self.endurance * (1 + ROUNDING):
             return ""
         return f"the flight takes {seconds:.4g} s, but the battery lasts {self.endurance:.4g} s"
@@ -54,13 +56,14 @@ class Limits(Data, frozen=True):
     def broken_by(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
     ) -> str:
-        """Names a move of a motion that takes longer than a step, and a remedy.
+        """Returns a message that names a move that takes longer than a step, and a remedy; empty if
+        there is none.
 
         Parameters
         ----------
-        tilts : rad, of the drone's camera
+        tilts : tilts of the drone's camera, rad
         resolution : m, edge of a cell
-        step : s
+        step : length of a step, s
         """
         for field, words, most, limit, way_out, unit in self._demands(
             motion, tilts, resolution, step
@@ -76,7 +79,7 @@ class Limits(Data, frozen=True):
     def _demands(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
     ) -> Iterator[tuple[str, str, float, float | None, str, str]]:
-        """Yields for each kind of move its field, words, size, limit, remedy and unit.
+        """Yields, for each kind of move, its field, words, size, limit, remedy and unit.
 
         Angles are in degrees.
         """
@@ -109,25 +112,26 @@ def rounded_up(value: float) -> float:
 
 
 def _are_states(start: Any) -> bool:
-    """Returns True for a sequence of states, each of which could be a start."""
+    """Returns True for a sequence of possible start states."""
     is_sequence = isinstance(start, (list, tuple)) and not isinstance(start, State)
     return is_sequence and bool(start) and all(isinstance(state, State) for state in start)
 
 
 class Robot(Data, frozen=True):
-    """One camera drone: its start, motion and camera, and perhaps a goal for step T.
+    """One camera drone: its start, motion and camera, and possibly a goal for step T.
 
     Attributes
     ----------
     start : cell, layer, heading and pitch at step 0; or several such states, or an area, from which
-        planners choose the best. A sequence of states becomes `StartStates`
-    motion : the moves that it can make in one step
-    camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
-    goal : cell (x, y), any layer and orientation; or several, from which planners choose the best
+        planners choose. A sequence of states becomes `StartStates`
+    motion : the moves that the drone can make in one step
+    camera : the drone's camera: a `Camera`, or the `Cone` of Hughes et al.
+    goal : cell (x, y), in any layer and orientation; or several cells, from which planners choose
     limits : speed and turn limits; None if unknown
-    home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
-    number : if the scene is the rest of a mission, the robot's number in that mission; it is then
-        in the air before step 0. None: it takes off
+    home : cell (x, y) on whose ground the drone takes off and lands; None: below its first and last
+        place
+    number : if the scene is the rest of a mission, the robot's number in that mission; the drone is
+        then in the air before step 0. None: the drone takes off
     """
 
     start: AnyStart
@@ -153,11 +157,11 @@ class Robot(Data, frozen=True):
             require(self.number >= 0, "number", f"must be 0 or more, not {self.number}")
 
     def may_start_in(self, state: State) -> bool:
-        """Returns True if the robot may start in this state, provided that it is free."""
+        """Returns True if this state is a possible start of the robot, provided that it is free."""
         return state == self.start if isinstance(self.start, State) else self.start.holds(state)
 
     def may_end_in(self, state: State) -> bool:
-        """Returns True if the robot may be in this state at step T, provided that it is free."""
+        """Returns True if the robot may end in this state at step T, provided that it is free."""
         if isinstance(self.goal, GoalArea):
             return (state.x, state.y) in self.goal.inside
         return self.goal is None or self.goal == (state.x, state.y)

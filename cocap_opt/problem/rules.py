@@ -1,7 +1,7 @@
-"""Rules against collisions between robots.
+"""Collision rules between robots.
 
-Robots fly straight from cell to cell within a step, so that the vector (m) from one to the other
-moves along a straight line, too: before + tau (after - before), tau in [0, 1].
+Robots fly straight from cell to cell within a step, so the vector (m) from one to the other moves
+along a straight line, too: before + tau (after - before), tau in [0, 1].
 """
 
 import math
@@ -12,30 +12,30 @@ import numpy as np
 from cocap_opt.data import LARGEST, BoolArray, Data, FloatArray, require, within
 
 _TWICE = 2 * (1 + 1e-8)
-SEPARATION = 2.0  # m, of scenes that are to be flown; docs/results/flight.md says why
-BODY = 0.7  # m, as wide as drones are drawn: two that come closer than that collide
-TOLERANCE = 1e-6  # m; robots that are closer than the separation by less keep it
+SEPARATION = 2.0  # m, for scenes that are to be flown; docs/results/flight.md gives the reasons
+BODY = 0.7  # m, width of drones in drawings: two drones closer than that collide
+TOLERANCE = 1e-6  # m; robots that are closer than the separation by less than this obey it
 
 
 class Meeting(NamedTuple):
-    """The point midway between two robots at the moment of a step when they are nearest."""
+    """The midpoint between two robots at their moment of closest approach in a step."""
 
     point: FloatArray  # [3] m
-    share: float  # of the step, 0..1
+    share: float  # share of the step, 0..1
 
     def ways(self, tails: FloatArray, heads: FloatArray) -> FloatArray:
-        """Returns the ways [n, 3] (m) from the point to robots that move from tails to heads."""
+        """Returns the vectors [n, 3] (m) from the point to robots that move from tails to heads."""
         return (1 - self.share) * tails + self.share * heads - self.point
 
 
 class CollisionRules(Data, frozen=True):
-    """The conflicts between robots that are forbidden.
+    """The forbidden conflicts between robots.
 
     Planners, formulations and the referee take the rules only from here. The vertex rule forbids
     two robots to be in one cell at one step (layers count, headings do not), the swap rule forbids
-    them to exchange cells in one step. The separation holds at every moment, between steps as well
-    as at them: robots fly straight from cell to cell, and two robots exactly that far apart keep it
-    (to 1e-6 m). It implies the other two rules.
+    them to exchange cells in one step. The separation applies at every moment, at steps and between
+    them: robots fly straight from cell to cell, and two robots exactly that far apart obey it (to
+    1e-6 m). It implies the other two rules.
 
     Attributes
     ----------
@@ -43,8 +43,7 @@ class CollisionRules(Data, frozen=True):
     swap : True: no two robots exchange cells in one step
     separation : m, least distance between robots at every moment; 0: no such rule
     vertical : m; 0: the separation is a distance in space; otherwise robots must be this far apart
-        in height, or keep the separation as seen from above, since drones blow air down on each
-        other
+        in height, or keep the separation horizontally, since drones blow air down on each other
     """
 
     vertex: bool = True
@@ -62,12 +61,12 @@ class CollisionRules(Data, frozen=True):
         require(
             self.vertex or not (self.swap or self.separation),
             "vertex",
-            "must be true where the swap or separation rule is on",
+            "must be true if the swap or separation rule is on",
         )
         require(
             self.separation > 0 or not self.vertical,
             "vertical",
-            "must be 0 where there is no separation",
+            "must be 0 if there is no separation",
         )
 
     @property
@@ -77,7 +76,7 @@ class CollisionRules(Data, frozen=True):
 
     @property
     def hold_between_steps(self) -> bool:
-        """True if moves can break a rule that robots keep at both steps."""
+        """True if moves can break a rule even if the robots obey it at both steps."""
         return self.swap or self.separation > 0
 
     def __str__(self) -> str:
@@ -87,7 +86,9 @@ class CollisionRules(Data, frozen=True):
         return "+".join(name for name in ("vertex", "swap") if getattr(self, name)) or "none"
 
     def too_near(self, ways: FloatArray) -> BoolArray:
-        """Returns an array [..], true if robots with ways [.., 3] (m) between them break a rule."""
+        """Returns an array [..], True if robots with vectors [.., 3] (m) between them break a
+        rule.
+        """
         if not self.vertex:
             return np.zeros(ways.shape[:-1], dtype=np.bool_)
         if self.vertical:
@@ -100,32 +101,31 @@ class CollisionRules(Data, frozen=True):
         return np.asarray(near)
 
     def near_point(self, ways: FloatArray) -> BoolArray:
-        """Returns an array [..], true if robots are closer to a point than half the separation.
+        """Returns an array [..], True if robots are closer to a point than half the separation.
 
-        Any two such robots are too close to each other. On a grid ties are common, and robots
-        exactly the separation apart keep it: half of it is therefore reduced by a little more than
-        rounding errors.
+        Any two such robots are too close to each other. On a grid, distances exactly equal to the
+        separation are common, and such robots obey the rule: half the separation is therefore
+        reduced by a little more than rounding errors.
 
         Parameters
         ----------
-        ways : [.., 3] m, from the point to the robots
+        ways : [.., 3] vectors from the point to the robots, m
         """
         if not self.separation:
             return np.zeros(ways.shape[:-1], dtype=np.bool_)
         return self.too_near(ways * _TWICE)
 
     def pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
-        """Returns an array [..], true if robots break the separation at a moment of a step.
+        """Returns an array [..], True if robots break the separation at some moment of a step.
 
         Parameters
         ----------
-        before, after : [.., 3] m, the ways from one robot to the other when the step begins and
-            ends
+        before, after : [.., 3] vectors from one robot to the other when the step begins and ends, m
         """
         found = np.zeros(np.broadcast_shapes(before.shape, after.shape)[:-1], dtype=np.bool_)
         if not self.separation:
             return found
-        # Most are far apart along one axis all the time, which is quick to see.
+        # Most robots are far apart along one axis all the time, which is quick to check.
         before, after = np.broadcast_arrays(before, after)
         near = self._may_pass_too_near(before, after)
         before, after = before[near], after[near]
@@ -137,7 +137,7 @@ class CollisionRules(Data, frozen=True):
         return found
 
     def _may_pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
-        """Returns an array [..], false if robots are far apart along one axis all the time."""
+        """Returns an array [..], False if robots are far apart along one axis all the time."""
         may = np.ones(before.shape[:-1], dtype=np.bool_)
         most = self.separation, self.separation, self.vertical or self.separation
         for axis, far in enumerate(most):
@@ -148,18 +148,19 @@ class CollisionRules(Data, frozen=True):
     def moves_conflict(
         self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
-        """Returns an array [..], true if two robots' moves break a rule, at their ends or between.
+        """Returns an array [..], True if two robots' moves break a rule, at their ends or in
+        between.
 
         Parameters
         ----------
-        first, second : for each robot the places [.., 3] (m) where its moves begin and end
+        first, second : for each robot, the positions [.., 3] (m) at which its moves begin and end
         """
         return self._at_ends(first, second) | self._between(first, second)
 
     def conflict_between(
         self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
-        """Returns an array [..], true if moves break a rule between two steps, but at neither step.
+        """Returns an array [..], True if moves break a rule between two steps, but at neither step.
 
         Parameters
         ----------
@@ -185,13 +186,14 @@ class CollisionRules(Data, frozen=True):
     def may_conflict(
         self, first: tuple[FloatArray, FloatArray], second: FloatArray, reach: float
     ) -> BoolArray:
-        """Returns an array [..], true if some move of the other robot may conflict between steps.
+        """Returns an array [..], True if some move of the other robot may conflict between the
+        steps.
 
         Parameters
         ----------
-        first : the places [.., 3] (m) where the move begins and ends
-        second : the places [.., 3] (m) where the other robot's move begins
-        reach : m, length of the other robot's longest move
+        first : the positions [.., 3] (m) at which the move begins and ends
+        second : the positions [.., 3] (m) at which the other robot's move begins
+        reach : length of the other robot's longest move, m
         """
         found = np.asarray((first[1] == second).all(axis=-1))
         if self.separation:
@@ -200,7 +202,8 @@ class CollisionRules(Data, frozen=True):
         return found
 
     def closest(self, before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns the moments of a step when robots are nearest; in a conflict, one during it.
+        """Returns the moments of closest approach in a step; in a conflict, a moment during the
+        conflict.
 
         Parameters
         ----------
@@ -219,11 +222,11 @@ class CollisionRules(Data, frozen=True):
         return share, np.sqrt((at * at).sum(axis=-1))
 
     def meeting(self, tails: FloatArray, heads: FloatArray) -> Meeting:
-        """Returns the place and the moment at which two robots are nearest in a step.
+        """Returns the position and moment of two robots' closest approach in a step.
 
         Parameters
         ----------
-        tails, heads : [2, 3] m, where their moves begin and end
+        tails, heads : [2, 3] m, positions at which their moves begin and end
         """
         share = float(self.closest(tails[1] - tails[0], heads[1] - heads[0])[0])
         first, second = (1 - share) * tails + share * heads
@@ -231,7 +234,7 @@ class CollisionRules(Data, frozen=True):
 
     @property
     def _aside(self) -> float:
-        """The distance (m) at which robots are far enough apart."""
+        """The horizontal distance (m) at which robots are far enough apart."""
         return self.separation - TOLERANCE
 
     @property
@@ -242,9 +245,10 @@ class CollisionRules(Data, frozen=True):
     def _near_aside_and_above(
         self, before: FloatArray, after: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns the moments between which robots are too close, sideways and in height at once.
+        """Returns the first and last moments at which robots are too close both horizontally and in
+        height.
 
-        If the first moment is after the second, they never are.
+        If the first moment is after the last, they never are.
         """
         change = after - before
         dx, dy, dz = np.moveaxis(change, -1, 0)
@@ -256,7 +260,7 @@ class CollisionRules(Data, frozen=True):
         divisor = np.where(moving, a, 1.0)
         climbing = dz != 0
         slope = np.where(climbing, dz, 1.0)
-        with np.errstate(over="ignore"):  # what hardly moves gets there after ages
+        with np.errstate(over="ignore"):  # slow robots get there very late
             enter, leave = (-b - root) / divisor, (-b + root) / divisor
             ends = (-self._above - z) / slope, (self._above - z) / slope
         first = np.where(moving, np.where(crossing, enter, 2.0), np.where(c < 0, 0, 2))
@@ -268,7 +272,9 @@ class CollisionRules(Data, frozen=True):
 
 
 def _closest(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the moments when lines from `before` to `after` are nearest to 0, and distances."""
+    """Returns the moments at which lines from `before` to `after` are nearest to 0, and the
+    distances.
+    """
     change = after - before
     square = (change * change).sum(axis=-1)
     along = -(before * change).sum(axis=-1) / np.where(square > 0, square, 1.0)

@@ -46,10 +46,10 @@ class Earth(Data, frozen=True):
     ----------
     crs : reference system of x and y, a projection in metres, as a code such as EPSG:25830 or as
         WKT
-    origin : latitude and longitude (WGS 84, degrees) of the point x = 0, y = 0, from which the
-        axes go along those of the system; None: x and y are the system's own
-    heights : reference of altitudes, "sea" or "ellipsoid"; None if unknown
-    base : m, altitude of z = 0 above that reference
+    origin : latitude and longitude (WGS 84, degrees) of the point x = 0, y = 0, with axes parallel
+        to those of the system; None: x and y are coordinates of the system
+    heights : vertical datum of altitudes, "sea" or "ellipsoid"; None if unknown
+    base : altitude of z = 0 above that datum, m
     """
 
     crs: str
@@ -66,7 +66,7 @@ class Earth(Data, frozen=True):
         require(
             self.heights is not None or self.base == 0,
             "base",
-            "must be 0 where heights does not say what it is above",
+            "must be 0 if heights does not name a vertical datum",
         )
         if self.origin is not None:
             within(self.origin[0], -90, 90, "origin", "degrees of latitude")
@@ -74,7 +74,9 @@ class Earth(Data, frozen=True):
 
 
 class SceneData(Data, frozen=True, eq=False, dict=True):
-    """The fields of a problem, documented there, and the geometry that follows from them."""
+    """The fields of a problem, which `Problem` documents, and the geometry that follows from
+    them.
+    """
 
     name: str
     height_map: HeightMap
@@ -93,13 +95,15 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @property
     def workspace(self) -> Workspace:
-        """The map and the meshes: all solid matter, and the airspace that is closed to drones."""
+        """The map and the meshes, i.e. all solid matter, and the airspace that is closed to
+        drones.
+        """
         airspace = self.airspace
         return Workspace(self.height_map, self.meshes, airspace.no_fly, airspace.ceiling)
 
     @cached_property
     def starts(self) -> tuple[StartSet, ...]:
-        """The possible start states of each robot [R]; a single one if its start is fixed."""
+        """The possible start states of each robot [R]; a single state if the start is fixed."""
         known: dict[object, StartSet] = {}
         found = []
         for robot in self.robots:
@@ -120,7 +124,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return robot.start.states_in(places[able], headings, pitches)
 
     def may_start(self, motion: Motion, places: IntArray) -> BoolArray:
-        """Returns an array [n], true for places x, y, layer [n, 3] where a robot may be at step 0.
+        """Returns an array [n], True for places x, y, layer [n, 3] where a robot may be at step 0.
 
         Other robots are ignored.
         """
@@ -132,29 +136,29 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @property
     def begins_in_the_air(self) -> bool:
-        """True if the scene is the rest of a mission, whose drones have taken off before step 0."""
+        """True if the scene is the rest of a mission, so its drones take off before step 0."""
         return any(robot.number is not None for robot in self.robots)
 
     @cached_property
     def has_free_starts(self) -> bool:
-        """True if some robot may start in one of several states."""
+        """True if some robot has several possible starts."""
         return bool(self.open_starts)
 
     @cached_property
     def open_starts(self) -> frozenset[int]:
-        """The numbers of the robots that may start in one of several states."""
+        """The numbers of the robots that have several possible starts."""
         return frozenset(i for i, states in enumerate(self.starts) if len(states) > 1)
 
     @cached_property
     def first_starts(self) -> tuple[State, ...]:
-        """A start for each robot such that all keep the rules; fixed starts stay as they are.
+        """A start for each robot, chosen such that all obey the rules; fixed starts do not change.
 
         Starts at which robots may stay are preferred, if such a choice is found.
 
         Raises
         ------
         ProblemError
-            If there is no such choice, or none is found.
+            If no such choice exists, or none is found.
         """
         for i, states in enumerate(self.starts):
             require(
@@ -165,20 +169,22 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
             )
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
-        words = f"must have a start for every drone that keeps the rules {self.rules}"
+        words = f"must have a start for every drone that obeys the rules {self.rules}"
         chosen = None
         with suppress(UndecidedError):
             chosen = self.starts_apart([self._with_hovering(i) for i in range(len(self.robots))])
         try:
             chosen = chosen or self.starts_apart(self.starts)
         except UndecidedError:
-            raise ProblemError(f"robots: {words}; none was found, larger areas help") from None
-        require(chosen is not None, "robots", f"{words}; there is no such choice")
+            raise ProblemError(f"robots: {words}; none was found: try larger areas") from None
+        require(chosen is not None, "robots", f"{words}; no such choice exists")
         assert chosen is not None
         return chosen
 
     def _above_ceiling(self, robot: Robot) -> str:
-        """Returns words if all flight heights of a robot are above the ceiling; empty otherwise."""
+        """Returns a message if all flight heights of a robot are above the ceiling; empty
+        otherwise.
+        """
         ceiling, lowest = self.airspace.ceiling, min(robot.motion.layers)
         if ceiling is None or lowest <= ceiling:
             return ""
@@ -191,13 +197,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return StartSet(states.array[able]) if able.any() and not able.all() else states
 
     def starts_apart(self, starts: Sequence[StartSet]) -> tuple[State, ...] | None:
-        """Returns a state for each robot, the first choice that is found to keep the rules.
+        """Returns a state for each robot: the first choice found that obeys the rules.
 
-        None if there is no such choice.
+        Returns None if no such choice exists.
 
         Parameters
         ----------
-        starts : the states of each robot, in the order in which they are tried
+        starts : the states of each robot, in the order in which to try them
 
         Raises
         ------
@@ -208,7 +214,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         for robot, states in zip(self.robots, starts, strict=True):
             states_of.append(states.in_different_cells())
             size, at = self.height_map.resolution, self.above(robot.motion, states.cells)
-            # As rules between robots have it, in m from the map's corner.
+            # In the coordinates of the rules between robots: m from the map's corner.
             places.append(np.column_stack([states.cells[:, :2] * size, at[:, 2]]))
         numbers = places_apart(self.rules, places)
         if numbers is None:
@@ -216,9 +222,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return tuple(states[k] for states, k in zip(states_of, numbers, strict=True))
 
     def may_hover(self, i: int, states: StartSet) -> BoolArray:
-        """Returns an array, true for states in which a robot may stay; other robots are ignored.
+        """Returns an array, True for states in which a robot may stay; other robots are ignored.
 
-        It may not stay if its goal is elsewhere or a person comes too close.
+        It may not stay if its goal is elsewhere or if a person comes too close.
 
         Returns
         -------
@@ -230,7 +236,8 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
             able &= may_end(robot.goal, *cells[:, :2].T)
         if not self.airspace.people_aside:
             return able
-        # By their numbers in a box around them, of which there are many times as many as places.
+        # By numbers within their bounding box, which contains many more numbers than there are
+        # places.
         low = cells.min(axis=0)
         numbers = np.ravel_multi_index((cells - low).T, cells.max(axis=0) - low + 1)
         _, first, which = np.unique(numbers, return_index=True, return_inverse=True)
@@ -243,11 +250,11 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return np.asarray(able & ~near[which.ravel()])
 
     def near_people(self, t: int, before: FloatArray, after: FloatArray | None = None) -> BoolArray:
-        """Returns an array [n], true if drones are too close to anybody.
+        """Returns an array [n], True if drones are too close to anybody.
 
         Parameters
         ----------
-        before, after : [n, 3] m, as `Airspace.near_person` takes them
+        before, after : [n, 3] m, as in `Airspace.near_person`
         """
         near = np.zeros(len(before), dtype=np.bool_)
         for actor in self.distinct_people if self.airspace.people_aside else ():
@@ -255,7 +262,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return near
 
     def person(self, j: int) -> str:
-        """Returns the words for a person: `Ada (0)`, or `person 0` without a name; and the take."""
+        """Returns the name of a person in messages: `Ada (0)`, or `person 0` without a name; and
+        the take.
+        """
         name, take = self.actors[j].name, self.actors[j].take
         more = [*([] if name is None else [str(j)]), *([] if take is None else [told_take(take)])]
         first = f"person {j}" if name is None else name
@@ -263,7 +272,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def distinct_people(self) -> tuple[Actor, ...]:
-        """The people, with only one of those who walk alike in several takes."""
+        """The people, including only one of those who walk alike in several takes."""
         if not self.takes:
             return self.actors
         alike = {(actor.poses.tobytes(), actor.shape): actor for actor in reversed(self.actors)}
@@ -271,7 +280,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def take_of(self) -> IntArray:
-        """Number of the take that each person is in [A]; 0 for all if there are no takes."""
+        """Number of each person's take [A]; all 0 if there are no takes."""
         numbers = {take.name: k for k, take in enumerate(self.takes)}
         of_each = [0 if actor.take is None else numbers[actor.take] for actor in self.actors]
         found = np.array(of_each, dtype=np.int64)
@@ -280,7 +289,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @property
     def numbers_in_take(self) -> IntArray:
-        """Number of each person among those of the take, in their order [A]."""
+        """Number of each person within the take, in order [A]."""
         numbers = np.zeros(len(self.actors), dtype=np.int64)
         for k in np.unique(self.take_of).tolist():
             inside = np.flatnonzero(self.take_of == k)
@@ -289,7 +298,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def chances(self) -> FloatArray:
-        """Probability that each person is present [A]: that of the take; 1 without takes."""
+        """Probability that each person is present [A]: that of the person's take; 1 without
+        takes.
+        """
         if not self.takes:
             return read_only(np.ones(len(self.actors)))
         return read_only(np.array([take.probability for take in self.takes])[self.take_of])
@@ -299,7 +310,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return self.above(robot.motion, np.array([state[:3] for state in states]).reshape(-1, 3))
 
     def above(self, motion: Motion, places: IntArray) -> FloatArray:
-        """Returns the positions [n, 3] (m) of such a robot in places x, y, layer [n, 3]."""
+        """Returns the positions [n, 3] (m) of a robot with this motion in places x, y, layer [n,
+        3].
+        """
         (x, y, layer), height_map = places.T, self.height_map
         heights = np.array(motion.layers)[layer]
         if height_map.flight_datum is not None:
@@ -308,7 +321,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return np.column_stack([ox + (x + 0.5) * size, oy + (y + 0.5) * size, heights])
 
     def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
-        """Returns True if solid matter is within the clearance of a robot of this motion."""
+        """Returns True if solid matter is within the clearance of a robot with this motion."""
         altitude = self.height_map.altitude(x, y, motion.layers[layer])
         low, high = altitude - motion.clearance, altitude + motion.clearance
         return self.workspace.columns.solid_at(x, y, low, high)
@@ -345,7 +358,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return bool(self.rules.too_near(second - first))
 
     def paths_conflict(self, p: Sequence[Cell], q: Sequence[Cell]) -> bool:
-        """Returns True if two robots with these cells at the steps 0..T break a rule."""
+        """Returns True if two robots with these cells at steps 0..T break a rule."""
         if self.rules.none:
             return False
         if not self.rules.separation:

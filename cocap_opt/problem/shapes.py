@@ -11,7 +11,7 @@ _BOX_FACES = ("front", "left", "back", "right", "top")
 
 
 class Cuboid(Data, frozen=True, tag="cuboid"):
-    """A box with four sides and a top; its bottom stands on the ground and is never seen.
+    """A box with four sides and a top; its bottom is on the ground and never seen.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Prism(Data, frozen=True, tag="prism"):
     Attributes
     ----------
     sides : number of side faces, 3..64
-    apothem : m, centre to the middle of a side
+    apothem : distance from the centre to the middle of a side, m
     height : m
     """
 
@@ -83,11 +83,11 @@ class Prism(Data, frozen=True, tag="prism"):
 
 
 class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
-    """A box whose sides and top are two triangles each, every triangle a face of its own.
+    """A box whose sides and top consist of two triangles each; every triangle is a face of its own.
 
     The actors of Greedy Perspectives are such boxes: the square roots of all triangles' coverage
-    are summed. Triangles are ordered as the faces of `Cuboid`, two by two, and cut along the same
-    diagonals as theirs.
+    are summed. Triangles are ordered like the faces of `Cuboid`, in pairs, and cut along the same
+    diagonals as in the source.
 
     Attributes
     ----------

@@ -13,12 +13,12 @@ _MOST_NAMED = 4  # numbers of drones in a line of a legend
 
 
 class StartGround(NamedTuple):
-    """The ground above which drones may start, wherever it is best.
+    """The ground above which some drones may start; planners choose the best place.
 
     Attributes
     ----------
-    drones : numbers of the drones that it is open to, increasing
-    cells : [X, Y] of the map, True where they may start at one of their heights
+    drones : numbers of the drones that may start there, increasing
+    cells : [X, Y] True for cells of the map above which they may start at one of their heights
     """
 
     drones: tuple[int, ...]
@@ -26,7 +26,7 @@ class StartGround(NamedTuple):
 
     @classmethod
     def all_of(cls, scene: SceneData) -> list[StartGround]:
-        """Returns the areas of all drones that may start in one of several states."""
+        """Returns the areas of all drones that have several possible starts."""
         found: dict[bytes, StartGround] = {}
         for number in sorted(scene.open_starts):
             cells = np.zeros(scene.height_map.shape, dtype=np.bool_)
@@ -38,7 +38,7 @@ class StartGround(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Words that name the drones that may start there."""
+        """Text that names the drones that may start there."""
         *most, last = map(str, self.drones)
         if not most:
             return f"drone {last} may start here"

@@ -1,4 +1,4 @@
-"""The states in which a drone may start: a fixed one, a few, or all that are free in an area."""
+"""The start of a drone: a fixed state, several states, or all free states in an area."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, Data, IntArray, require, whole
 from cocap_opt.problem.motion import State
 
-_SHOWN = 12  # states of a set, when it is printed
+_SHOWN = 12  # states of a set that are printed
 
 
 class StartSet(Sequence[State]):
@@ -34,13 +34,13 @@ class StartSet(Sequence[State]):
 
     @cached_property
     def cells(self) -> IntArray:
-        """The different cells x, y, layer [m, 3], in the order in which they first occur."""
+        """The distinct cells x, y, layer [m, 3], in the order of their first occurrence."""
         return self.array[self._first_of_cells, :3]
 
     @property
     def columns(self) -> IntArray:
-        """The different cells x, y of the map [m, 2], increasing."""
-        if len(self) == 1:  # as most sets have
+        """The distinct cells x, y of the map [m, 2], increasing."""
+        if len(self) == 1:  # true of most sets
             return self.array[:, :2]
         return np.unique(self.cells[:, :2], axis=0)
 
@@ -97,11 +97,11 @@ class StartSet(Sequence[State]):
 
 
 class StartStates(Data, frozen=True, tag="states"):
-    """A drone starts in one of these states, whichever is best.
+    """A drone starts in one of these states; planners choose the best.
 
     Attributes
     ----------
-    states : all different, in order; each must be free
+    states : distinct states, in order; each must be free
     """
 
     states: tuple[State, ...]
@@ -111,7 +111,7 @@ class StartStates(Data, frozen=True, tag="states"):
         require(len(self.states) > 0, "states", "must hold at least one state")
         different = len(set(self.states)) == len(self.states)
         require(different, "states", "must all be different")
-        with suppress(TypeError):  # of numbers that are none, which a scene refuses
+        with suppress(TypeError):  # if numbers are not numbers, the scene reports it later
             msgspec.structs.force_setattr(self, "states", tuple(sorted(self.states)))
 
     def holds(self, state: State) -> bool:
@@ -120,16 +120,16 @@ class StartStates(Data, frozen=True, tag="states"):
 
 
 class StartArea(Data, frozen=True, tag="area"):
-    """A drone starts in a free state of an area, whichever is best.
+    """A drone starts in a free state of an area; planners choose the best.
 
     A state is free if solid matter, no-fly zones, the ceiling and people leave room for a drone.
 
     Attributes
     ----------
     cells : (x, y) of the map; None: all
-    layers : indices into the drone's flight heights; None: all
-    headings : indices, as those of `State`; None: all
-    pitches : indices into the camera's tilts; None: all
+    layers : indices of the drone's flight heights; None: all
+    headings : indices of headings, as in `State`; None: all
+    pitches : indices of the camera's tilts; None: all
     """
 
     cells: tuple[tuple[int, int], ...] | None = None
@@ -143,7 +143,7 @@ class StartArea(Data, frozen=True, tag="area"):
             values: tuple[object, ...] | None = getattr(self, field)
             if values is None:
                 continue
-            require(len(values) > 0, field, "must hold at least one, or be left out for all")
+            require(len(values) > 0, field, "must hold at least one, or be omitted to allow all")
             require(len(set(values)) == len(values), field, "must all be different")
             for value in values:
                 for index in value if isinstance(value, tuple) else (value,):
@@ -162,7 +162,7 @@ class StartArea(Data, frozen=True, tag="area"):
 
         Parameters
         ----------
-        free : [layer, X, Y] where the drone may be
+        free : [layer, X, Y] True if the drone may be in a place
         """
         if self.cells is not None:
             inside = np.zeros(free.shape[1:], dtype=np.bool_)
@@ -175,11 +175,11 @@ class StartArea(Data, frozen=True, tag="area"):
         return np.argwhere(free.transpose(1, 2, 0))
 
     def states_in(self, places: IntArray, headings: int, pitches: int) -> StartSet:
-        """Returns all states of the area in given places x, y, layer [n, 3], in this order.
+        """Returns all states of the area in the given places x, y, layer [n, 3], in this order.
 
         Parameters
         ----------
-        headings, pitches : numbers of headings and pitches that the drone has
+        headings, pitches : number of headings and of pitches that the drone has
         """
         turned = sorted(range(headings) if self.headings is None else self.headings)
         tilted = sorted(range(pitches) if self.pitches is None else self.pitches)

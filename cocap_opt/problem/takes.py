@@ -1,9 +1,9 @@
 """Takes: alternative walks of the people, each with its probability.
 
 The people of one take are present together: they hide each other, but nobody of another take. A
-person who belongs to no take has a copy in each of them, since different people may hide the
-person in each. People of take k are thus people like all others, but count p_k times as much; J is
-its mean over the takes.
+person who belongs to no take has a copy in each take, since different people may hide the person in
+each. People of take k are thus treated like all others, but count p_k times as much; J is its mean
+over the takes.
 """
 
 import math
@@ -19,7 +19,7 @@ from cocap_opt.problem.objective import Objective
 from cocap_opt.text import printable, shortened
 
 _MOST_TAKES = 1_000
-_SUM_ROUNDING = 1e-6  # of probabilities such as 0.333333
+_SUM_ROUNDING = 1e-6  # tolerance for the sum of probabilities such as 0.333333
 
 
 class Take(Data, frozen=True):
@@ -28,8 +28,9 @@ class Take(Data, frozen=True):
     Attributes
     ----------
     name : name of the take, to which the `take` of its people refers
-    probability : probability that people walk in this way, 0 to 1; those of all takes sum to 1.
-        People of a take with probability 0 add nothing to J, but drones keep away from them, too
+    probability : probability that people walk in this way, 0 to 1; the probabilities of all takes
+        sum to 1. People of a take with probability 0 add nothing to J, but drones keep their
+        distance from them, too
 
     Raises
     ------
@@ -48,12 +49,12 @@ class Take(Data, frozen=True):
 
 
 def told_take(name: str) -> str:
-    """Returns the words for a take: its name, preceded by the word take if it needs it."""
+    """Returns words for a take: its name, preceded by "take" if necessary."""
     return name if name.casefold().startswith(("take", "as ")) else f"take {name}"
 
 
 def equal_chances(names: Sequence[str]) -> tuple[Take, ...]:
-    """Returns takes of these names, all equally probable."""
+    """Returns equally probable takes with these names."""
     return tuple(Take(name=name, probability=1 / len(names)) for name in names)
 
 
@@ -62,8 +63,8 @@ class PeopleInTakes(NamedTuple):
 
     Attributes
     ----------
-    takes : empty if there is only one way to walk
-    actors : each is in one take or in all
+    takes : the takes; empty if people walk in one way only
+    actors : people, each of whom is in one take or in all
     numbers : for each actor, the number of the person from whom it is derived
     """
 
@@ -72,12 +73,12 @@ class PeopleInTakes(NamedTuple):
     numbers: tuple[int, ...]
 
     def objective(self, given: Objective) -> Objective:
-        """Returns the objective for these actors, given that for the people they derive from."""
+        """Returns the objective for these actors, derived from that for the original people."""
         return of_people(given, max(self.numbers, default=-1) + 1, self.numbers)
 
 
 def least_chance(takes: Sequence[Take]) -> float:
-    """Returns the least probability above 0 of any take; 1 without takes."""
+    """Returns the smallest probability above 0 of any take; 1 without takes."""
     return min((take.probability for take in takes if take.probability), default=1.0)
 
 
@@ -93,7 +94,7 @@ def require_takes(takes: Sequence[Take], actors: Sequence[Actor], field: str = "
     names = [take.name for take in takes]
     require(len(takes) <= _MOST_TAKES, field, f"must be at most {_MOST_TAKES}, not {len(takes)}")
     for name, same in groupby(sorted(names)):
-        require(len(list(same)) == 1, field, f"must have names of their own; two are {name!r}")
+        require(len(list(same)) == 1, field, f"must have distinct names; two are {name!r}")
     if takes:
         total = math.fsum(take.probability for take in takes)
         allowed = f"probabilities must sum to 1, not {total:.9g}"
@@ -109,8 +110,8 @@ def in_all_takes(
 ) -> tuple[tuple[Actor, ...], Objective]:
     """Returns the people of each take, one take after the other, and an objective for them.
 
-    A person who belongs to no take gets a copy in each. Where each person's views have a weight of
-    their own, copies have the same weight. Nothing changes if everybody is in a take already.
+    A person who belongs to no take gets a copy in each. If each person's views have their own
+    weight, copies have the same weight. Nothing changes if everybody is already in a take.
     """
     if not takes or all(actor.take is not None for actor in actors):
         return tuple(actors), objective
@@ -125,11 +126,11 @@ def in_all_takes(
 
 
 def of_people(objective: Objective, people: int, chosen: Sequence[int]) -> Objective:
-    """Returns an objective for a choice of people, made of that for all people.
+    """Returns an objective for a selection of people, derived from that for all people.
 
     Parameters
     ----------
-    people : number of people that the given objective is for
+    people : number of people in the given objective
     chosen : numbers of the chosen people, in order; a number may occur several times
     """
     views = objective.views

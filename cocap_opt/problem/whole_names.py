@@ -9,10 +9,12 @@ from matplotlib.text import Text
 
 
 class WholeName(Text):
-    """Text in axes, left out if an edge of the axes would cut it, or a disc hide a part of it."""
+    """Text in axes that is left out if an edge of the axes would cut it or a disc would hide part
+    of it.
+    """
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw the text if it fits into the axes, whose limits are final only at this point."""
+        """Draw the text if it fits into the axes, whose limits are only now final."""
         if self.axes is None:
             return
         room, name = self.axes.get_window_extent(renderer), self.get_window_extent(renderer)

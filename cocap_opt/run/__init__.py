@@ -1,1 +1,3 @@
-"""The engine: methods run within limits, judged by the referee, verified and explained."""
+"""The engine: runs methods within limits; the referee evaluates, verifies and explains their
+results.
+"""

@@ -1,4 +1,4 @@
-"""Audits of instances: a scene's own JSON, and what other code than the exporter finds in it."""
+"""Audits of instances: compares them with facts that independent code finds in the scene's JSON."""
 
 import json
 import math
@@ -10,8 +10,8 @@ from cocap_opt.formulations.independent.instance_facts import read_instance
 from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
 from cocap_opt.problem import Problem
 
-WHOLE = 10_000  # states that drones reach, up to which all are enclosed if nothing else is asked
-SOME = 1_000  # states with most pixels, and as many drawn ones, that are enclosed of more
+WHOLE = 10_000  # reached states up to which all are enclosed by default
+SOME = 1_000  # states with the most pixels, and as many drawn ones, that are enclosed otherwise
 
 
 def audited(
@@ -27,21 +27,21 @@ def audited(
     Parameters
     ----------
     text : the instance
-    plans : paths of all drones, whose states have their coverage enclosed
-    views : number of states with most pixels, and of states drawn from all that drones reach, which
-        are enclosed, too; inf: all; 0: none, and those of plans neither; None: all where there are
-        at most `WHOLE`, else `SOME`
-    seed : of the draws
-    progress : told how many states are enclosed, and of how many
+    plans : plans, as paths of all drones, whose states' coverage is enclosed
+    views : number of states with the most pixels, and number of states drawn at random from all
+        reached ones, that are enclosed, too; inf: all; 0: none, not even those of plans; None: all
+        if there are at most `WHOLE`, otherwise `SOME`
+    seed : seed of the random draws
+    progress : called with the number of enclosed states, and the total
 
     Raises
     ------
     UnknownError
-        If the scene has something that an audit does not know.
+        If the scene has a feature that audits do not support.
     FormatError
         If the text is not an instance.
     ImportError
-        If enclosures are asked for, and python-flint is not installed.
+        If enclosures are requested, but python-flint is not installed.
     """
     document = json.loads(encode(SceneFile.of(problem)))["problem"]
     instance = read_instance(text)
@@ -57,5 +57,5 @@ def audited(
             audit.coverage = auditor.coverage(plans, views, seed, progress)
             audit.rewards = [auditor.reward(paths) for paths in plans]
         except UnknownError as error:
-            raise UnknownError(f"{error}; --views 0 leaves coverage out") from error
+            raise UnknownError(f"{error}; use --views 0 to leave coverage out") from error
     return audit

@@ -1,4 +1,4 @@
-"""A problem whose people walk differently in takes that are drawn."""
+"""A problem whose people walk differently in takes that are drawn at random."""
 
 from collections.abc import Sequence
 
@@ -17,20 +17,20 @@ def with_drawn_takes(
     probabilities: Sequence[float] | None = None,
     people: Sequence[int] | None = None,
 ) -> Problem:
-    """Returns the problem with takes that are drawn around the walks of its people.
+    """Returns the problem with takes drawn around the walks of its people.
 
     Parameters
     ----------
-    count : number of takes, of which the first has people as they are
+    count : number of takes; in the first, people walk as given
     spread : standard deviations of delays, shifts and speeds
-    seed : of the draws
-    probabilities : of the takes; None: all equal
-    people : numbers of those who may walk differently; None: all
+    seed : seed of the random draws
+    probabilities : probabilities of the takes; None: all equal
+    people : numbers of the people who may walk differently; None: all
 
     Raises
     ------
     ProblemError
-        If the problem has takes, or a number is out of range; it names the field.
+        If the problem has takes, or a number is out of range; the message names the field.
     """
     require(not problem.takes, "problem", "must have no takes yet")
     require(len(problem.actors) > 0, "problem", "must have people, who can walk differently")
@@ -49,7 +49,7 @@ def with_drawn_takes(
 def _with_chances(
     takes: tuple[Take, ...], probabilities: Sequence[float] | None
 ) -> tuple[Take, ...]:
-    """Returns takes with other probabilities; None: with those that they have."""
+    """Returns takes with other probabilities; None: unchanged."""
     if probabilities is None:
         return takes
     if len(probabilities) != len(takes):
@@ -60,7 +60,7 @@ def _with_chances(
 
 
 def _at_a_start(problem: Problem, actor: Actor) -> bool:
-    """Returns True if a person is too close at step 0 to a drone that can start nowhere else."""
+    """Returns True if a person is too close at step 0 to a drone that has no other start."""
     return any(
         bool(problem.airspace.near_person(actor, 0, problem.where(robot, [robot.start])).any())
         for robot in problem.robots

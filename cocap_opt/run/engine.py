@@ -1,6 +1,8 @@
-"""The engine: planners, bounds and exact methods by name, run within limits and judged.
+"""The engine: runs planners, bounds and exact methods by name within limits, and has the referee
+evaluate them.
 
-Commands, the Python face, sweeps and studies run all methods here, those of somebody's own as well.
+Commands, the Python interface, sweeps and studies run all methods through this module, including
+third-party ones.
 """
 
 import math
@@ -28,11 +30,12 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import LimitReached, Stop, TimeLimit, never
 from cocap_opt.timing import timed
 
-BOUND = "bound"  # what tables call their bounds, and so the name of no planner
-BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
-# What plans: planners, and exact methods.
+BOUND = "bound"  # name of bounds in tables, and therefore not of a planner
+BOUND_METHOD = "branch-and-price"  # default of the gap table; it gives a bound at any limit
+# Methods that make plans: planners and exact methods.
 SOLVERS: dict[str, Method[Any]] = {**PLANNERS, **EXACT}
-_SMALL, _WARMING = "tiny-share", 5.0  # a scene, and most seconds, in which a method warms up
+# scene, and largest number of seconds, with which a method warms up
+_SMALL, _WARMING = "tiny-share", 5.0
 
 
 def record_of(method: str | Method[Any]) -> Method[Any]:
@@ -41,7 +44,7 @@ def record_of(method: str | Method[Any]) -> Method[Any]:
 
 
 def is_lazy(name: str) -> bool:
-    """Returns True for a method of a registry that needs no coverage of all states."""
+    """Returns True for a method of a registry that does not need the coverage of all states."""
     return name in PLANNERS and PLANNERS[name].lazy
 
 
@@ -58,30 +61,31 @@ def run(
     report: Report = silent,
     gap: float = OPTIMALITY,
 ) -> Judged[Any]:
-    """Computes the coverage that a method needs, runs it, and has the referee judge its result.
+    """Computes the coverage that a method needs, runs it, and has the referee evaluate its result.
 
     Parameters
     ----------
-    method : the name of one in a registry, or the record of one that is in none
-    stop : ends both, coverage and the search
-    name : of the method, for messages
-    allowance : of the search alone, which begins once coverage is there
-    watch : shows how far coverage is, which the method would compute in silence
+    method : the name of a method in a registry, or the record of another method
+    stop : ends coverage and search
+    name : name of the method, for messages
+    allowance : limits of the search only, which begins after coverage
+    watch : shows the progress of coverage, which the method would compute silently
     seed, start, report, gap : for methods that take them
 
     Raises
     ------
     UnsupportedError
-        If the method takes no such problems.
+        If the method does not support the problem.
     OwnPlannerError
-        If a method of somebody's own returns no result.
+        If a third-party method returns no result.
     RefereeError
-        If the referee finds another J than the method, or refuses its plan or its bound.
+        If the referee computes another J than the method, or rejects its plan or its bound.
     """
     known = record_of(method)
     name = name or (method if isinstance(method, str) else known.__name__)
     watch = watch or Watch()
-    with stop.paused():  # neither coverage nor search; where a limit is forecast it is done before
+    # this counts neither as coverage nor as search; if limits are forecast, it has been done before
+    with stop.paused():
         model = compiled(problem)
     before = model.tables.seconds
     _cover(model, known, stop, watch)
@@ -102,7 +106,7 @@ def run(
         result = _without_claims(name, problem, result)
     else:
         result = _of_instance(model, result)
-    if result.plan is not None and result.plan.stays:  # for want of time
+    if result.plan is not None and result.plan.stays:  # for lack of time
         words = filter(None, (result.message, remedy(result.limit)))
         result = replace(result, message="; ".join(words))
     result = replace(result, coverage_seconds=model.tables.seconds - before)
@@ -114,9 +118,9 @@ def run(
 
 
 def _without_claims(name: str, problem: Problem, result: Result) -> Result:
-    """Returns the result of somebody's own method with the bound that its certificate proves.
+    """Returns the result of a third-party method with the bound that its certificate proves.
 
-    Without a certificate its bound counts for nothing.
+    Without a certificate, its bound is ignored.
 
     Raises
     ------
@@ -136,7 +140,7 @@ def _without_claims(name: str, problem: Problem, result: Result) -> Result:
 
 
 def _of_instance(model: Model, result: Any) -> Any:
-    """Returns a result whose certificate names its instance, if all coverage is there."""
+    """Returns a result whose certificate names its instance, if coverage is complete."""
     file = result.certificate if isinstance(result, CertifiedResult) else None
     if file is None or file.digest != problem_digest(model.problem):
         return result
@@ -148,13 +152,13 @@ def _of_instance(model: Model, result: Any) -> Any:
 def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:
     """Computes the coverage that a method needs.
 
-    Where the limit comes first, planners leave time for planning with what there is, and bounds
-    for a bound.
+    If a limit is reached first, planners keep time to plan with the available coverage, and bounds
+    keep time to compute a bound.
     """
-    watch.show("coverage")  # before the first views, code may be compiled
+    watch.show("coverage")  # code may be compiled before the first views
     progress = watch.countdown("coverage")
     if method.bounds:
-        with suppress(LimitReached):  # the method meets the limit as well
+        with suppress(LimitReached):  # the method will meet the limit, too
             model.prepare_all(stop, progress)
     elif not method.lazy:
         model.covered_by(stop, progress)
@@ -164,7 +168,7 @@ def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:
 def warm_up(method: str) -> None:
     """Lets a method load its libraries, some of which take seconds, before its time begins.
 
-    A process does so once; otherwise the first user of a library would wait for all others.
+    A process does so once; otherwise the first user of a library would bear the time of all others.
     """
-    with suppress(Exception):  # if something is wrong, the method itself tells
+    with suppress(Exception):  # if something is wrong, the method itself will report it
         SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))

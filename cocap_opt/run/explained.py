@@ -1,6 +1,6 @@
-"""A gap explained as plain data: its terms, what they are about, and what they add up to.
+"""An explained gap as plain data: its terms, the objects they concern, and their sums.
 
-Tables of it are in `explained_tables`, sentences in `explained_words`.
+`explained_tables` makes tables of it, `explained_words` sentences.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,17 @@ from cocap_opt.problem import Cell, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.verified import ProvedBound, Verified
 
-_MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
-SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
-_MANY = 4.0  # times a gap
+_MOST_STATES = 400_000  # states; computing their coverage takes some seconds
+# relative to the bound; smaller terms are shown as a dot in tables and get no sentence
+SHOWN = 5e-6
+_MANY = 4.0  # in multiples of the gap
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "drones leave the best paths of the bound": ("path",),
     "face rewards overestimated": ("face",),
     "views of people overestimated": ("views",),
     "priced rules unused or broken": ("row",),
     "priced decisions of the plan's leaf": ("decision",),
-    "larger bound of another leaf of the proof": ("leaves",),
+    "excess of another leaf's bound": ("leaves",),
     "tightened by stages and path search": ("stages",),
     "stated bound above the proved one": ("claim",),
     "allowance for rounding": ("rounding",),
@@ -38,11 +39,11 @@ _PARTS: dict[str, tuple[Kind, ...]] = {
 
 @dataclass(frozen=True)
 class Explained:
-    """The gap of a plan, its terms, and the single re-plans that would lessen it.
+    """The gap of a plan, its terms, and the changes of single paths that would reduce it.
 
     Attributes
     ----------
-    leaves : bounds of a proof's leaves, in order, if they are known
+    leaves : bounds of a proof's leaves, in order, if known
     """
 
     model: Model
@@ -52,15 +53,15 @@ class Explained:
 
     @classmethod
     def of(cls, verified: Verified) -> "Explained | None":
-        """Returns the explanation of what was verified.
+        """Returns the explanation of a verification's outcome.
 
-        It is None where there is no plan that can be flown, or no bound to compare it with.
+        Returns None if there is no plan that can be flown, or no bound to compare it with.
         """
         plan, proved = verified.plan, verified.proved
         if plan is None or proved is None or proved.file.bound is None or not verified.reward >= 0:
             return None
         model, file, pricing, _ = proved
-        if verified.understated:  # the gap is to what is proved, not to what is claimed
+        if verified.understated:  # the gap is to the proved bound, not to the claimed one
             file = msgspec.structs.replace(file, bound=pricing.bound)
         found = explain(model, plan, verified.reward_there, file, pricing.bound)
         return cls(model, plan, found, pricing.leaves)
@@ -72,23 +73,23 @@ class Explained:
 
     @cached_property
     def replans(self) -> list[Replan]:
-        """The plan with one robot replanned, robot by robot."""
+        """The best change of each robot's path alone, robot by robot."""
         return replans(self.model, self.plan)
 
     @property
     def is_closed(self) -> bool:
-        """The plan obeys the rules, and its J is the bound, but for rounding."""
+        """True if the plan obeys the rules and its J equals the bound, except for rounding."""
         found = self.explanation
         return found.share(found.gap) <= OPTIMALITY and not any(self.plan.conflicts(self.problem))
 
     @property
     def taken_off(self) -> float:
-        """The part of the other terms that stages and tried paths take off, in units of J."""
+        """The part of the other terms that stages and tried paths subtract, in units of J."""
         return max(-self.explanation.total("stages"), 0.0)
 
     @property
     def is_blurred(self) -> bool:
-        """Far more was taken off than is left, so that no term is the cause of what is left."""
+        """True if far more was subtracted than remains, so no term is the cause of the gap."""
         return self.taken_off > _MANY * max(self.explanation.gap, 0.0)
 
     # -- data -----------------------------------------------------------------------------
@@ -117,7 +118,7 @@ class Explained:
 
     @property
     def record(self) -> Record:
-        """All of it as plain data, but for the sentences."""
+        """The whole explanation as plain data, without the sentences."""
         found, leaf = self.explanation, self.explanation.leaf
         terms = [
             {key: value for key, value in row.items() if value is not None}
@@ -138,7 +139,7 @@ class Explained:
         }
 
     def parts(self) -> dict[str, float]:
-        """Returns the sums of the terms by what they are, which add up to the gap."""
+        """Returns the sums of the terms by kind, which add up to the gap."""
         found = self.explanation
         return {
             words: found.total(*kinds)
@@ -147,7 +148,7 @@ class Explained:
         }
 
     def named(self, resource: Resource | None) -> str:
-        """Returns a resource in words; empty where there is none."""
+        """Returns a resource in words; empty if there is none."""
         if isinstance(resource, Cells):
             return f"cell{'s' if len(resource.cells) > 1 else ''} {self._cells(resource.cells)}"
         if isinstance(resource, Swap):
@@ -164,14 +165,16 @@ class Explained:
         return ""
 
     def _cells(self, cells: Sequence[Cell]) -> str:
-        """Returns up to two cells, with their layers if there are several, and how many more."""
+        """Returns up to two cells, with layers if there are several, and the number of further
+        cells.
+        """
         layers = len(self.problem.layers) > 1
         shown = [f"({c.x}, {c.y}, {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:2]]
         return " ".join(shown) + (f" +{len(cells) - 2}" if len(cells) > 2 else "")
 
 
 def is_too_large(problem: Problem) -> bool:
-    """Returns True where an explanation would need the coverage of very many states."""
+    """Returns True if an explanation would need the coverage of very many states."""
     model = compiled(problem)
     return sum(int(model.reachable(c).sum()) for c in model.classes) > _MOST_STATES
 
@@ -179,14 +182,14 @@ def is_too_large(problem: Problem) -> bool:
 def gaps_of(
     problem: Problem, plans: Sequence[Plan], file: CertificateFile | ProofFile
 ) -> list[Explanation]:
-    """Explains the gaps of plans that can be flown, the file being verified.
+    """Explains the gaps of plans that can be flown, after verifying the file.
 
     Raises
     ------
     CertificateError
         If the file belongs to another problem, is not valid, or claims too low a bound.
     ValueError
-        If it proves that there is no plan.
+        If it proves that no plan exists.
     """
     model, _, pricing, _ = ProvedBound.of(Model(problem, plain=True), file)
     rewards = [check(model.problem, plan).reward for plan in plans]

@@ -1,4 +1,4 @@
-"""Tables of a gap explained: parts that add up, drones and people by step, rows with prices."""
+"""Tables that explain a gap: its parts, drones and people by step, rows with prices."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -12,16 +12,16 @@ from cocap_opt.letters import columns_of
 from cocap_opt.output.printing import counted, rounded
 from cocap_opt.run.explained import SHOWN, Explained
 
-_LINES = 20  # of a table
-_WIDTH = 5  # of a number
+_LINES = 20  # rows of a table
+_WIDTH = 5  # characters of a number
 
 
 def explained_tables(explained: Explained, width: int) -> list[str]:
-    """Returns the tables as text: parts that add up, drones and people by step, priced rows.
+    """Returns the tables as text: the parts of the gap, drones and people by step, priced rows.
 
     Parameters
     ----------
-    width : characters of a line at most; columns that say least are left out before others
+    width : largest number of characters per line; the least informative columns are omitted first
     """
     return [
         _parts(explained, width),
@@ -36,7 +36,7 @@ def _parts(explained: Explained, width: int) -> str:
     rows = list(explained.parts().items())
     rows += [("sum", found.total()), ("bound - J", found.gap)]
     return _table(
-        "What the gap is made of",
+        "Parts of the gap",
         ["", "amount", "% of bound"],
         [[words, rounded(amount), _percent(explained, amount)] for words, amount in rows],
         width,
@@ -80,7 +80,7 @@ def _grid(
     steps: Sequence[int | None],
     width: int,
 ) -> list[str]:
-    """Returns amounts [n, steps] as tables of some steps each, without lines of nothing."""
+    """Returns amounts [n, steps] as tables of some steps each, without empty lines."""
     shares = explained.explanation.share(1.0) * amounts
     sums = shares.sum(axis=1)
     heavy = np.flatnonzero(np.abs(shares).max(axis=1, initial=0.0) >= SHOWN)
@@ -112,7 +112,7 @@ def _grid(
 
 
 def _rows(explained: Explained, width: int) -> list[str]:
-    """Returns the rules and decisions with a price, the dearest first."""
+    """Returns the rules and decisions with a price, highest price first."""
     terms = explained.explanation.of_kind("row", "decision")
     if not terms:
         return []
@@ -142,14 +142,14 @@ def _rows(explained: Explained, width: int) -> list[str]:
 
 
 def _drones_named(users: Sequence[int]) -> str:
-    """Returns drones by their numbers, in words that do not read as a count."""
+    """Returns drones by number, in a form that does not read as a count."""
     if not users:
         return "none"
     return f"drone{'' if len(users) == 1 else 's'} {', '.join(map(str, users))}"
 
 
 def _row(explained: Explained, term: Term) -> str:
-    """Returns a rule, or a decision with the number of drones, in a few characters."""
+    """Returns a rule, or a decision with its number of drones, in a few characters."""
     if term.kind == "row":
         return explained.named(term.resource)
     sign = "<=" if term.sense == "at most" else ">="
@@ -166,13 +166,13 @@ def _table(
     hidden: Sequence[str] = (),
     over: list[str] | None = None,
 ) -> str:
-    """Returns a table as text: the first column to the left, the others to the right.
+    """Returns a table as text, with the first column left-aligned and the others right-aligned.
 
     Parameters
     ----------
-    over : words above the heads of columns; nothing if there are none
-    spare : columns that go where it is too wide, the first first
-    hidden : those that are gone, which a line below the table names
+    over : words above the column heads, if any
+    spare : columns to omit if the table is too wide, in order
+    hidden : omitted columns, which a line below the table names
     """
     widths = [max(map(columns_of, column)) for column in zip(head, *rows, strict=True)]
     widths[1:] = [max(most, _WIDTH) for most in widths[1:]]
@@ -195,7 +195,7 @@ def _table(
 
 
 def _over(head: Sequence[str]) -> list[str]:
-    """Returns the line above a head: "step" above the first number of a step."""
+    """Returns the line above a head, with "step" above the first step number."""
     number = next((k for k, cell in enumerate(head) if cell.isdecimal()), len(head))
     return ["", *("step" if k == number else "" for k in range(len(head)))]
 

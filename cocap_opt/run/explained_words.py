@@ -1,4 +1,4 @@
-"""A gap explained in sentences: what is broken, what costs most, the leaf, and the way back."""
+"""Explains a gap in sentences: broken rules, the largest terms, the leaf, and remedies."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from cocap_opt.run.explained import SHOWN, Explained
 
 _TOLD = 6  # sentences on single terms
 _OVER = "the bound overestimates"
-# Parts of a gap, as sentences have them.
+# Parts of a gap, in the wording of sentences.
 _ADDING = {
     "drones leave the best paths of the bound": "moves off the best paths of the bound",
     "face rewards overestimated": "overestimated sides of people",
@@ -26,9 +26,10 @@ _WANTED = "cells with a view of somebody at the last step"
 
 
 def explained_sentences(explained: Explained) -> list[str]:
-    """Returns plain sentences: what is broken, what costs most, the leaf, and the way back.
+    """Returns sentences on broken rules, the largest terms, the leaf, and possible improvements.
 
-    Of a proved optimum there is one: that nothing is left. Its terms cancel, and cause nothing.
+    For a proved optimum there is one sentence: that there is no gap. Its terms cancel, and none is
+    a cause.
     """
     if explained.is_closed:
         return [*map(_sentence, _told_gap(explained))]
@@ -50,9 +51,10 @@ def explained_sentences(explained: Explained) -> list[str]:
 
 
 def in_few_sentences(explained: Explained) -> list[str]:
-    """Returns the gap, its largest part and term, and the largest gain by planning a drone again.
+    """Returns the gap, its largest part and term, and the largest gain by replanning a single
+    drone.
 
-    Of a proved optimum there is one sentence: that nothing is left.
+    For a proved optimum there is one sentence: that there is no gap.
     """
     if explained.is_closed:
         return [*map(_sentence, _told_gap(explained))]
@@ -60,7 +62,7 @@ def in_few_sentences(explained: Explained) -> list[str]:
     name, amount = max(explained.parts().items(), key=lambda part: part[1])
     off = _told_off(explained)
     largest = [f'the largest part of it is "{name}", {_amount(explained, amount)}']
-    if off:  # then a part may be larger than the gap
+    if off:  # a part may then be larger than the gap
         back = _amount(explained, explained.taken_off)
         adds = f"{_ADDING.get(name, name)} add {_amount(explained, amount)}"
         largest = [f"{adds}; stages and path search take back {back}"]
@@ -77,14 +79,16 @@ def _sentence(words: str) -> str:
 
 
 def _told_off(explained: Explained) -> str:
-    """Returns words for the part of the other terms that is taken off again; empty if little."""
+    """Returns words for the part of the other terms that is subtracted again; empty if it is
+    small.
+    """
     off = explained.taken_off
     if explained.explanation.share(off) < SHOWN:
         return ""
     words = f"stages and path search reduce it again by {_amount(explained, off)}"
     if not explained.is_blurred:
         return words
-    return f"{words}, far more than is left, so no single term is the cause of the gap"
+    return f"{words}, far more than remains, so no single term is the cause of the gap"
 
 
 def _told_gap(explained: Explained) -> Iterable[str]:
@@ -104,15 +108,15 @@ def _told_gap(explained: Explained) -> Iterable[str]:
 
 
 def _broken(explained: Explained) -> list[Term]:
-    """Returns the rules with a price that the plan breaks, the largest first."""
+    """Returns the priced rules that the plan breaks, largest first."""
     broken = (term for term in explained.explanation.terms if term.is_broken)
     return sorted(broken, key=lambda term: term.amount)
 
 
 def _costly(explained: Explained) -> list[Term]:
-    """Returns the terms that are worth a sentence, the largest first.
+    """Returns the terms that are large enough for a sentence, largest first.
 
-    There is none where the gap is what is left after far more than that was taken off.
+    There are none if far more was subtracted than remains as the gap.
     """
     if explained.is_closed or explained.is_blurred:
         return []
@@ -122,7 +126,7 @@ def _costly(explained: Explained) -> list[Term]:
 
 
 def costliest(explained: Explained) -> str:
-    """Returns a few words on the largest term; empty where none is worth a sentence."""
+    """Returns a few words on the largest term; empty if none is large enough."""
     return _told(explained, _costly(explained)[0]) if _costly(explained) else ""
 
 
@@ -158,7 +162,7 @@ def _told(explained: Explained, term: Term) -> str:
 
 
 def _told_unpriced(explained: Explained, broken: Sequence[Term]) -> Iterable[str]:
-    """Yields conflicts of the plan that no broken rule with a price accounts for."""
+    """Yields conflicts of the plan that no priced rule accounts for."""
     priced = [(term.step, set(term.users or ())) for term in broken]
     free = [
         conflict
@@ -167,7 +171,7 @@ def _told_unpriced(explained: Explained, broken: Sequence[Term]) -> Iterable[str
     ]
     for conflict in free[:_TOLD]:
         words = told_conflict(explained.problem, conflict)
-        yield f"{words} at step {conflict.t}, which breaks a rule that has no price there"
+        yield f"{words} at step {conflict.t}, which breaks a rule without a price there"
     if len(free) > _TOLD:
         yield f"{counted(len(free) - _TOLD, 'more broken rule')} without a price"
 
@@ -185,7 +189,7 @@ def _told_leaves(explained: Explained) -> Iterable[str]:
 
 
 def _told_queue(explained: Explained) -> Iterable[str]:
-    """Yields where drones must queue, and what the rules there are priced at."""
+    """Yields sentences on where drones must queue, and on the prices of rules there."""
     problem = explained.problem
     wanted = explained.model.cells_with_a_view(problem.horizon)
     choke = None if problem.rules.none else ChokePoint.of(problem, wanted)
@@ -207,13 +211,15 @@ def _told_replans(explained: Explained) -> Iterable[str]:
     if len(gaining) > _TOLD:
         yield f"{counted(len(gaining) - _TOLD, 'more drone')} would gain less, each alone"
     if not gaining:
-        # Where pixels add up over time, the path that is found is not always the best.
+        # If pixels add up over time, the path found is not always the best.
         can = "was found to" if explained.problem.objective.over_time else "can"
         yield f"no single drone {can} gain by replanning within the rules"
 
 
 def _touches(resource: Resource | None, cells: Sequence[Cell]) -> bool:
-    """Returns True if drones are in one of the cells when they use a resource, begin or end."""
+    """Returns True if drones are in one of the cells at the beginning or end of using a
+    resource.
+    """
     if isinstance(resource, Moves):
         return any(cell in cells for move in resource.moves for cell in move)
     if isinstance(resource, Cells | Swap | Move):

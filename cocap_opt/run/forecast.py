@@ -1,4 +1,4 @@
-"""Forecasts: whether a limit suffices for coverage, before it begins, and what would."""
+"""Forecasts, before coverage begins, whether a limit suffices for it, and what would."""
 
 import logging
 import math
@@ -23,26 +23,27 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-_PRICING = 2e-7  # s, of a state at a step in the search of a certificate's best paths: measured
+_PRICING = 2e-7  # s per state and step in the search of a certificate's best paths: measured
 _GIGABYTE = 1e9
-# Times an estimate: what a limit must allow so that nothing is said, and so that it is advised.
+# Factors on an estimate: the smallest limit that causes no warning, and the advised limit.
 _ENOUGH, _AMPLE = 1.2, 1.7
 _TRIES = 3  # changes of a kind that are tried
 _BEFORE = "scene and estimate, before the time limit begins"
-_LONG = 20.0  # s, of which is said how long they are where there is no limit
-_SLOWEST = 1e-3  # s of a view; more than any scene has asked for
-_NEAR = 0.75  # of the limit, that changes which are advised take at the most
-# Part of the limit, and s, after which no further change is tried: one of a large scene takes many.
+_LONG = 20.0  # s; longer durations are announced if there is no limit
+_SLOWEST = 1e-3  # s per view; more than any known scene has needed
+_NEAR = 0.75  # share of the limit that advised changes may take
+# Share of the limit, and s, after which no further change is tried: for a large scene each takes
+# long.
 _TRYING, _LONGEST_TRYING = 0.2, 10.0
 
 
 class Forecast(NamedTuple):
-    """The cost of all that comes before the search: coverage, and planning each drone once.
+    """The time needed before the search: for coverage, and for planning each drone once.
 
     Attributes
     ----------
-    coverage : what of it is not there yet
-    planning : s
+    coverage : estimate for the missing coverage
+    planning : time to plan each drone once, s
     """
 
     coverage: CoverageEstimate
@@ -50,7 +51,7 @@ class Forecast(NamedTuple):
 
     @classmethod
     def of(cls, model: Model) -> Self:
-        """Forecasts a model, from a sample of its views.
+        """Makes the forecast for a model from a sample of its views.
 
         Raises
         ------
@@ -60,12 +61,12 @@ class Forecast(NamedTuple):
         return cls(model.tables.estimate(), model.planning_seconds)
 
     def fits(self, seconds: float, margin: float = _ENOUGH) -> bool:
-        """Returns True if a limit leaves time for each drone's plan after all coverage."""
+        """Returns True if a limit leaves time to plan each drone after coverage is complete."""
         return margin * self.coverage.seconds + self.planning <= seconds
 
     @property
     def seconds(self) -> float:
-        """Seconds of both."""
+        """Sum of both times in s."""
         return self.coverage.seconds + self.planning
 
     @property
@@ -77,7 +78,7 @@ class Forecast(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Seconds and memory in words."""
+        """Time and memory in words."""
         parts, size = [], max(self.coverage.memory / _GIGABYTE, 0.1)
         if self.coverage.views:
             parts.append(f"coverage takes {about(self.coverage.seconds)} and {size:.1f} GB")
@@ -86,13 +87,13 @@ class Forecast(NamedTuple):
         return ", ".join(parts)
 
     def doubts(self, seconds: float, option: str, recipe: "RecipeTrial | None") -> str:
-        """Returns why a limit does not suffice and what would, in one line; empty if it does.
+        """Returns why a limit does not suffice and what would, in one line; empty if it suffices.
 
         Parameters
         ----------
         seconds : the limit
-        option : what sets the limit, such as "--time-limit"
-        recipe : of which changes are tried; None where the scene is of no recipe
+        option : the option that sets the limit, e.g. "--time-limit"
+        recipe : the recipe whose changes are tried; None if the scene has no recipe
         """
         if self.fits(seconds):
             return ""
@@ -121,7 +122,7 @@ def about(seconds: float) -> str:
 
 
 class RecipeTrial(NamedTuple):
-    """A recipe of which changes are tried: the coverage of each is sampled, too."""
+    """A recipe for which changes are tried, by sampling the coverage of each changed scene."""
 
     path: Path
     seed: int
@@ -129,7 +130,7 @@ class RecipeTrial(NamedTuple):
 
     @classmethod
     def of(cls, scene: str, seed: int, problem: Problem) -> Self | None:
-        """Returns the recipe of a scene by its name or file; None for all other scenes."""
+        """Returns the recipe of a scene, given by name or file; None for all other scenes."""
         path = Path(scene)
         if not scene or scene in SCENES or not FORMATS["recipe"].scenes.has(path):
             return None
@@ -140,13 +141,13 @@ class RecipeTrial(NamedTuple):
     ) -> "list[tuple[Change, Forecast]]":
         """Returns the mildest change of each kind that fits a limit.
 
-        Where none does alone, it is one of several kinds together.
+        If no single change suffices, the result is a combination of several kinds.
 
         Parameters
         ----------
-        stop : once it is reached, no further change is tried; the first one is in any case
+        stop : once it is reached, no further change is tried; the first one always is
         """
-        from cocap_opt.scenarios.recipe.lighter import Change, lighter  # its readers are slow
+        from cocap_opt.scenarios.recipe.lighter import Change, lighter  # takes long to import
 
         def expected(change: "Change") -> bool:
             return change.share * (_AMPLE * now.coverage.seconds + now.planning) <= seconds
@@ -165,14 +166,14 @@ class RecipeTrial(NamedTuple):
     def _first(
         self, changes: "Sequence[Change]", seconds: float, stop: Stop
     ) -> "tuple[Change, Forecast] | None":
-        """Returns the first change that fits; after a few that do not there is none."""
+        """Returns the first change that fits; None if the first few do not."""
         for number, change in enumerate(changes[:_TRIES]):
             if number and stop.reached():
                 return None
             try:
                 with without_warnings("cocap_opt.scenarios"):
                     forecast = Forecast.of(Model(change.scene(self.path, self.seed)))
-            except ProblemError:  # it does not fit the recipe's other fields
+            except ProblemError:  # the change does not fit the recipe's other fields
                 continue
             if forecast.fits(seconds, _AMPLE):
                 return change, forecast
@@ -180,7 +181,7 @@ class RecipeTrial(NamedTuple):
 
 
 def _combined(kinds: "Sequence[Sequence[Change]]") -> "Iterator[list[Change]]":
-    """Yields changes of several kinds together, milder ones and fewer kinds first."""
+    """Yields combinations of changes, with milder changes and fewer kinds first."""
     given = [kind for kind in kinds if kind]
     for level in range(max(map(len, given), default=0)):
         chosen = [kind[min(level, len(kind) - 1)] for kind in given]
@@ -191,21 +192,21 @@ def _combined(kinds: "Sequence[Sequence[Change]]") -> "Iterator[list[Change]]":
 def warn_of_checking(
     model: Model, files: Sequence[CertificateFile | ProofFile], seconds: float
 ) -> None:
-    """Warns, before it begins, of a limit in which bounds will hardly be checked.
+    """Warns, before checking begins, if a limit will hardly suffice to check bounds.
 
-    Coverage is computed afresh, and each leaf of a proof takes a search of every class. The further
+    Coverage is recomputed, and each leaf of a proof takes a search for every class. The additional
     time of staged certificates is unknown.
 
     Parameters
     ----------
-    model : that they are checked with
+    model : the model with which they are checked
     """
     files = [file for file in files if file.digest == problem_digest(model.problem)]
-    if not files:  # others are refused at once
+    if not files:  # other files are rejected at once
         return
     try:
         coverage = model.tables.estimate()
-    except ProblemError:  # it does not fit into the memory, which the check says itself
+    except ProblemError:  # it does not fit into memory, which the check itself reports
         return
     states = sum(c.graph.n_states for c in model.classes) * (model.problem.horizon + 1)
     leaves = sum(map(_leaves, files))
@@ -220,7 +221,7 @@ def warn_of_checking(
 
 
 def _leaves(file: CertificateFile | ProofFile) -> int:
-    """Returns the number of leaves of a proof; a certificate is one."""
+    """Returns the number of leaves of a proof, or 1 for a certificate."""
     if isinstance(file, ProofFile):
         return sum(isinstance(node, Leaf) for node in file.nodes)
     return 1
@@ -235,14 +236,14 @@ def warn_of_limit(
     scene: str = "",
     watch: Watch | None = None,
 ) -> None:
-    """Warns, before coverage begins, of a limit in which it will hardly be done.
+    """Warns, before coverage begins, if a limit will hardly suffice for it.
 
-    Where there is no limit, it says how long that takes, if it is long.
+    If there is no limit, it announces how long coverage takes, if that is long.
 
     Parameters
     ----------
-    method : that needs the coverage; those that evaluate single views do not
-    watch : shows that no limit counts this
+    method : a method that needs the coverage of all states
+    watch : shows that this time does not count towards a limit
     """
     if watch is not None:
         watch.show(_BEFORE)
@@ -250,7 +251,7 @@ def warn_of_limit(
         return
     try:
         forecast = Forecast.of(compiled(problem))
-    except ProblemError:  # it does not fit into the memory: the method says so itself
+    except ProblemError:  # it does not fit into memory, which the method itself reports
         return
     words, whose = "", problem.name if seed is None else f"{problem.name}, seed {seed}"
     if math.isfinite(seconds):
@@ -265,12 +266,12 @@ def warn_of_limit(
 def warn_before_limits(
     problem: Problem, seed: int, cell_limit: float = math.inf, cores: int = 1
 ) -> None:
-    """Says, before a sweep, how long coverage takes that no time limit ends, if that is long.
+    """Announces, before a sweep, how long coverage without a time limit takes, if that is long.
 
     Parameters
     ----------
-    cell_limit : s, after which a worker gives up
-    cores : as many that are used here, for each that a worker has
+    cell_limit : time after which a worker gives up, s
+    cores : number of cores used here per core of a worker
 
     Raises
     ------
@@ -293,8 +294,10 @@ def warn_before_limits(
 
 
 def _is_little(model: Model, seconds: float) -> bool:
-    """Returns True if coverage is computed sooner than estimated, and nothing is to be said."""
-    if model.planning_seconds > 1:  # there are so many states that it takes long to count views
+    """Returns True if coverage is computed faster than it can be estimated, so no message is
+    needed.
+    """
+    if model.planning_seconds > 1:  # there are so many states that counting the views takes long
         return False
     most = _SLOWEST * model.reachable_views + model.planning_seconds
     return most <= min(seconds, _LONG)

@@ -1,12 +1,12 @@
-"""The trade-off between J and the drones that see each person, enclosed from both sides.
+"""The trade-off between J and the number of drones that see each person, bounded from both sides.
 
 Let J be the reward of pixels and moves, and V the number of drones that see each person, added up
 over steps and people, each counted up to a number of cameras. Every plan is a point (V, J). A bound
-B on J + w V, for a weight w >= 0, or on V alone, is a half-plane in which all plans are; so plans,
-and the certificates of a few directions, enclose the whole trade-off. The next direction is across
-the edge, between two plans, that half-planes leave the most room above (sandwich algorithms: Rote,
-"The convergence rate of the sandwich algorithm for approximating convex functions", Computing 48,
-1992); `front_search` goes there.
+B on J + w V, for a weight w >= 0, or on V alone, is a half-plane that contains all plans; so plans,
+together with the certificates of a few directions, enclose the whole trade-off. The next direction
+is orthogonal to the edge between two plans above which the half-planes leave the largest gap
+(sandwich algorithms: Rote, "The convergence rate of the sandwich algorithm for approximating convex
+functions", Computing 48, 1992); `front_search` explores it.
 """
 
 import math
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-_SAME = 1e-9  # relative, by which two directions, or a plan and a line, may differ
+_SAME = 1e-9  # relative tolerance for equal directions, and for plans on a line
 
 
 class Direction(NamedTuple):
-    """The weights of a sum of J and V: J with some of V, or V alone.
+    """The weights of a sum of J and V: J with some weight of V, or V alone.
 
     Attributes
     ----------
     reward : weight of J, 1 or 0
-    views : weight of V, >= 0; 1 where J has none
+    views : weight of V, >= 0; 1 if J has weight 0
     """
 
     reward: float
@@ -85,15 +85,16 @@ class HalfPlane(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Front:
-    """The plans of a trade-off, and the half-planes that all plans are in.
+    """The plans of a trade-off, and the half-planes that contain all plans.
 
     Attributes
     ----------
-    problem : the scene; J is its reward without views, with pixels of weight 1 if they had none
-    views : the largest number of drones that counts for a person, the share of a person that must
-        be visible, the people who count, and the requested share of all views, if any
-    base : the problem whose reward is J: without views, or with a weight of views of its own
-    plans : those that no other plan beats in both J and V, the fewest views first; each has `plan`,
+    problem : the scene; J is its reward without views, with pixels of weight 1 if their weight was
+        0
+    views : the largest number of drones that counts for a person, the visible share of a person
+        that is required, the people who count, and the requested share of all views, if any
+    base : the problem whose reward is J: without views, or with its own weight of views
+    plans : the plans that no other plan dominates in J and V, fewest views first; each has `plan`,
         `reward` (J) and `views` (V)
     half_planes : in the order in which they were proved; each has `bound`, which no plan exceeds,
         on the sum of J and V with the weights `direction`, and `file`, its certificate
@@ -113,17 +114,17 @@ class Front:
         at_least: float | None = None,
         share: float | None = None,
     ) -> Self:
-        """Returns a trade-off of which nothing is known yet.
+        """Returns a trade-off without plans and half-planes.
 
         Parameters
         ----------
-        cameras, at_least, share : as in `Views`; None: as the problem's objective has them, or two
+        cameras, at_least, share : as in `Views`; None: as in the problem's objective, or two
             cameras, 0.3 and no share
 
         Raises
         ------
         ProblemError
-            If a number is out of range; it names the field.
+            If a number is out of range; the message names the field.
         """
         views, given = views_asked(problem, cameras, at_least, share), problem.objective
         objective = given.replace(
@@ -132,7 +133,7 @@ class Front:
         return cls(problem, views, problem.replace(objective=objective))
 
     def is_of(self, other: "Front") -> bool:
-        """Returns True for two trade-offs of one problem in which the same views count."""
+        """Returns True if both are trade-offs of the same problem with the same views."""
         same = problem_digest(self.problem) == problem_digest(other.problem)
         return same and self.views.replace(share=None) == other.views.replace(share=None)
 
@@ -155,7 +156,9 @@ class Front:
         return self.problem.replace(objective=given.replace(views=views))
 
     def file(self, plane: HalfPlane) -> CertificateFile | ProofFile | None:
-        """Returns the certificate of a half-plane as one for the problem: it has its objective."""
+        """Returns the certificate of a half-plane for the original problem, with its own
+        objective.
+        """
         if plane.file is None or plane.file.digest == problem_digest(self.problem):
             return plane.file
         return plane.file.with_objective(self.scene(plane.direction).objective)
@@ -168,7 +171,7 @@ class Front:
         return PlanPoint(plan, verdict.reward, views_of(self.problem, plan, self.views))
 
     def with_plans(self, plans: Iterable[Plan]) -> Self:
-        """Returns the trade-off with more plans; those that another is better than are left out."""
+        """Returns the trade-off with more plans, without dominated ones."""
         points = [*self.plans, *filter(None, map(self.point, plans))]
         best: list[PlanPoint] = []
         for point in sorted(points, key=lambda point: (-point.views, -point.reward)):
@@ -178,11 +181,11 @@ class Front:
 
     @property
     def most_views(self) -> float:
-        """The largest possible V: that many drones see all people at all steps."""
+        """The largest possible V: the full number of drones sees all people at all steps."""
         return most_views(self.problem, self.views.cameras)
 
     def share(self, views: float) -> float:
-        """Returns views as a share of `most_views`; 0 where nobody can be seen."""
+        """Returns views as a share of `most_views`; 0 if nobody can be seen."""
         return views / self.most_views if self.most_views else 0.0
 
     def seen(self, point: PlanPoint) -> float:
@@ -190,7 +193,9 @@ class Front:
         return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
-        """Returns the J that no plan with at least this many views exceeds; -inf: there is none."""
+        """Returns a J that no plan with at least this many views exceeds; -inf if there is no such
+        plan.
+        """
         if views > self.views_bound * (1 + _SAME):
             return -math.inf
         return min(
@@ -204,21 +209,21 @@ class Front:
 
     @property
     def views_bound(self) -> float:
-        """The V that no plan exceeds; negative if it is proved that there is no plan."""
+        """A V that no plan exceeds; negative if it is proved that no plan exists."""
         proved = (plane.bound for plane in self.half_planes if not plane.direction.reward)
         return min([self.most_views, *proved])
 
     def best_with(self, views: float) -> PlanPoint | None:
-        """Returns the plan of largest J among those with at least this many views."""
+        """Returns the plan with the largest J among those with at least this many views."""
         enough = (point for point in self.plans if point.views >= views * (1 - _SAME))
         return next(enough, None)
 
     def best_in(self, direction: Direction) -> PlanPoint | None:
-        """Returns the plan of the largest weighted sum."""
+        """Returns the plan with the largest weighted sum."""
         return max(self.plans, key=lambda p: direction.of(p.reward, p.views), default=None)
 
     def room(self, direction: Direction) -> float:
-        """Returns by how much the half-planes are above all plans in a direction, relatively."""
+        """Returns the relative gap between the half-planes and the best plan in a direction."""
         most = max((direction.of(p.reward, p.views) for p in self.plans), default=0.0)
         above = self._outer(direction)
         return math.inf if above == math.inf else (above - most) / max(abs(above), 1e-300)
@@ -235,12 +240,15 @@ class Front:
 
     @property
     def no_plan(self) -> bool:
-        """It is proved that no plan obeys the rules: neither J nor V is below 0, and a bound is."""
+        """True if it is proved that no plan obeys the rules: a bound is negative although J and V
+        cannot be.
+        """
         return any(plane.bound < 0 for plane in self.half_planes)
 
     @property
     def settled(self) -> bool:
-        """True if no weighted sum of J and V has a better plan, or if there is proved to be none.
+        """True if no weighted sum of J and V has a better plan, or if it is proved that no plan
+        exists.
 
         Plans that are better by less than a millionth do not count.
         """
@@ -252,10 +260,10 @@ class Front:
         return [REWARD_ALONE, VIEWS_ALONE, *across]
 
     def next_direction(self) -> Direction:
-        """Returns the direction in which there is the most room, of those not proved if any is.
+        """Returns the direction with the largest gap, preferably one that is not proved yet.
 
-        Directions without room are left aside where others have some. If a share of views is asked
-        for, the direction across the edge above it comes before others.
+        Directions without a gap are skipped if others have one. If a share of views is requested,
+        the direction across the edge at that share comes first.
         """
         edges = [d for d in self.directions() if self.room(d) > OPTIMALITY] or self.directions()
         new = [d for d in edges if not self.tries(d)]
@@ -263,13 +271,13 @@ class Front:
         return asked if asked in new else max(new or edges, key=self.room)
 
     def tries(self, direction: Direction) -> int:
-        """Returns the number of half-planes that there are of a direction."""
+        """Returns the number of half-planes in a direction."""
         return sum(_alike(direction, p.direction, self._scale) for p in self.half_planes)
 
     def asked_direction(self) -> Direction | None:
-        """Returns the direction across the edge with the share that is asked for, if there is one.
+        """Returns the direction across the edge at the requested share, if there is one.
 
-        Without such an edge nothing between two plans is to be found.
+        Without such an edge, there is nothing to find between two plans.
         """
         if self.views.share is None:
             return None
@@ -279,12 +287,12 @@ class Front:
 
     @property
     def _scale(self) -> float:
-        """J that counts as much as a view where all count."""
+        """The amount of J that counts as much as a view if all views count."""
         most = max((point.reward for point in self.plans), default=1.0)
         return max(most, 1e-9) / (self.most_views or 1.0)
 
     def _hull(self) -> list[PlanPoint]:
-        """Returns the plans that are best in some direction, the fewest views first."""
+        """Returns the plans that are best in some direction, fewest views first."""
         hull: list[PlanPoint] = []
         for point in self.plans:
             while len(hull) > 1 and _is_below(hull[-2], hull[-1], point):
@@ -293,9 +301,10 @@ class Front:
         return hull
 
     def _outer(self, direction: Direction) -> float:
-        """Returns the largest weighted sum in all half-planes; infinite where they leave it open.
+        """Returns the largest weighted sum within all half-planes; infinite if they do not limit
+        it.
 
-        It is at a corner of two of them.
+        It is attained at an intersection of two of them.
         """
         planes = [(p.direction, p.bound) for p in self.half_planes]
         planes.append((VIEWS_ALONE, self.views_bound))
@@ -340,19 +349,19 @@ class Front:
 
     @property
     def table(self) -> "pd.DataFrame":
-        """A row for each plan, and for each bound (pandas)."""
+        """A table with a row for each plan and each bound (pandas)."""
         from pandas import DataFrame
 
         return DataFrame(self.rows())
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draws plans, and where it is proved that none is.
+        """Draws the plans, and the region in which it is proved that there are none.
 
         Parameters
         ----------
         ax : matplotlib axes (default: those of a new figure)
         """
-        from cocap_opt.run.front_figure import draw  # matplotlib
+        from cocap_opt.run.front_figure import draw  # imports matplotlib
 
         return draw(
             [(100 * self.share(point.views), point.reward) for point in self.plans],
@@ -363,15 +372,15 @@ class Front:
         )
 
     def sentences(self) -> Iterator[str]:
-        """Yields sentences on what counts as a view, what is proved, and the requested share."""
+        """Yields sentences on the definition of views, what is proved, and the requested share."""
         if not self.plans:
-            none = "proved: no plan exists, as none obeys the rules"
+            none = "proved: no plan exists that obeys the rules"
             found = "no plan that obeys the rules was found; a longer time limit may find one"
             yield none if self.no_plan else found
             return
         yield (
-            f"views: drones that see each person at each step, at most {self.views.cameras} "
-            f"counted; their sum is {self.most_views:g} at most"
+            "views: drones that see each person at each step, counted up to "
+            f"{self.views.cameras} per person; their sum is at most {self.most_views:g}"
         )
         if self.views_bound < self.most_views:
             most = rounded_up(100 * self.share(self.views_bound), 1)
@@ -379,7 +388,7 @@ class Front:
         if self.settled:
             words = "no weighting of J and views has a better plan"
             if len(self.plans) == 1:
-                words = "one plan is best for both"
+                words = "one plan is best in both"
             yield f"the trade-off is settled: {words}"
         elif math.isfinite(self.gap):
             yield f"plans and proofs differ by {told_gap(self.gap)}"
@@ -398,14 +407,14 @@ class Front:
 
 
 def _alike(a: Direction, b: Direction, scale: float) -> bool:
-    """Returns True for directions that are nearly the same, where a view is worth `scale`."""
+    """Returns True if two directions are nearly the same, where a view is worth `scale`."""
     x, y = (np.array([d.reward * scale, d.views]) for d in (a, b))
     x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
     return bool(abs(x[0] * y[1] - x[1] * y[0]) < 1e-4)
 
 
 def _direction_across(a: PlanPoint, b: PlanPoint) -> Direction:
-    """Returns the direction in which two plans are alike, of which b has more views."""
+    """Returns the direction in which two plans are equally good; b has more views."""
     return Direction(1.0, (a.reward - b.reward) / (b.views - a.views))
 
 

@@ -11,21 +11,22 @@ def draw(
     plans: Sequence[tuple[float, float]], end: float, bound: Callable[[float], float], label: str,
     ax: Axes | None = None,
 ) -> Axes:  # fmt: skip
-    """Draws plans, and where it is proved that none is.
+    """Draws plans, and the region in which it is proved that there are none.
 
     Parameters
     ----------
-    plans : share of views (%) and J of each
-    end : share that no plan exceeds
+    plans : share of views (%) and J of each plan
+    end : share of views (%) that no plan exceeds
     bound : returns the J that no plan of at least a share exceeds
-    label : of the shares
+    label : label of the axis of shares
     ax : matplotlib axes (default: those of a new figure)
     """
     if ax is None:
         ax = Figure(figsize=(5.2, 3.6), dpi=100, layout="constrained").add_subplot()
     shares, rewards = [share for share, _ in plans], [reward for _, reward in plans]
     least, top = (min(shares) - 3, max(rewards)) if plans else (0.0, 1.0)
-    highest = bound(min(shares, default=least))  # where the grey begins, if it is near
+    # J at the beginning of the grey region, if it is near
+    highest = bound(min(shares, default=least))
     if top < highest <= 1.5 * top:
         top = highest
     room = max(top - min(rewards, default=0.0), 0.01 * top)
@@ -40,6 +41,6 @@ def draw(
     ax.plot(shares, rewards, "o-", color="C0", markersize=4, linewidth=1, label="plans")
     ax.set_xlabel(label)
     ax.set_ylabel("J (px^0.5/m)")
-    ax.text(0.97, 0.95, "proved: no plan is here", ha="right", va="top", transform=ax.transAxes)
+    ax.text(0.97, 0.95, "proved: no plan here", ha="right", va="top", transform=ax.transAxes)
     ax.legend(loc="lower left", frameon=False)
     return ax

@@ -1,7 +1,8 @@
-"""The folder of a trade-off: plans, and the bounds that prove its half-planes.
+"""The folder of a trade-off: its plans, and the certificates that prove its half-planes.
 
-Each bound's file has the objective of its direction, so that `cocap-opt verify` checks it with the
-scene. What is read is checked again: a bound by its certificate, a plan by the referee.
+Each certificate file contains the objective of its direction, so `cocap-opt verify` can check it
+with the scene. Files are checked again when they are read: a bound by its certificate, a plan by
+the referee.
 """
 
 from collections.abc import Iterator
@@ -30,12 +31,12 @@ from cocap_opt.run.front import VIEWS_ALONE, Direction, Front, HalfPlane
 from cocap_opt.stop import Stop, never
 
 _BOUND, _PLAN = "direction-{}.bound.json", "plan-{}.json"
-_SCENE = "direction-{}.scene.json"  # that bounds had beside them before they named an objective
+_SCENE = "direction-{}.scene.json"  # scene files that older versions wrote beside their bounds
 TABLE = "front.csv"
 
 
 def save(front: Front, folder: Path) -> None:
-    """Writes a trade-off's files; those of more plans or bounds than there are now are removed."""
+    """Writes the files of a trade-off; removes plans and bounds with higher numbers."""
     make_folder(folder)
     contents: dict[Path, bytes] = {}
     for n, certificate in enumerate(filter(None, map(front.file, front.half_planes)), 1):
@@ -55,19 +56,19 @@ def save(front: Front, folder: Path) -> None:
 
 
 def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = None) -> Front:
-    """Returns a trade-off with all that its folder holds; with nothing more if there is none.
+    """Returns a trade-off extended by everything in its folder, if the folder exists.
 
     Raises
     ------
     FileError
-        If a file is damaged, of another scene, or its bound is not proved.
+        If a file is damaged or belongs to another scene, or if its bound is not proved.
     LimitReached
-        At a limit.
+        If a limit is reached.
     """
     planes, watch = [], watch or Watch()
     paths = [*_numbered(folder, _BOUND)]
     for number, path in enumerate(paths, 1):
-        watch.begin(f"{front.problem.name}, bound {number} of {len(paths)} is checked")
+        watch.begin(f"{front.problem.name}: checking bound {number} of {len(paths)}")
         file = decode_document(read_bytes(path), str(path), CertificateFile, ProofFile)
         assert isinstance(file, CertificateFile | ProofFile)
         if (folder / path.name.replace(".bound.", ".scene.")).exists():
@@ -84,31 +85,31 @@ def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = N
     for path in _numbered(folder, _PLAN):
         found = decode_document(read_bytes(path), str(path), PlanFile)
         if found.digest != problem_digest(front.problem):
-            raise FileError(f"{path}: is a plan for another scene")
+            raise FileError(f"{path}: the plan is for another scene")
         try:
             obeys_rules = check(front.problem, found.plan).valid
         except ValueError as error:
             raise FileError(f"{path}: {error}") from error
         if not obeys_rules:
-            raise FileError(f"{path}: is a plan that breaks a rule; remove it to go on")
+            raise FileError(f"{path}: the plan breaks a rule; remove the file to continue")
         plans.append(found.plan)
     return replace(front, half_planes=(*front.half_planes, *planes)).with_plans(plans)
 
 
 def _direction(front: Front, scene: Problem, path: Path) -> Direction:
-    """Returns the direction that a scene is of."""
+    """Returns the direction to which a scene belongs."""
     views = scene.objective.views
     if views is None:
-        raise FileError(f"{path}: must be a direction of the trade-off")
+        raise FileError(f"{path}: must belong to a direction of the trade-off")
     weight = max(views.weights(len(scene.actors)), default=0.0)
     direction = Direction(1.0, weight) if scene.objective.pixels else VIEWS_ALONE
     if problem_digest(front.scene(direction)) != problem_digest(scene):
-        raise FileError(f"{path}: is a direction of another scene, number of cameras or share")
+        raise FileError(f"{path}: belongs to another scene, number of cameras or share")
     return direction
 
 
 def _numbered(folder: Path, name: str) -> Iterator[Path]:
-    """Yields the files of a name in the order of their numbers."""
+    """Yields the files with a name pattern, in numerical order."""
     before, _, after = name.partition("{}")
     found = {}
     for path in folder.glob(name.format("*")):

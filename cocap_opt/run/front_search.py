@@ -1,4 +1,6 @@
-"""The search for a trade-off: a plan and a half-plane more in the direction with the most room."""
+"""Searches a trade-off: adds a plan and a half-plane in the direction with the largest remaining
+gap.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,8 +15,8 @@ from cocap_opt.run.front import Direction, Front, HalfPlane
 from cocap_opt.run.options import Allowance
 from cocap_opt.stop import Stop, never
 
-_OF_PLANNER = 0.25  # of a direction's time
-_LEAST = 0.1  # s that are left for the bound
+_OF_PLANNER = 0.25  # planner's share of a direction's time
+_LEAST = 0.1  # s reserved for the bound
 
 
 def explored(
@@ -27,16 +29,16 @@ def explored(
     watch: Watch | None = None,
     keep: Callable[[Front], None] = lambda front: None,
 ) -> Front:
-    """Returns the trade-off after some directions more, or fewer if it is settled by then.
+    """Returns the trade-off after exploring further directions, or fewer if it is settled before.
 
     Parameters
     ----------
-    stop : ends all of them; what is found until then counts
-    seconds : of each direction, coverage not included; each time that one is tried again it has
-        twice as many as before
-    directions : how many at most
-    planner, bound : the methods
-    keep : is given the trade-off after each direction
+    stop : ends the search; results found so far are kept
+    seconds : time for each direction, excluding coverage; it doubles each time a direction is tried
+        again
+    directions : largest number of directions
+    planner, bound : names of the methods
+    keep : called with the trade-off after each direction
     """
     watch = watch or Watch()
     for number in range(directions):
@@ -54,12 +56,12 @@ def towards(
     front: Front, direction: Direction, stop: Stop, seconds: float, planner: str,
     bound: str | Method[Any], watch: Watch, **options: Any,
 ) -> Front:  # fmt: skip
-    """Returns the trade-off with a plan and a half-plane of a direction.
+    """Returns the trade-off with a plan and a half-plane added in one direction.
 
     Parameters
     ----------
-    seconds : for both, coverage not included
-    options : of `run`, for the bound
+    seconds : time for both, excluding coverage
+    options : options of `run`, for the bound
     """
     scene = front.scene(direction)
     share_coverage(scene, front.base)

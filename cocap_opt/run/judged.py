@@ -1,4 +1,4 @@
-"""A method's result with the verdict of the referee, whose word counts."""
+"""A method's result with the verdict of the referee, which has the last word."""
 
 import logging
 import math
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 R = TypeVar("R", bound=Result)
 _R_co = TypeVar("_R_co", bound=Result, covariant=True)
 
-ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
+ROUNDING = 1e-9  # relative tolerance for J and bounds, which are rounded sums
 
 
 class RefereeError(RuntimeError):
@@ -29,23 +29,24 @@ class RefereeError(RuntimeError):
 
     @classmethod
     def unless_bound(cls, name: str, reward: float, bound: float) -> None:
-        """Raises it if a bound is below the J of a plan that it covers, but for rounding.
+        """Raises this error if a bound is below the J of a plan that it covers, by more than
+        rounding.
 
         Parameters
         ----------
-        name : of what made the bound, for the message
+        name : name of the method that made the bound, for the message
         """
         if reward > bound + ROUNDING * abs(bound):
             raise cls(f"{name}: bound {bound!r} is below J = {reward!r}")
 
 
 def finite(value: float) -> float | None:
-    """Returns a number, or None for what JSON cannot hold."""
+    """Returns a number, or None for values that JSON cannot represent."""
     return value if math.isfinite(value) else None
 
 
 def below_certificate(problem: Problem, result: Result) -> str:
-    """Says that a result claims a lower bound than its certificate does; empty if it does not."""
+    """Returns a message if a result claims a lower bound than its certificate; otherwise empty."""
     file = result.certificate if isinstance(result, CertifiedResult) else None
     if file is None:
         return ""
@@ -56,23 +57,24 @@ def below_certificate(problem: Problem, result: Result) -> str:
 
 
 class Judged(NamedTuple, Generic[_R_co]):
-    """A result with the referee's verdict; there is no verdict where there is no plan."""
+    """A result with the referee's verdict, or without one if there is no plan."""
 
     result: _R_co
     verdict: Verdict | None
-    coverage_seconds: float | None = None  # of the problem in this process, if its plan needs it
-    checking_seconds: float | None = None  # of the referee
-    views: int | None = None  # states at steps whose coverage the plan was made with
+    coverage_seconds: float | None = None  # time for coverage in this process, if the plan needs it
+    checking_seconds: float | None = None  # time of the referee
+    views: int | None = None  # number of views with which the plan was made
 
     @classmethod
     def of(cls, name: str, problem: Problem, result: R) -> "Judged[R]":
-        """Has the referee judge a method's plan, and compares that with what the result claims.
+        """Has the referee evaluate a method's plan, and compares its verdict with the result's
+        claims.
 
         Raises
         ------
         RefereeError
             If the plan cannot be flown, has another J than claimed, or is better than the bound, or
-            the bound is lower than the certificate says.
+            if the bound is lower than that of the certificate.
         """
         if words := below_certificate(problem, result):
             raise RefereeError(f"{name}: {words}")
@@ -90,7 +92,9 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @classmethod
     def of_plan(cls, problem: Problem, given: Plan | PlanFile) -> "Judged[Result]":
-        """Returns a plan from a file, judged, with what the file says of its search."""
+        """Returns a plan from a file with its verdict, and with what the file says about its
+        search.
+        """
         if isinstance(given, Plan):
             verdict = check(problem, given)
             return Judged(Result(given, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
@@ -107,19 +111,19 @@ class Judged(NamedTuple, Generic[_R_co]):
         )
 
     def answer(self, problem: Problem, method: str) -> _R_co:
-        """Returns the result with the referee's J, and with what is known of its making."""
+        """Returns the result with the referee's J, and with information on how it was made."""
         return replace(
             self.result, value=self.reward, reason=self.reason, problem=problem, method=method
         )
 
     @property
     def reward(self) -> float:
-        """The referee's J; -inf where there is no plan."""
+        """The referee's J; -inf if there is no plan."""
         return self.verdict.reward if self.verdict else -math.inf
 
     @property
     def valid(self) -> bool:
-        """There is a plan, and it obeys the rules."""
+        """True if there is a plan that obeys the rules."""
         return self.verdict is not None and self.verdict.valid
 
     @property
@@ -129,27 +133,29 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @property
     def reason(self) -> Reason:
-        """Why the method stopped; "finished" where it says "optimal" and its bound leaves more.
+        """Why the method stopped; "finished" instead of "optimal" if its bound leaves a gap.
 
-        A generic solver, or a planner of somebody's own, calls a plan optimal by its own word; only
-        a bound that is proved counts.
+        A generic solver, or a third-party planner, may call a plan optimal on its own authority;
+        only a proved bound counts.
         """
         reason = self.result.reason
         is_open = self.gap > OPTIMALITY
         return Reason.FINISHED if reason is Reason.OPTIMAL and is_open else reason
 
     def remarks(self, problem: Problem) -> list[str]:
-        """Returns remarks on the result and its plan, each in a few words."""
+        """Returns short remarks on the result and its plan."""
         result = self.result
         missed = missed_share(problem, result.plan) if self.valid and result.plan else ""
-        missed = "" if missed in result.message else missed  # where it is told already
+        missed = "" if missed in result.message else missed  # if it is mentioned there already
         found = [words for words in (result.message, self.blind(problem), missed) if words]
         if self.reason is not result.reason and not found and math.isfinite(result.bound):
             found.append("the remaining gap is within the accuracy of the computation")
         return found
 
     def blind(self, problem: Problem) -> str:
-        """Returns at how many steps no drone of the plan sees anybody, if those are most."""
+        """Returns a message on the number of steps at which no drone sees anybody, if these are
+        most.
+        """
         if self.verdict is None or not problem.actors:
             return ""
         if not any((*self.verdict.face_reward, *self.verdict.count_reward)):
@@ -161,24 +167,24 @@ class Judged(NamedTuple, Generic[_R_co]):
         return f"no drone sees anybody at {blind} of {len(steps)} steps"
 
     def warn(self, problem: Problem, seed: int | None, name: str) -> None:
-        """Warns of a plan that sees nobody at most steps, once for each scene.
+        """Warns of a plan that sees nobody at most steps, once per scene.
 
         Parameters
         ----------
-        name : of the planner
+        name : name of the planner
         """
         if words := self.blind(problem):
             once = {"once": f"{problem.name}, blind"}
             _log.warning("%s, seed %s, %s: %s", problem.name, seed, name, words, extra=once)
 
     def filmed(self, problem: Problem) -> Summary | None:
-        """Returns the quality of the plan; None without one that can be flown."""
+        """Returns the quality of the plan; None if there is no plan that can be flown."""
         if self.result.plan is None or self.verdict is None or self.verdict.violations:
             return None
         return Quality.of(problem, self.result.plan).summary
 
     def colliding(self, problem: Problem) -> int | None:
-        """Returns the number of robots that take part in a conflict; None without a plan."""
+        """Returns the number of robots involved in conflicts; None if there is no plan."""
         if self.result.plan is None:
             return None
         found = self.result.plan.conflicts(problem)
@@ -186,17 +192,19 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @property
     def gap(self) -> float:
-        """Gap of a plan that obeys the rules to its own result's bound; infinite otherwise."""
+        """Gap between a plan that obeys the rules and its own result's bound; infinite
+        otherwise.
+        """
         return relative_gap(self.reward, self.result.bound) if self.valid else math.inf
 
     @property
     def reward_parts(self) -> dict[str, Any]:
-        """The parts of J by their names; rewards for moves only where the plan has some."""
+        """The parts of J by name; rewards for moves only if the plan has some."""
         return {} if self.verdict is None else self.parts_of(self.verdict)
 
     @staticmethod
     def parts_of(verdict: Verdict) -> dict[str, Any]:
-        """Returns the parts of J; rewards for moves and for views only where the plan has some."""
+        """Returns the parts of J; rewards for moves and for views only if the plan has some."""
         parts: dict[str, Any] = {
             "reward_at_start": verdict.reward_at_start,
             "reward_per_step": verdict.reward_per_step,
@@ -210,11 +218,11 @@ class Judged(NamedTuple, Generic[_R_co]):
     def plan_file(
         self, problem: Problem, planner: str, allowance: Allowance | None = None
     ) -> PlanFile | None:
-        """Returns the plan as a file with the referee's J; None where there is no plan.
+        """Returns the plan as a file with the referee's J; None if there is no plan.
 
         Parameters
         ----------
-        allowance : that the planner had; None where that is not known
+        allowance : the planner's limits; None if unknown
         """
         if self.result.plan is None:
             return None

@@ -1,8 +1,9 @@
-"""Plans that keep a share of all views, where the objective asks for one.
+"""Finds plans that reach the share of all views that the objective requires.
 
-The weight of views may leave plans below the share. For a planner views are then given more weight,
-four times as much each time, and people come before all else at last; the first plan that keeps the
-share counts. What methods do that prove bounds is in `proved_share`.
+With the objective's weight of views, plans may miss the share. For planners, the weight of views is
+then increased, by a factor of four each time, and finally people get priority over everything else;
+the first plan that reaches the share is returned. For methods that prove bounds, see
+`proved_share`.
 """
 
 import math
@@ -22,20 +23,21 @@ from cocap_opt.run.view_share import keeps_share, missed_share
 from cocap_opt.stop import Stop
 from cocap_opt.vision.default_weights import FIRST, default_weights, with_views
 
-_HEAVIER = (4.0, 16.0, 64.0)  # times the weight that the objective has
+_HEAVIER = (4.0, 16.0, 64.0)  # factors on the objective's weight of views
 
 
 def run_keeping(
     problem: Problem, method: str | Method[Any], stop: Stop, **options: Any
 ) -> Judged[Any]:
-    """Runs a method, as `run` does, and again with more weight of views until the share is kept.
+    """Runs a method like `run`, repeatedly with more weight of views until a plan reaches the
+    share.
 
-    Without such a plan it returns the first one. The bound of a method that proves bounds is then
-    one on plans that keep the share, as is its certificate, which has an objective of its own.
+    If no plan reaches it, returns the first plan. The bound of a method that proves bounds then
+    holds for plans that reach the share, as does its certificate, which has its own objective.
 
     Parameters
     ----------
-    options : of `run`
+    options : options of `run`
     """
     views = problem.objective.views
     if views is None or views.share is None:
@@ -67,18 +69,18 @@ def run_keeping(
 
 
 def _misses(problem: Problem, judged: Judged[Any]) -> bool:
-    """Returns True if the result has no plan that obeys the rules and keeps the share."""
+    """Returns True unless the result has a plan that obeys the rules and reaches the share."""
     return not judged.valid or not keeps_share(problem, judged.result.plan)
 
 
 def _heavier(problem: Problem) -> Iterator[tuple[str, Problem]]:
-    """Yields problems in which views weigh more and more, with words for how much."""
+    """Yields problems with increasing weight of views, each with words for the weight."""
     views, people = problem.objective.views, problem.actors
     assert views is not None
     weights = views.weights(len(people))
     try:
         weights = weights if any(weights) else default_weights(people, problem.robots)
-    except ProblemError:  # a drone has no pictures, by which a weight could be found
+    except ProblemError:  # a drone has no images, from which a weight could be computed
         return
     for factor in _HEAVIER:
         weight = tuple(factor * weight for weight in weights)

@@ -1,7 +1,7 @@
-"""Third-party planners by name: `module:function`, or a name that an installed package offers.
+"""Third-party planners by name: `module:function`, or a name provided by an installed package.
 
-A package offers planners in its entry points of the group `cocap_opt.planners`. None of them is
-imported before somebody names it, so one that is broken harms nobody else.
+A package provides planners through its entry points in the group `cocap_opt.planners`. None of them
+is imported before it is named, so a broken planner affects nothing else.
 """
 
 from collections.abc import Sequence
@@ -15,17 +15,18 @@ from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.text import meant
 
-GROUP = "cocap_opt.planners"  # of entry points
-FORMS = "module:function, or a planner of an installed package"  # in words, besides our own names
+GROUP = "cocap_opt.planners"  # group of entry points
+# forms of names, besides the built-in names
+FORMS = "module:function, or a planner of an installed package"
 
 
 def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
-    """Returns those of some planners by name that are none of this project's.
+    """Returns the third-party planners among some planners, by name.
 
     Raises
     ------
     UsageError
-        If there is no planner of a name, or several packages offer it, or it cannot be used.
+        If no planner has the name, if several packages provide it, or if it cannot be used.
     """
     offered = _offered()
     found = {}
@@ -46,18 +47,18 @@ def planner_named(option: Option, name: str) -> Method[Result]:
     Raises
     ------
     UsageError
-        As `own_planners` does.
+        As for `own_planners`.
     """
     found = own_planners(option, [name])
     return found[name].method if found else SOLVERS[name]
 
 
 def _offered() -> dict[str, list[EntryPoint]]:
-    """Returns the planners of installed packages by name, each once."""
+    """Returns the planners of installed packages by name, without duplicates."""
     found: dict[str, list[EntryPoint]] = {}
     try:
         offered = list(entry_points(group=GROUP))
-    except Exception:  # of a package whose record is damaged
+    except Exception:  # a package with a damaged record
         return found
     for point in offered:
         others = found.setdefault(point.name, [])
@@ -67,7 +68,7 @@ def _offered() -> dict[str, list[EntryPoint]]:
 
 
 def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) -> str:
-    """Returns module:function of a planner."""
+    """Returns the module:function of a planner."""
     module, colon, path = name.partition(":")
     if colon:
         if not all(part.isidentifier() for part in (*module.split("."), *path.split("."))):
@@ -80,19 +81,22 @@ def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) 
         raise UsageError(f"{option.name}: {words}{meant(name, known)}")
     if several[1:]:
         who = ", ".join(f"{_package(point)} ({point.value})" for point in several)
-        words = f"several packages offer {name!r}: {who}; name one as module:function"
+        words = f"several packages provide {name!r}: {who}; name one as module:function"
         raise UsageError(f"{option.name}: {words}")
     value = several[0].value.partition("[")[0].strip()
     if not value.partition(":")[2]:
-        words = f"{_package(several[0])} offers {value!r}, which is not a module:function"
+        words = f"{_package(several[0])} provides {value!r}, which is not a module:function"
         raise UsageError(f"{option.name}: {name}: {words}")
     return value
 
 
 def _tell_taken(name: str, offered: dict[str, list[EntryPoint]]) -> None:
-    """Says that a package offers a planner under a name that is taken."""
+    """Logs that a package provides a planner under a name that is already in use."""
     for point in offered.get(name, []):
-        say(f"{name} is cocap-opt's own; that of {_package(point)} is {point.value}")
+        say(
+            f"{name} is the name of a built-in planner; for that of {_package(point)}, use "
+            f"{point.value}"
+        )
 
 
 def _package(point: EntryPoint) -> str:

@@ -1,4 +1,6 @@
-"""Why a scene may have no plan: goals that are out of reach or too small, and narrow ways."""
+"""Finds reasons why a scene may have no plan: goals that are out of reach or too small, and narrow
+ways.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -13,10 +15,10 @@ from cocap_opt.text import in_ranges
 
 
 def why_no_plan(problem: Problem) -> Iterator[str]:
-    """Yields why there is no plan, or may be none, in words; nothing where nothing is found.
+    """Yields reasons, in words, why there is or may be no plan; yields nothing if none are found.
 
-    A goal that a drone alone cannot reach, and goals with fewer free places than drones that must
-    end there, each prove that there is none. No coverage is computed.
+    A goal that a drone cannot reach even alone, and a goal with fewer free places than drones that
+    must end there, each prove that no plan exists. No coverage is computed.
     """
     if stuck := _out_of_reach(compiled(problem)):
         several, steps = len(stuck) > 1, problem.horizon
@@ -35,7 +37,7 @@ def why_no_plan(problem: Problem) -> Iterator[str]:
 
 
 def _out_of_reach(model: Model) -> list[int]:
-    """Returns the drones that have a goal and cannot be there at the last step, even alone."""
+    """Returns the drones that cannot reach their goal by the last step, even alone."""
     found, horizon = [], model.problem.horizon
     for i, robot_class in enumerate(model.class_of):
         if robot_class.goal is not None:
@@ -46,7 +48,9 @@ def _out_of_reach(model: Model) -> list[int]:
 
 
 def _too_many(problem: Problem) -> Iterator[str]:
-    """Yields which goals have fewer places than drones, if no two may be in a place."""
+    """Yields messages on goals with fewer places than drones, if a place can hold only one
+    drone.
+    """
     if not problem.rules.vertex:
         return
     drones = defaultdict[AnyGoal, int](int)
@@ -62,6 +66,6 @@ def _too_many(problem: Problem) -> Iterator[str]:
         room = len(places[goal])
         if number > room:
             yield (
-                f"{number} drones must end in one goal, which has room for {room}: give them "
-                "others, or fly with fewer drones"
+                f"{number} drones must end in one goal, which has room for only {room}: give "
+                "some of them other goals, or use fewer drones"
             )

@@ -1,4 +1,4 @@
-"""Second opinions on verified bounds; one that is not finished leaves its bound as it is."""
+"""Second opinions on verified bounds; an unfinished one does not affect its bound."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -16,7 +16,7 @@ from cocap_opt.run.verified import ProvedBound, Verified
 
 
 def require_small(problem: Problem, files: Iterable[CertificateFile | ProofFile]) -> None:
-    """Refuses bounds that are too large for a second opinion before any of them is checked.
+    """Rejects bounds that are too large for a second opinion, before any of them is checked.
 
     Raises
     ------
@@ -25,21 +25,21 @@ def require_small(problem: Problem, files: Iterable[CertificateFile | ProofFile]
     """
     for file in files:
         try:
-            with suppress(CertificateError):  # which the check itself says
+            with suppress(CertificateError):  # the check itself reports these errors
                 second_opinion.require_small(file.problem_of(problem), file)
         except TooLargeError as error:
             raise _too_large(error) from error
 
 
 class Opinions(NamedTuple):
-    """Bounds that are verified, with the second opinions that were found.
+    """Verified bounds, with the second opinions found.
 
     Attributes
     ----------
-    bounds : without those that a second opinion contradicts
-    failed : what these contradictions are, in words
-    missing : the files without a second opinion that was asked for
-    reason : of their lack: Ctrl-C, or the first is too large, which its search has found
+    bounds : the bounds, except those that a second opinion contradicts
+    failed : the contradictions, in words
+    missing : the files whose requested second opinion is missing
+    reason : why they are missing: Ctrl-C, or the search found that the first file is too large
     """
 
     bounds: tuple[ProvedBound, ...]
@@ -49,11 +49,11 @@ class Opinions(NamedTuple):
 
     @classmethod
     def of(cls, bounds: Mapping[str, ProvedBound]) -> "Opinions":
-        """Finds the second opinions; those that are not finished leave the bounds as they are.
+        """Computes the second opinions; unfinished ones do not affect the bounds.
 
         Parameters
         ----------
-        bounds : by the names of their files
+        bounds : bounds by the names of their files
         """
         found, failed = dict(bounds), list[str]()
         for n, (name, bound) in enumerate(bounds.items()):
@@ -84,14 +84,14 @@ class Opinions(NamedTuple):
         return {"second_opinion": "interrupted" if is_interrupt else "none, too large"}
 
     def require_all(self) -> None:
-        """Ends the command as its reason asks if second opinions are missing.
+        """Raises an error according to `reason` if second opinions are missing.
 
         Raises
         ------
         KeyboardInterrupt
-            If Ctrl-C has ended them; it names the files.
+            If Ctrl-C ended the computation; the message names the files.
         UsageError
-            If a file is too large for one.
+            If a file is too large for a second opinion.
         """
         if isinstance(self.reason, KeyboardInterrupt):
             raise KeyboardInterrupt(f"no second opinion on {', '.join(self.missing)}")

@@ -1,4 +1,4 @@
-"""Options of commands: what is allowed, words for what is not, and the limits that they set."""
+"""Options of commands: allowed values, messages for others, and the limits that they set."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -11,23 +11,23 @@ from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
 from cocap_opt.text import meant
 from cocap_opt.vision.coverage import usable_cores
 
-LARGEST = 9 * 10**15  # below 2**53, up to which JSON readers tell whole numbers apart
+LARGEST = 9 * 10**15  # below 2**53, up to which JSON readers distinguish whole numbers
 _MOST = 100_000  # numbers in a list
 _LONGEST = 1e6  # m
 
 
 class UsageError(ValueError):
-    """An option has a value that is not allowed; the message names it."""
+    """The value of an option is not allowed; the message names the option."""
 
 
 class Allowance(NamedTuple):
-    """The limits of one computation, which begin to count with it."""
+    """The limits of one computation, which start when it starts."""
 
     seconds: float
-    work: int | None = None  # units of `WorkLimit`; any number if None
+    work: int | None = None  # units of `WorkLimit`; None: unlimited
 
     def begin(self, stop: Stop = never) -> Stop:
-        """Returns a stop that is reached with `stop`, or once this allowance is spent."""
+        """Returns a criterion that is reached when `stop` is, or when this allowance is used up."""
         criteria = [stop, TimeLimit(self.seconds)]
         if self.work is not None:
             criteria.append(WorkLimit(self.work))
@@ -39,25 +39,25 @@ class Option(NamedTuple):
 
     Attributes
     ----------
-    name : as people write it, such as "--seeds"; messages begin with it
+    name : name as users write it, e.g. "--seeds"; messages begin with it
     """
 
     name: str
 
     @staticmethod
     def refused(error: ProblemError) -> "UsageError":
-        """Returns the error about a field as one about the option of that name."""
+        """Returns an error about a field as an error about the option with that name."""
         field, _, words = str(error).partition(": ")
         return UsageError(f"--{field.replace('_', '-')}: {words}")
 
     def require_one_of(self, value: str, allowed: Iterable[str]) -> None:
-        """Refuses a value that is not among the allowed ones."""
+        """Raises an error unless a value is among the allowed ones."""
         words = list(allowed)
         if value not in words:
             raise self.not_among(value, words)
 
     def not_among(self, value: str, allowed: Iterable[str]) -> "UsageError":
-        """Returns the error about a value that is none of the allowed ones."""
+        """Returns the error for a value that is not among the allowed ones."""
         words = list(allowed)
         return UsageError(
             f"{self.name}: must be one of {', '.join(words)}, not {value!r}"
@@ -65,7 +65,7 @@ class Option(NamedTuple):
         )
 
     def require_limit(self, value: object) -> float:
-        """Returns a time limit in seconds as a plain float; infinite stands for none."""
+        """Returns a time limit in seconds as a plain float; infinite means no limit."""
         seconds = _number(value)
         if not 0 <= seconds <= LARGEST and seconds != math.inf:
             raise UsageError(
@@ -75,9 +75,10 @@ class Option(NamedTuple):
         return seconds
 
     def require_seconds(self, value: object) -> float:
-        """Returns seconds as a plain float; refuses what is negative, too large or no number.
+        """Returns seconds as a plain float; rejects values that are negative, too large or not a
+        number.
 
-        With 0 seconds everything is done but the search for better plans and bounds.
+        With 0 seconds, everything is done except the search for better plans and bounds.
         """
         seconds = _number(value)
         if not 0 <= seconds <= LARGEST:
@@ -87,7 +88,7 @@ class Option(NamedTuple):
         return seconds
 
     def require_share(self, value: object) -> float:
-        """Returns a share as a plain float; refuses all but numbers from 0 to less than 1."""
+        """Returns a share as a plain float; accepts only numbers from 0 to less than 1."""
         share = _number(value)
         if not 0 <= share < 1:
             raise UsageError(
@@ -96,7 +97,7 @@ class Option(NamedTuple):
         return share
 
     def require_part(self, value: object) -> float:
-        """Returns a part of a whole as a plain float; refuses all but numbers above 0, up to 1."""
+        """Returns a part of a whole as a plain float; accepts only numbers above 0, up to 1."""
         part = _number(value)
         if not 0 < part <= 1:
             raise UsageError(
@@ -105,7 +106,7 @@ class Option(NamedTuple):
         return part
 
     def require_duration(self, value: object) -> float:
-        """Returns seconds as a plain float; refuses all but finite numbers above 0."""
+        """Returns seconds as a plain float; accepts only finite numbers above 0."""
         seconds = _number(value)
         if not 0 < seconds <= LARGEST:
             raise UsageError(f"{self.name}: must be more than 0 seconds, and finite, not {value!r}")
@@ -114,12 +115,12 @@ class Option(NamedTuple):
     def require_whole(
         self, value: object, least: int = 0, most: int = LARGEST, about: str = ""
     ) -> int:
-        """Returns a whole number as a plain int; refuses all else, also fractions.
+        """Returns a whole number as a plain int; rejects everything else, including fractions.
 
         Parameters
         ----------
         least, most : limits
-        about : words for the message that say why `most` is the limit
+        about : words for the message that explain the limit `most`
         """
         number = _number(value)
         if not (least <= number <= most and number.is_integer()):
@@ -130,13 +131,13 @@ class Option(NamedTuple):
         return int(number)
 
     def require_cores(self, count: object) -> int | None:
-        """Returns a number of processes; refuses it unless it is >= 1, with a core for each."""
+        """Returns a number of processes; it must be at least 1, with a core for each."""
         if count is None:
             return None
         return self.require_whole(count, 1, usable_cores(), ", with a core for each")
 
     def whole(self, text: str) -> int:
-        """Returns the whole number that a word is; one such as 1.5 is refused, not rounded."""
+        """Returns the whole number that a word spells; rejects fractions such as 1.5."""
         digits = text.removeprefix("-")
         if not (digits.isascii() and digits.isdecimal()) or len(text) > len(str(LARGEST)):
             raise UsageError(
@@ -145,7 +146,7 @@ class Option(NamedTuple):
         return int(text)
 
     def numbers(self, text: str) -> tuple[int, ...]:
-        """Returns the numbers of a list of numbers and ranges such as "0-9,12", each once."""
+        """Returns the distinct numbers of a list of numbers and ranges, e.g. "0-9,12"."""
         found: list[int] = []
         for part in text.split(","):
             wanted = self._range(part, text)
@@ -156,7 +157,7 @@ class Option(NamedTuple):
         return tuple(dict.fromkeys(found))
 
     def lengths(self, text: str) -> tuple[float, ...]:
-        """Returns the numbers of a list such as "6,9.5", in metres, each once."""
+        """Returns the distinct numbers, in metres, of a list, e.g. "6,9.5"."""
         found = []
         for part in text.split(","):
             try:
@@ -188,7 +189,7 @@ class Option(NamedTuple):
         return wanted
 
     def values(self, words: Sequence[str]) -> dict[str, str]:
-        """Returns values by name, from words NAME=VALUE, each name once."""
+        """Returns values by name from words NAME=VALUE; each name must occur only once."""
         found: dict[str, str] = {}
         for word in words:
             name, equals, value = word.partition("=")
@@ -200,9 +201,9 @@ class Option(NamedTuple):
         return found
 
     def ending(self, path: Path | None, allowed: tuple[str, ...]) -> str:
-        """Returns the ending of a file to be written, which says of what kind it is.
+        """Returns the ending of an output file, which determines its kind.
 
-        Of endings that contain each other, such as .csv and .crazyflie.csv, it is the longest.
+        If several endings match, such as .csv and .crazyflie.csv, the longest is returned.
         """
         name = "" if path is None else path.name.lower()
         fitting = [word for word in allowed if name.endswith(word) and name != word]
@@ -213,7 +214,9 @@ class Option(NamedTuple):
 
 
 def _number(value: object) -> float:
-    """Returns a number of Python or NumPy as a float; nan for all else, truth values included."""
+    """Returns a Python or NumPy number as a float; nan for everything else, including truth
+    values.
+    """
     if isinstance(value, bool) or not isinstance(value, Real):
         return math.nan
     try:

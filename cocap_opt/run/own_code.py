@@ -1,9 +1,9 @@
-"""The code of a planner that is none of this project's: what its results depend on, and its files.
+"""The code of a third-party planner: its files, and a digest of everything its results depend on.
 
-It is the planner's module, or the whole package that the module is in, with all that these import
-from beside them or from other folders of one's own, and the versions of the installed packages that
-they import. Comments, layout and docstrings do not count. What a planner reads or imports by other
-ways is not known to anybody.
+The code is the planner's module, or the whole package that contains it, with all modules that these
+import from their folder or from other folders of the user, and the versions of imported packages.
+Comments, layout and docstrings do not count. Anything that a planner reads or imports in other ways
+is unknown.
 """
 
 import ast
@@ -21,26 +21,26 @@ from typing import NamedTuple
 
 from cocap_opt.files.code import normal_form
 
-_PROJECT = "cocap_opt"  # whose code is in a digest of its own
+_PROJECT = "cocap_opt"  # its code has a separate digest
 _NATIVE = (".so", ".pyd")  # endings of compiled modules
 
 
 class OwnPlannerError(ValueError):
-    """A planner cannot be found or called, raises, or returns no result; one line says which, why.
+    """A planner cannot be found or called, raises, or returns no result; the message is one line.
 
-    What a planner has raised is the cause of this error, with its traceback.
+    An exception raised by the planner is the cause of this error, with its traceback.
     """
 
 
 class OwnCode(NamedTuple):
-    """The code of a module, as its files have it.
+    """The code of a module, as it is in its files.
 
     Attributes
     ----------
-    digest : of the files and the versions
-    roots : folders from which they are imported, that of the planner's own module first
+    digest : digest of the files and the versions
+    roots : folders from which they are imported, that of the planner's module first
     names : modules and packages in them that belong to the planner
-    files : their Python files' content, by their paths below a root; none of what is installed
+    files : content of their Python files, by path below a root; without installed packages
     """
 
     digest: str
@@ -50,13 +50,13 @@ class OwnCode(NamedTuple):
 
     @classmethod
     def of(cls, name: str) -> "OwnCode":
-        """Returns the code of a module that has been imported, or of the script that runs.
+        """Returns the code of an imported module, or of the running script.
 
         Raises
         ------
         OwnPlannerError
-            If it has no file, as what is typed at a prompt or into a notebook, or if it has changed
-            since it was imported, or a module of one's own that it imports has.
+            If it has no file, e.g. because it was typed at a prompt or in a notebook, or if it or
+            another user module that it imports has changed since its import.
         """
         module = sys.modules[name]
         if name.partition(".")[0] == _PROJECT:
@@ -82,17 +82,19 @@ class OwnCode(NamedTuple):
 
 
 def _depth(module: ModuleType) -> int:
-    """Returns the number of folders between a module's file and where it is imported from."""
+    """Returns the number of folders between a module's file and the folder from which it is
+    imported.
+    """
     is_package = hasattr(module, "__path__")
     return module.__name__.count(".") + is_package
 
 
 def _collected(root: Path, top: str) -> tuple[dict[Path, dict[str, bytes]], dict[str, str]]:
-    """Returns the files of a module and of one's own modules that it imports, and other packages.
+    """Returns the files of a module and of the user modules that it imports, and other packages.
 
     Returns
     -------
-    roots : files' content by path below each folder that modules are imported from
+    roots : content of files, by path below each folder from which modules are imported
     foreign : versions of installed packages by name
     """
     roots: dict[Path, dict[str, bytes]] = {root: {}}
@@ -114,9 +116,9 @@ def _collected(root: Path, top: str) -> tuple[dict[Path, dict[str, bytes]], dict
 
 
 def _home(root: Path, name: str) -> Path | None:
-    """Returns the folder that has a module of one's own; None for what is installed or unknown.
+    """Returns the folder that contains a user module; None for installed or unknown modules.
 
-    It is beside the planner, or elsewhere on the path, as packages are that are still worked on.
+    It is the planner's folder, or elsewhere on the path, e.g. for packages in development.
     """
     if not _is_installed(root) and any(_files_of(root, name)):
         return root
@@ -124,7 +126,7 @@ def _home(root: Path, name: str) -> Path | None:
         return None
     try:
         spec = find_spec(name)
-    except (ImportError, ValueError):  # it says of itself that it has none
+    except (ImportError, ValueError):  # the module says that it has no spec
         return None
     places = [] if spec is None else [*(spec.submodule_search_locations or ()), spec.origin or ""]
     home = Path(places[0]).resolve().parent if places and places[0] else None
@@ -132,7 +134,7 @@ def _home(root: Path, name: str) -> Path | None:
 
 
 def _files_of(root: Path, name: str) -> Iterator[Path]:
-    """Yields the files of a module, or of a package, in a folder."""
+    """Yields the files of a module or package in a folder."""
     if (root / f"{name}.py").is_file():
         yield root / f"{name}.py"
     for path in sorted(root.glob(f"{name}.*")):
@@ -145,7 +147,7 @@ def _files_of(root: Path, name: str) -> Iterator[Path]:
 
 
 def _imported(content: bytes) -> set[str]:
-    """Returns the first names of all modules that code imports, but of relative ones."""
+    """Returns the top-level names of all modules that code imports, without relative imports."""
     found = set()
     for node in ast.walk(_parsed(content)):
         if isinstance(node, ast.Import):
@@ -173,7 +175,9 @@ def counted(path: str, content: bytes) -> bytes:
 
 
 def _is_installed(root: Path) -> bool:
-    """Returns True for the folders of Python and of what pip installs, whose versions are known."""
+    """Returns True for the folders of Python and of packages installed by pip, whose versions are
+    known.
+    """
     paths = sysconfig.get_paths()
     places = {Path(paths[key]).resolve() for key in ("purelib", "platlib", "stdlib")}
     return root in places or root.name in ("site-packages", "dist-packages")
@@ -190,11 +194,11 @@ def _versions(names: set[str]) -> dict[str, str]:
     return found
 
 
-_packages = cache(packages_distributions)  # it reads the records of all that is installed
+_packages = cache(packages_distributions)  # reads the records of all installed packages
 
 
 def _require_current_files(root: Path, paths: Iterable[str]) -> None:
-    """Raises OwnPlannerError if imported modules are not those that their files have now."""
+    """Raises OwnPlannerError if the files of imported modules have changed."""
     for path in paths:
         name = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         module, file = sys.modules.get(name), root / path
@@ -204,8 +208,8 @@ def _require_current_files(root: Path, paths: Iterable[str]) -> None:
 
 
 def _require_current(module: ModuleType, file: Path) -> None:
-    """Raises OwnPlannerError if the functions of a module are not those that its file has now."""
-    if type(module.__loader__) is not SourceFileLoader:  # another may have changed the code
+    """Raises OwnPlannerError if the functions of a module differ from those in its file."""
+    if type(module.__loader__) is not SourceFileLoader:  # another loader may have changed the code
         return
     try:
         known = set(_codes(compile(file.read_bytes(), str(file), "exec", dont_inherit=True)))
@@ -215,8 +219,8 @@ def _require_current(module: ModuleType, file: Path) -> None:
         is_from_it = Path(function.__code__.co_filename).resolve() == file.resolve()
         if is_from_it and function.__code__ not in known:
             raise OwnPlannerError(
-                f"{file} has changed since it was imported ({function.__name__} differs); restart "
-                "Python, or reload it"
+                f"{file} has changed since it was imported ({function.__name__} differs); "
+                "restart Python, or reload the module"
             )
 
 
@@ -225,18 +229,18 @@ def _functions(module: ModuleType) -> Iterator[FunctionType]:
     members = [value for value in vars(module).values() if _is_of(value, module)]
     for holder in (module, *(value for value in members if isinstance(value, type))):
         for value in vars(holder).values():
-            function = getattr(value, "__func__", value)  # of class methods and static ones
+            function = getattr(value, "__func__", value)  # of class methods and static methods
             if isinstance(function, FunctionType) and _is_of(function, module):
                 yield function
 
 
 def _is_of(value: object, module: ModuleType) -> bool:
-    """Returns True if something is defined in a module."""
+    """Returns True if an object is defined in a module."""
     return getattr(value, "__module__", None) == module.__name__
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
-    """Yields a code and all codes inside of it."""
+    """Yields a code object and all code objects inside it."""
     yield code
     for inner in code.co_consts:
         if isinstance(inner, CodeType):

@@ -1,4 +1,4 @@
-"""Planners that are none of this project's: found by name, sent to workers, handed their seed."""
+"""Third-party planners: finds them by name, sends them to workers, passes them their seed."""
 
 import hashlib
 import importlib
@@ -29,23 +29,24 @@ from cocap_opt.text import meant, shortened, with_article
 
 _SEED = "seed"  # the parameter of planners that take the scene's seed
 _Call = Callable[..., object]
-# Digests of the code of modules that this process has imported for others, by the modules' names.
+# Digests of the code of modules that this process has imported from other processes, by module
+# name.
 _imported: dict[str, str] = {}
-_folders: list[TemporaryDirectory[str]] = []  # that it was written into
-_put: list[str] = []  # the folders that it was imported from, put first on the path
+_folders: list[TemporaryDirectory[str]] = []  # folders into which their code was written
+_put: list[str] = []  # folders from which they were imported, first on the path
 
 
 @dataclass(frozen=True)
 class OwnPlanner:
-    """A third-party planner, wherever it runs.
+    """A third-party planner, in whatever process it runs.
 
     Attributes
     ----------
-    name : in tables
-    reference : module:name; empty where it has no such name
-    code : of its module; None where that is not known, and its results cannot be kept
-    call : the planner; None where this process has not imported it yet
-    content : the planner itself, where it is sent
+    name : name in tables
+    reference : module:name; empty if it has none
+    code : code of its module; None if unknown, and then its results cannot be stored
+    call : the planner; None if this process has not imported it yet
+    content : the planner itself, if it is sent
     """
 
     name: str
@@ -56,56 +57,57 @@ class OwnPlanner:
 
     @classmethod
     def found(cls, name: str, reference: str) -> "OwnPlanner":
-        """Imports a planner by module:name, with the current folder on the path.
+        """Imports a planner named by module:name, with the current folder on the path.
 
         Raises
         ------
         OwnPlannerError
-            If there is no such module or planner, or it takes no problem and stop.
+            If the module or planner does not exist, or does not take a problem and a stopping
+            criterion.
         """
         if "" not in sys.path and str(Path.cwd()) not in sys.path:
-            sys.path.insert(0, str(Path.cwd()))  # as `python -m` does
+            sys.path.insert(0, str(Path.cwd()))  # like `python -m`
         call = _resolved(reference)
         module = reference.partition(":")[0]
         return cls(name, reference, OwnCode.of(module), _checked(call, reference))
 
     @classmethod
     def of_function(cls, call: _Call, name: str, kept: bool) -> "OwnPlanner":
-        """Takes a planner that this process has.
+        """Wraps a planner that exists in this process.
 
         Parameters
         ----------
-        kept : its results are kept, so its code must be known
+        kept : True: its results are stored, so its code must be known
 
         Raises
         ------
         OwnPlannerError
-            If it takes no problem and stop; or if its results are to be kept, and it is not known
-            by its name in a file.
+            If it does not take a problem and a stopping criterion; or if its results are to be
+            stored and it has no name in a file.
         """
         _checked(call, name)
         module, path = getattr(call, "__module__", ""), getattr(call, "__qualname__", "")
         if not _is_at(call, module, path):
             if kept:
                 raise OwnPlannerError(
-                    f"{name} cannot be kept in `out`, as it could not be recognised later; "
-                    "define it by `def` at the top level of a module or script"
+                    f"{name} cannot be stored in `out`, as it could not be recognised later; "
+                    "define it with `def` at the top level of a module or script"
                 )
             return cls(name, call=call)
         try:
             code = OwnCode.of(module)
         except OwnPlannerError as error:
             if kept:
-                words = "put it into a module, or leave `out` away"
+                words = "put it into a module, or omit `out`"
                 raise OwnPlannerError(
-                    f"{name} cannot be kept in `out`: {error}; {words}"
+                    f"{name} cannot be stored in `out`: {error}; {words}"
                 ) from error
             return cls(name, call=call)
         return cls(name, f"{module}:{path}", code, call)
 
     @property
     def digest(self) -> str:
-        """Digest of its code and of its name there; empty where these are not known."""
+        """Digest of its code and of its name; empty if these are unknown."""
         if self.code is None:
             return ""
         words = f"{self.reference.partition(':')[2]} {self.code.digest}"
@@ -113,11 +115,11 @@ class OwnPlanner:
 
     @property
     def _is_imported(self) -> bool:
-        """Other processes can import it; a script that runs is theirs under no name."""
+        """True if other processes can import it; they cannot import the running script by name."""
         return bool(self.reference) and not self.reference.startswith("__main__:")
 
     def to_be_sent(self) -> "OwnPlanner":
-        """Returns it with what other processes need.
+        """Returns the planner with everything that other processes need.
 
         Raises
         ------
@@ -128,15 +130,17 @@ class OwnPlanner:
             return self
         try:
             return replace(self, content=cloudpickle.dumps(self.call))
-        except Exception as error:  # whatever cannot be sent
+        except Exception as error:  # for any reason
             raise OwnPlannerError(f"{self.name} cannot be sent to workers: {error}") from error
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Goes to other processes as plain data; what it is made of is not loaded on the way."""
+        """Sends the planner to other processes as plain data, without importing its module on the
+        way.
+        """
         return OwnPlanner, (self.name, self.reference, self.code, None, self.content)
 
     def ready(self) -> "OwnPlanner":
-        """Returns it as this process can call it.
+        """Returns the planner so that this process can call it.
 
         Raises
         ------
@@ -162,22 +166,22 @@ class OwnPlanner:
 
 
 def guarded(call: _Call, name: str) -> Callable[..., Any]:
-    """Returns a function of somebody's own that raises OwnPlannerError whatever it raises.
+    """Returns a function that raises OwnPlannerError whatever the third-party function raises.
 
-    Only UnsupportedError stays what it is: it says which problems the function takes.
+    Only UnsupportedError is passed on, as it says which problems the function supports.
     """
 
     def checked(*placed: Any, **named: Any) -> Any:
         try:
             return call(*placed, **named)
         except SystemExit as error:
-            raise OwnPlannerError(f"{name} has ended its process: {error!r}") from error
+            raise OwnPlannerError(f"{name} tried to end the process: {error!r}") from error
         except UnsupportedError:
             raise
         except LimitReached as error:
             raise OwnPlannerError(
-                f"{name} does not catch LimitReached; it must, and return a Result with "
-                "the best plan that it has, or with None"
+                f"{name} does not catch LimitReached; it must, and return a Result with the best "
+                "plan found, or with None"
             ) from error
         except Exception as error:
             raise OwnPlannerError(f"{name} raised {_told(error)}") from error
@@ -186,21 +190,21 @@ def guarded(call: _Call, name: str) -> Callable[..., Any]:
 
 
 def _told(error: Exception) -> str:
-    """Says what was raised, and where."""
+    """Returns a message on the raised exception and its place."""
     where = extract_tb(error.__traceback__)[-1]
     file = Path(where.filename).name
     return f"{type(error).__name__}: {error} ({file}, line {where.lineno}, in {where.name})"
 
 
 def usable_result(name: str, result: object) -> Result:
-    """Returns a planner's result with a plan of plain states.
+    """Returns a planner's result with a plan of built-in types.
 
     Raises
     ------
     OwnPlannerError
-        If it is not a result, or one that holds what it must not, in words.
+        If it is not a result, or contains invalid values; the message describes them.
     """
-    makes = "a planner returns a Result, such as Result(plan, J, Reason.FINISHED)"
+    makes = "a planner must return a Result, such as Result(plan, J, Reason.FINISHED)"
     if not isinstance(result, Result):
         what = "nothing (None)" if result is None else with_article(type(result).__name__)
         raise OwnPlannerError(f"{name} returned {what}; {makes}")
@@ -224,12 +228,13 @@ def usable_result(name: str, result: object) -> Result:
 
 
 def plain_plan(plan: Plan) -> Plan:
-    """Returns a plan whose states, which may be tuples or have numbers of NumPy, are states.
+    """Returns a plan whose states, which may be tuples or contain NumPy numbers, are of built-in
+    types.
 
     Raises
     ------
     ValueError
-        If they are none, in words.
+        If they are not states; the message describes them.
     """
     built = msgspec.to_builtins(plan, enc_hook=_plain_number)
     try:
@@ -239,7 +244,7 @@ def plain_plan(plan: Plan) -> Plan:
 
 
 def _plain_number(value: object) -> object:
-    """Returns a number of NumPy as one of Python."""
+    """Returns a NumPy number as a Python number."""
     if isinstance(value, np.generic):
         return value.item()
     raise msgspec.ValidationError(f"must hold states of whole numbers, not {value!r}")
@@ -249,7 +254,7 @@ def _plain_number(value: object) -> object:
 
 
 def _resolved(reference: str) -> _Call:
-    """Imports what module:name stands for."""
+    """Imports the object that module:name refers to."""
     module, _, path = reference.partition(":")
     found: Any = _module(module)
     for name in path.split("."):
@@ -268,27 +273,28 @@ def _module(name: str) -> Any:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
-            words = f"there is no module {name!r} in this folder, or among what is installed"
+            words = f"there is no module {name!r} in this folder or among the installed packages"
             raise OwnPlannerError(words) from error
         raise OwnPlannerError(f"{name} cannot be imported: {error}") from error
-    except (Exception, SystemExit) as error:  # whatever its code does
+    except (Exception, SystemExit) as error:  # whatever its code raises
         words, where = f"{type(error).__name__}: {error}", extract_tb(error.__traceback__)[-1]
-        if not isinstance(error, SyntaxError):  # which says where it is
+        if not isinstance(error, SyntaxError):  # a syntax error gives its own position
             words += f" ({Path(where.filename).name}, line {where.lineno})"
         raise OwnPlannerError(f"{name} cannot be imported: {words}") from error
 
 
 def _checked(call: _Call, name: str) -> _Call:
-    """Returns a planner that takes a problem and a stop, and perhaps a seed."""
+    """Returns a planner that takes a problem and a stopping criterion, and possibly a seed."""
     try:
         signature = inspect.signature(call)
-    except (TypeError, ValueError):  # it does not tell
+    except (TypeError, ValueError):  # the signature is not available
         return call
     try:
         signature.bind(None, None, **({_SEED: 0} if _takes_seed(call) else {}))
     except TypeError as error:
         words = (
-            f"must be a function of a problem and a stop, and of a seed if it takes one: {error}"
+            "must be a function of a problem and a stopping criterion, and of a seed if it "
+            f"takes one: {error}"
         )
         raise OwnPlannerError(f"{name} {words}") from error
     return call
@@ -305,7 +311,7 @@ def _takes_seed(call: _Call) -> bool:
 
 
 def _is_at(call: _Call, module: str, path: str) -> bool:
-    """Returns True if a module has a function under its own name."""
+    """Returns True if a module contains a function under this name."""
     found: Any = sys.modules.get(module)
     for name in path.split("."):
         found = getattr(found, name, None)
@@ -316,11 +322,11 @@ def _is_at(call: _Call, module: str, path: str) -> bool:
 
 
 def _received(reference: str, code: OwnCode) -> _Call:
-    """Imports a planner from another process, with the code that it has there.
+    """Imports a planner from another process, with the same code.
 
-    The folders that it came from are taken if they are here, too, with the same code, as they may
-    have more than code; else its files are written into a folder of their own. A worker lives
-    longer than a command: modules of other code leave first.
+    The original folders are used if they exist here with the same code, as they may contain more;
+    otherwise its files are written to a new folder. A worker outlives a command, so modules with
+    other code are unloaded first.
     """
     module = reference.partition(":")[0]
     if all(_imported.get(name) == code.digest for name in code.names):
@@ -339,14 +345,14 @@ def _received(reference: str, code: OwnCode) -> _Call:
 
 
 def _roots(code: OwnCode) -> Iterator[list[str]]:
-    """Yields folders that together have a planner's code."""
+    """Yields lists of folders that together contain a planner's code."""
     if not code.files:  # it is installed
         yield []
         return
     if all(any(_has(root, *file) for root in code.roots) for file in code.files.items()):
         yield [*code.roots]
     made = TemporaryDirectory(prefix="cocap-opt-planner-")
-    _folders.append(made)  # it is there until this process ends
+    _folders.append(made)  # keeps the folder until this process ends
     folder = Path(made.name)
     for path, content in code.files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -355,7 +361,7 @@ def _roots(code: OwnCode) -> Iterator[list[str]]:
 
 
 def _has(root: str, path: str, content: bytes) -> bool:
-    """Returns True if a folder has a file of this code."""
+    """Returns True if a folder contains a file with this content."""
     try:
         return counted(path, Path(root, path).read_bytes()) == counted(path, content)
     except OSError:
@@ -363,7 +369,7 @@ def _has(root: str, path: str, content: bytes) -> bool:
 
 
 def _put_first(folders: list[str]) -> None:
-    """Lets modules be imported from folders before all others; the last such folders leave."""
+    """Puts folders first on the import path, replacing the previous ones."""
     while _put:
         sys.path.remove(_put.pop())
     sys.path[:0] = folders

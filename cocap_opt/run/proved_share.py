@@ -1,14 +1,14 @@
-"""The best plan that keeps a share of all views, and a bound on all such plans.
+"""Finds the best plan that reaches a share of all views, and a bound on all such plans.
 
-Let V be the views of a plan and V0 those that are to be kept. With a Lagrange multiplier m >= 0 of
-V >= V0, a bound B on J + m V proves that no plan that keeps the share has
+Let V be the views of a plan and V0 the required views. With a Lagrange multiplier m >= 0 of V >=
+V0, a bound B on J + m V proves that no plan that reaches the share has
 
     J > B - m V0
 
 (Lagrangian relaxation: Geoffrion, "Lagrangean relaxation for integer programming", Mathematical
-Programming Study 2, 1974). The search for m is that of a trade-off between J and V (`front`), whose
-half-planes are such bounds. What lies between two plans that are best for one m stays open: the
-duality gap.
+Programming Study 2, 1974). The search for m is the search of the trade-off between J and V
+(`front`), whose half-planes are such bounds. The gap between two plans that are best for the same m
+remains: the duality gap.
 """
 
 import math
@@ -37,21 +37,23 @@ from cocap_opt.run.view_share import (
 )
 from cocap_opt.stop import Clock, Stop
 
-_RUNS, _LEAST = 3, 0.2  # each run has that part of the time that is left, and so many seconds
+# each run gets this part of the remaining time, and at least this many seconds
+_RUNS, _LEAST = 3, 0.2
 
 
 def solve_with_share(
     problem: Problem, method: str | Method[Any], stop: Stop, start: Plan | None = None,
     watch: Watch | None = None, gap: float = OPTIMALITY, **options: Any,
 ) -> Judged[Any]:  # fmt: skip
-    """Returns the best plan that keeps the share asked for, with the least bound of all such plans.
+    """Returns the best plan that reaches the requested share, with the lowest bound on all such
+    plans.
 
-    Where no such plan is found, and it is not proved that there is none, the result is that of the
-    objective alone: its plan, which misses the share, and its bound, which all plans obey.
+    If no such plan is found, and it is not proved that none exists, the result is that of the
+    objective alone: its plan, which misses the share, and its bound, which holds for all plans.
 
     Parameters
     ----------
-    options : of `run`
+    options : options of `run`
     """
     clock, options = Clock(), {**options, "watch": watch or Watch(), "gap": gap}
     part = Allowance(stop.seconds_left / _RUNS)
@@ -65,7 +67,7 @@ def solve_with_share(
     front = Front(problem, views_asked(problem), problem)
     plane = HalfPlane(REWARD_ALONE, first.result.bound, first.result.certificate)
     front = replace(front, half_planes=(plane,)).with_plans(plans)
-    options.pop("report", None)  # it is told of one objective
+    options.pop("report", None)  # it expects reports for a single objective
     while stop.reached() is None and (direction := _next(front, gap)) is not None:
         seconds = max(stop.seconds_left / _RUNS, _LEAST)
         front = towards(front, direction, stop, seconds, RECOMMENDED, method, **options)
@@ -79,12 +81,14 @@ def solve_with_share(
 
 
 def _keeps(problem: Problem, judged: Judged[Any]) -> bool:
-    """Returns True if the result has a plan that obeys the rules and keeps the share."""
+    """Returns True if the result has a plan that obeys the rules and reaches the share."""
     return judged.valid and keeps_share(problem, judged.result.plan)
 
 
 def _next(front: Front, gap: float) -> Direction | None:
-    """Returns the direction that shows more of plans that keep the share, if one does."""
+    """Returns the next direction that may improve the plans that reach the share, or their bound;
+    None if there is none.
+    """
     kept = views_to_keep(front.problem, front.views)
     best, bound = front.best_with(kept), front.reward_bound(kept)
     if bound < 0 or (best is not None and relative_gap(best.reward, bound) <= gap):
@@ -96,20 +100,20 @@ def _next(front: Front, gap: float) -> Direction | None:
         return None
     try:
         front.scene(asked)
-    except ProblemError:  # no weight is so large
+    except ProblemError:  # the weight would be too large
         return None
     return asked
 
 
 def _with_share(front: Front, plane: HalfPlane) -> float:
-    """Returns the J that no plan that keeps the share exceeds by one half-plane."""
+    """Returns a J that no plan that reaches the share exceeds, from one half-plane."""
     if plane.direction == REWARD_ALONE:
         return plane.bound
     return bound_with_share(front.problem, front.scene(plane.direction), plane.bound)
 
 
 def _result(front: Front, first: Any) -> Any:
-    """Returns the result of a trade-off: the best plan that keeps the share, and its bound.
+    """Returns the result of a trade-off: the best plan that reaches the share, and its bound.
 
     Parameters
     ----------

@@ -1,14 +1,14 @@
-"""Bounds on quality: the most person-steps that so many drones, or more, see in any plan.
+"""Bounds on quality: the most person-steps that m or more drones can see in any plan.
 
 Let n be the number of drones that see a person at a step, and B a bound, over all plans, on the sum
-of w min(k, n) over all person-steps, each of a weight w. As m [n >= m] <= min(k, n) for m <= k,
+of w min(k, n) over all person-steps, where w is the weight of a person-step. As m [n >= m] <=
+min(k, n) for m <= k,
 
-    the weight of the person-steps that m drones or more see is at most B / m.
+the total weight of the person-steps that m or more drones see is at most B / m.
 
-Where all weights are the same that is a number of person-steps, and a whole one; with several
-weights it says nothing of numbers, only of weights. That m drones see a person is no more frequent
-than that m - 1 do. So each share has as its bound the least that any k >= m, or any fewer drones,
-prove.
+If all weights are equal, this bounds the number of person-steps, which is whole; with different
+weights, it bounds only the weight. Person-steps seen by m drones are also seen by m - 1. So the
+bound on each share is the smallest that any k >= m, or any smaller number of drones, proves.
 """
 
 import math
@@ -31,17 +31,18 @@ from cocap_opt.run.view_share import counted_weights, counting_gap, views_alone,
 from cocap_opt.stop import Stop, never
 from cocap_opt.text import number_in_words, rounded_up
 
-_ROUNDING = 1e-9  # relative, by which a bound may be too small
+_ROUNDING = 1e-9  # relative tolerance for a bound that is too small by rounding
 
 
 class MostSeen(NamedTuple):
-    """The most that any plan can let so many drones, or more, see.
+    """The most person-steps that m or more drones can see in any plan.
 
     Attributes
     ----------
-    drones : m, how many or more see a person
-    share : of all person-steps, by weight, that no plan exceeds; 0 to 1
-    person_steps : their number; None where weights differ, so that the share says nothing of it
+    drones : m, the smallest number of drones that see the person
+    share : share of all person-steps, by weight, that no plan exceeds; 0 to 1
+    person_steps : number of person-steps; None if weights differ, as the share then does not bound
+        it
     """
 
     drones: int
@@ -51,10 +52,10 @@ class MostSeen(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QualityBound:
-    """A bound on the person-steps that several drones see, over all plans of a scene.
+    """Bounds, over all plans of a scene, on the person-steps that several drones see.
 
-    All plans are those of the scene's drones that obey its rules. A person-step counts with the
-    person's importance there, as long as the person has any weight.
+    The plans are those of the scene's drones that obey its rules. A person-step is weighted with
+    the person's importance at the step, if the person has any weight.
 
     Attributes
     ----------
@@ -62,8 +63,8 @@ class QualityBound:
     cameras : the largest number of drones for which there is a bound
     at_least : share of a person, by solid angle, that a drone must see
     weights : [T+1, A] weight of each person-step; 0 if it does not count
-    results : for the sums of min(1, n), of min(2, n) and so on, where n drones see a person: its
-        bound, with the certificate, and the plan of the largest sum that was found
+    results : for each sum of min(1, n), of min(2, n) and so on, where n drones see a person: its
+        bound with the certificate, and the plan with the largest sum found
     """
 
     problem: Problem
@@ -76,16 +77,16 @@ class QualityBound:
     def of(
         cls, problem: Problem, cameras: int | None = None, at_least: float | None = None
     ) -> Self:
-        """Returns a bound by which nothing is proved yet.
+        """Returns an object for which nothing is proved yet.
 
         Parameters
         ----------
-        cameras, at_least : None: as the problem's objective has them, or two and 0.3
+        cameras, at_least : None: as in the problem's objective, or two and 0.3
 
         Raises
         ------
         ProblemError
-            If one of them is out of range.
+            If a value is out of range.
         """
         views = views_asked(problem, cameras, at_least)
         return cls(problem, views.cameras, views.at_least, counted_weights(problem))
@@ -98,18 +99,18 @@ class QualityBound:
         bound: str = BOUND_METHOD,
         watch: Watch | None = None,
     ) -> Self:
-        """Returns the bound with a result for each number of drones.
+        """Returns the object with a bound for each number of drones.
 
         Parameters
         ----------
-        stop : ends all of it; what is proved until then holds
-        seconds : for each number, coverage not included
-        start : a plan to begin with; one that breaks a rule is left out
-        bound : the method
+        stop : ends the search; bounds proved so far are kept
+        seconds : time for each number of drones, excluding coverage
+        start : a plan to start from; ignored if it breaks a rule
+        bound : name of the method
         """
         watch, results = watch or Watch(), []
         begin = start if start is not None and check(self.problem, start).valid else None
-        first = self.scene(1)  # one object, whose coverage is found again
+        first = self.scene(1)  # one object, whose coverage is reused
         for scene in self._scenes():
             share_coverage(scene, first)
             result = run(
@@ -130,16 +131,16 @@ class QualityBound:
 
     @property
     def is_weighted(self) -> bool:
-        """The person-steps that count have several weights."""
+        """True if the person-steps that count have different weights."""
         return len(np.unique(self.weights[self.weights > 0])) > 1
 
     @property
     def no_plan(self) -> bool:
-        """It is proved that no plan obeys the rules."""
+        """True if it is proved that no plan obeys the rules."""
         return any(result.bound < 0 for result in self.results)
 
     def most(self, drones: int) -> MostSeen:
-        """Returns the most person-steps that this many drones or more see in any plan."""
+        """Returns a bound on the person-steps that at least this many drones see in any plan."""
         if drones < 1:
             raise ValueError(f"drones: must be at least 1, not {drones}")
         if drones > len(self.problem.robots) or self.no_plan or not self.person_steps:
@@ -151,40 +152,41 @@ class QualityBound:
         return MostSeen(drones, number / self.person_steps, number)
 
     def share(self, found: Quality, drones: int) -> float:
-        """Returns the share, by weight, that this many drones or more see in a plan.
+        """Returns the share of person-steps, by weight, that at least this many drones see in a
+        plan.
 
         Raises
         ------
         ValueError
-            If its quality was measured with another share of a person.
+            If the quality was measured with another visible share of a person.
         """
         if found.assumptions.at_least != self.at_least:
             raise ValueError(
-                f"at_least: the bound has {self.at_least:g}, the plan's quality "
+                f"at_least: the bound uses {self.at_least:g}, but the plan's quality "
                 f"{found.assumptions.at_least:g}"
             )
         seen = self.weights[found.counts & (found.views >= drones)]
         return self._sum(seen) / self._total if self.person_steps else math.nan
 
     def sentences(self, found: Quality | None = None, obeys_rules: bool = True) -> Iterator[str]:
-        """Yields a sentence for each number of drones, or one that holds for all of them.
+        """Yields a sentence for each number of drones, or one sentence for all of them.
 
         Parameters
         ----------
-        found : the quality of a plan, to print beside the bound
-        obeys_rules : the plan obeys all rules
+        found : the quality of a plan, to compare with the bound
+        obeys_rules : True if the plan obeys all rules
         """
         if not self.person_steps:
-            yield "Nobody has any weight, so that no person-step counts."
+            yield "Nobody has any weight, so no person-step counts."
             return
         if self.no_plan:
-            yield "No plan of these drones obeys the rules: proved."
+            yield "Proved: no plan of these drones obeys the rules."
             return
         for drones in range(1, min(self.cameras, len(self.problem.robots)) + 1):
             most = self.most(drones)
             told, share = self._told(most), self.share(found, drones) if found else math.nan
             if found and obeys_rules and share >= 1:
-                told = f"This plan lets every person-step be seen by {_or_more(drones)}."
+                told = f"In this plan, every person-step is seen by {_or_more(drones)}."
             elif found:
                 told += f" {self._beside(most, share, obeys_rules)}"
             yield told
@@ -196,13 +198,13 @@ class QualityBound:
         return str(self)
 
     def _scenes(self) -> Iterator[Problem]:
-        """Yields the problem of each number of drones that is not beyond all of them."""
+        """Yields the problem for each number of drones, up to the number of drones of the scene."""
         if self.person_steps:
             for cameras in range(1, min(self.cameras, len(self.problem.robots)) + 1):
                 yield self.scene(cameras)
 
     def _sum(self, weights: FloatArray) -> float:
-        """Returns the sum of weights; their number, where all are the same."""
+        """Returns the sum of weights, or their number if all are equal."""
         positive = weights[weights > 0]
         return math.fsum(positive.tolist()) if self.is_weighted else float(len(positive))
 
@@ -211,16 +213,18 @@ class QualityBound:
         return self._sum(self.weights)
 
     def _proved(self, drones: int) -> float:
-        """Returns the sum of the weights that so many drones see at most, by their bounds alone."""
+        """Returns a bound on the total weight of person-steps that this many drones see, from
+        single bounds.
+        """
         unit = 1.0 if self.is_weighted else float(self.weights.max())
         sums = (result.bound / unit for result in self.results[drones - 1 :])
         return min([self._total, *(most * (1 + _ROUNDING) / drones for most in sums)])
 
     def _told(self, most: MostSeen) -> str:
-        """Returns the sentence on what no plan can do."""
+        """Returns the sentence on what no plan can achieve."""
         seen_by = f"seen by {_or_more(most.drones)}"
         if most.share >= 1:
-            return f"It is not ruled out that a plan lets every person-step be {seen_by}."
+            return f"It is not ruled out that, in some plan, every person-step is {seen_by}."
         if most.person_steps is None:
             told = f"{rounded_up(100 * most.share, 1)} % of person-steps, by their importance,"
         else:
@@ -228,21 +232,21 @@ class QualityBound:
                 f"{most.person_steps:,} of {self.person_steps:,} person-steps "
                 f"({_percent(most.share)})"
             )
-        return f"No plan of these drones lets more than {told} be {seen_by}: proved."
+        return f"Proved: no plan of these drones lets more than {told} be {seen_by}."
 
     def _beside(self, most: MostSeen, share: float, obeys_rules: bool) -> str:
-        """Returns the sentence on the plan."""
+        """Returns the sentence on the given plan."""
         told = _percent(share)
         if most.person_steps is not None:
             told = f"{round(share * self.person_steps):,} ({told})"
         if not obeys_rules:
             return f"This plan, which breaks rules: {told}."
         attained = share >= most.share - _ROUNDING
-        return f"This plan: {told}{', and none has more' if attained else ''}."
+        return f"This plan: {told}{', and no plan has more' if attained else ''}."
 
 
 def _percent(share: float) -> str:
-    """Returns a share with a decimal; only all is 100 %."""
+    """Returns a share with one decimal; only exactly 1 gives 100 %."""
     return f"{min(100 * share, 99.9):.1f} %" if share < 1 else "100 %"
 
 

@@ -1,8 +1,8 @@
-"""Plans of the rest of a mission, made while it is flown, and the bound that no rest exceeds.
+"""Replans the rest of a mission while it is flown, and computes a bound for all plans of the rest.
 
-The old rest is where the search begins, so that what it gives is no worse; and where a planner
-takes no start, or its plan breaks a rule, the old rest is kept. Then the bound is computed, by
-branch-and-price that stops once the plan is proved to be near enough.
+The search starts from the old rest, so its result is no worse; if a planner takes no start, or its
+plan breaks a rule, the old rest is kept. Then a bound is computed by branch-and-price, which stops
+once the plan is proved to be near enough.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -21,8 +21,8 @@ from cocap_opt.run.rest import Rest
 from cocap_opt.run.view_share import keeps_share
 from cocap_opt.stop import Clock, Stop, never
 
-NEAR = 0.01  # (bound - J) / bound at which the search for a bound ends
-BOUND_SECONDS = 30.0  # for the bound, unless somebody says otherwise
+NEAR = 0.01  # gap (bound - J) / bound at which the search for a bound ends
+BOUND_SECONDS = 30.0  # default time for the bound, in s
 
 _KEPT = "the old rest is kept: nothing better was found"
 
@@ -37,14 +37,15 @@ class Replanned:
     plan : plan of the whole mission, with its first steps as they were flown; None if a drone is
         lost, because a plan needs states of all drones at all steps, or if the rest has no plan
     value : J of the whole mission: what was flown, and the rest; -inf without a plan of the rest
-    rest : the plan of the rest, its J, its bound and the certificate, all of the scene of the rest
+    rest : the plan of the rest, its J, its bound and the certificate, all for the scene of the rest
         (`rest.problem`), whose drones are `drones`
-    from_step : k, at which the scene of the rest begins
+    from_step : k, the step at which the scene of the rest begins
     drones : numbers of the drones that still fly, in the order of the paths of the rest
-    flown : J of what was flown, up to step k
-    old : J of the old rest in the scene of the rest; None where it breaks a rule there
+    flown : J of the flown part, up to step k
+    old : J of the old rest in the scene of the rest; None if it breaks a rule there
     fault : the rule that the old rest breaks, in words; empty if it breaks none
-    bound_seconds : s, wall-clock time of the search for the bound; that of the plan is in `rest`
+    bound_seconds : wall-clock time of the search for the bound, s; the time for the plan is in
+        `rest`
     """
 
     problem: Problem
@@ -59,7 +60,7 @@ class Replanned:
     bound_seconds: float = 0.0
 
     def summary(self) -> str:
-        """Describe the rest and its mission in a few lines."""
+        """Describes the rest and its mission in a few lines."""
         old = f"no longer possible: {self.fault}" if self.old is None else f"{self.old:,.2f}"
         return "\n".join([
             f"from step {self.from_step}, drones {', '.join(map(str, self.drones))}",
@@ -73,18 +74,18 @@ class Replanned:
 
 
 class Replanning:
-    """The planning of a rest anew, first the plan, then the bound.
+    """Replans a rest: first the plan, then the bound.
 
     Parameters
     ----------
-    rest : what is to be planned
-    plan : of the whole mission, whose rest is the old one
+    rest : the rest to plan
+    plan : the old plan of the whole mission
 
     Attributes
     ----------
     old : J of the old rest; None where it breaks a rule
     fault : the rule that the old rest breaks, in words; empty if it breaks none
-    bound_seconds : s, wall-clock time of the search for the bound, once that is done
+    bound_seconds : wall-clock time of the search for the bound, s, once it has ended
     """
 
     def __init__(self, rest: Rest, plan: Plan) -> None:
@@ -98,12 +99,12 @@ class Replanning:
     def planned(
         self, method: str | Method[Any], stop: Stop, name: str, **options: Any
     ) -> Judged[Any]:
-        """Returns the plan of the rest by a planner, or the old rest where that is better.
+        """Returns a planner's plan of the rest, or the old rest if that is better.
 
         Parameters
         ----------
         stop : ends coverage and search
-        options : of `engine.run`
+        options : options of `engine.run`
         """
         start = None if self.old is None else self._old
         judged = run_keeping(self.rest.scene, method, stop, name=name, start=start, **options)
@@ -118,11 +119,13 @@ class Replanning:
         return not judged.valid or self._rank(judged.result.plan) < self._rank(self._old)
 
     def _rank(self, plan: Plan) -> tuple[bool, float]:
-        """Returns the order of plans that obey the rules: those that keep the share come first."""
+        """Returns a key that orders plans that obey the rules: those that reach the share come
+        first.
+        """
         return keeps_share(self.rest.scene, plan), check(self.rest.scene, plan).reward
 
     def _kept(self, name: str, judged: Judged[Any]) -> Judged[Any]:
-        """Returns the old rest as what a planner's search, which found nothing better, has left."""
+        """Returns the old rest as the result of a planner's search that found nothing better."""
         found, reason = judged.result, judged.result.reason
         if reason in (Reason.INFEASIBLE, Reason.FAILED, Reason.UNSUPPORTED, Reason.OPTIMAL):
             reason = Reason.FINISHED if found.limit is None else Reason.STOPPED
@@ -133,17 +136,18 @@ class Replanning:
     def bounded(
         self, judged: Judged[Any], seconds: float, stop: Stop = never, **options: Any
     ) -> Judged[CertifiedResult]:
-        """Returns a plan of the rest with its bound, or a better plan that the search came by.
+        """Returns a plan of the rest with its bound, or a better plan found by the search for the
+        bound.
 
         Parameters
         ----------
-        judged : the plan; without one there is a bound all the same
-        seconds : for the bound; 0: there is none
+        judged : the plan; if there is none, a bound is computed nevertheless
+        seconds : time for the bound; 0: compute none
         stop : a further stopping criterion
-        options : of `engine.run`
+        options : options of `engine.run`
         """
         result, known = judged.result, _certified(judged.result)
-        if not seconds or known.gap <= NEAR:  # exact methods have a bound of their own
+        if not seconds or known.gap <= NEAR:  # exact methods give their own bound
             return judged._replace(result=known)
         start = result.plan if judged.valid else None
         clock = Clock()
@@ -165,7 +169,8 @@ class Replanning:
                 "; ".join(filter(None, (_better(judged), self.rest.message))),
             )
         proved = found.result
-        if start is not None and proved.plan is None:  # no plan keeps the share: it is said
+        # the result says that no plan reaches the share
+        if start is not None and proved.plan is None:
             told = "; ".join(filter(None, (result.message, proved.message)))
             return judged._replace(result=replace(known, message=told))
         both = known
@@ -177,11 +182,11 @@ class Replanning:
         return again._replace(coverage_seconds=judged.coverage_seconds, views=judged.views)
 
     def answer(self, judged: Judged[CertifiedResult], name: str) -> Replanned:
-        """Returns all that is known of the rest and of the mission.
+        """Returns everything that is known about the rest and the mission.
 
         Parameters
         ----------
-        name : of the planner
+        name : name of the planner
         """
         rest, result = self.rest, judged.answer(self.rest.scene, name)
         return Replanned(
@@ -199,7 +204,9 @@ class Replanning:
 
 
 def _in_steps_of_mission(rest: Rest, plan: Plan, words: str) -> str:
-    """Returns the rule that a plan breaks in the mission; the words known of the rest if none."""
+    """Returns the rule that a plan breaks in the mission, or the words for the rest if there is
+    none.
+    """
     robots = tuple(rest.mission.robots[i] for i in rest.drones)
     left = Plan(paths=tuple(plan.paths[i] for i in rest.drones))
     verdict = check(rest.mission.replace(robots=robots), left)
@@ -215,7 +222,7 @@ def _certified(result: Result) -> CertifiedResult:
 
 
 def _saying(judged: Judged[Any], words: str) -> Judged[Any]:
-    """Returns a result that says something more; as it is without words."""
+    """Returns a result with an additional message, or unchanged if the message is empty."""
     if not words:
         return judged
     told = "; ".join(filter(None, (judged.result.message, words)))
@@ -223,6 +230,8 @@ def _saying(judged: Judged[Any], words: str) -> Judged[Any]:
 
 
 def _better(before: Judged[Any]) -> str:
-    """Says that the search for the bound found a better plan, and how good the first one was."""
+    """Returns a message that the search for the bound found a better plan, and the J of the
+    first.
+    """
     words = "the search for the bound found a better plan"
     return f"{words} than the first, whose J is {before.reward:,.2f}" if before.valid else words

@@ -1,16 +1,16 @@
 """The rest of a mission: the scene from a step on, and plans that are cut there and joined again.
 
-A mission is flown up to a step k. What is left is a scene as any other, which begins at step k:
-people walk on from there, each drone starts in the state in which it is, and T - k moves are left.
-Views at step k are those of states that nothing can change; they belong to what was flown. So
+A mission is flown up to a step k. The rest is a scene like any other, which begins at step k:
+people continue their walks, each drone starts in its state at that step, and T - k moves remain.
+Views at step k are fixed by these states; they count as flown. So
 
     J of the whole flight = J of what was flown, up to step k + J of the rest
 
-for returns of each step. Where pixels add up over time, the root includes those from before step k
-and those after it: there is no such scene, and it is refused.
+if each step has its own returns. If pixels add up over time, the root covers pixels before and
+after step k: no such scene exists, and the request is rejected.
 
-A drone may be lost at step k. It contributes nothing from step k on: its views at steps before k
-count, and its moves up to there. It has left the scene; what becomes of it is not looked at.
+A drone may be lost at step k. It contributes nothing from step k on: its views before step k count,
+and its moves up to step k. It is removed from the scene; its fall is not considered.
 """
 
 from collections.abc import Sequence
@@ -22,23 +22,24 @@ from cocap_opt.referee import check
 from cocap_opt.run.view_share import most_views, views_alone, views_asked, views_to_keep
 from cocap_opt.text import shortened
 
-_ROUNDING = 1e-9  # relative, of a share of views
-_NO_HOMES = "homes and batteries are not looked at in the rest: leave time for the ways home"
-_MOST_LETTERS = 200  # of the name, before the words for the rest
+_ROUNDING = 1e-9  # relative rounding error of a share of views
+_NO_HOMES = "homes and batteries are ignored in the rest: leave time for the flights home"
+_MOST_LETTERS = 200  # letters of the name, without the suffix for the rest
 
 
 class Rest(NamedTuple):
-    """The rest of a mission, and what was flown before.
+    """The rest of a mission, and the part flown before.
 
     Attributes
     ----------
-    scene : from step k on, with the drones that still fly; it knows nothing of the mission
+    scene : the scene from step k on, with the drones that still fly, without reference to the
+        mission
     mission : the whole scene
-    flown : [R] states of each drone at the steps 0..k
-    drones : numbers of those that still fly, in the order of the rest's robots
-    reward_flown : J of what was flown, with all drones at the steps before k, and at step k with
-        those that still fly
-    message : what is out of reach now, or not looked at, in words; empty if nothing is
+    flown : [R] states of each drone at steps 0..k
+    drones : numbers of the drones that still fly, in the order of the rest's robots
+    reward_flown : J of the flown part, with all drones before step k, and at step k with those that
+        still fly
+    message : what can no longer be reached or is ignored, in words; empty if nothing
     """
 
     scene: Problem
@@ -54,17 +55,18 @@ class Rest(NamedTuple):
 
         Parameters
         ----------
-        mission : the whole scene; its people may walk differently than those that the plan is for
-        plan : of which the first steps are flown; what comes after them is not looked at
+        mission : the whole scene; its people may walk differently from those in the plan's scene
+        plan : the plan whose first steps were flown; its later steps are ignored
         step : k, from 1 to T - 1
         lost : numbers of the drones that are lost at step k
 
         Raises
         ------
         FieldError
-            If there is no such step, or there are no such drones; one line.
+            If the step or a drone does not exist; the message is one line.
         ProblemError
-            If the flown part breaks a rule of the scene, or pixels add up over time; one line.
+            If the flown part breaks a rule of the scene, or pixels add up over time; the message is
+            one line.
         """
         _require(mission, plan, step, lost)
         drones = tuple(i for i in range(len(mission.robots)) if i not in lost)
@@ -90,9 +92,9 @@ class Rest(NamedTuple):
         return Plan(paths=tuple(plan.paths[i][self.step :] for i in self.drones))
 
     def joined(self, plan: Plan) -> Plan | None:
-        """Returns the plan of the whole mission: the steps flown, then a plan of the rest.
+        """Returns the plan of the whole mission: the flown steps, followed by a plan of the rest.
 
-        None where a drone is lost: a plan has states of all drones at all steps.
+        Returns None if a drone is lost, since a plan needs states of all drones at all steps.
         """
         if len(self.drones) < len(self.mission.robots):
             return None
@@ -101,17 +103,17 @@ class Rest(NamedTuple):
 
 
 def _require(mission: Problem, plan: Plan, step: int, lost: Sequence[int]) -> None:
-    """Checks that there are such a step, such drones, and a plan of so many of both."""
+    """Checks that the step and the drones exist, and that the plan fits the mission."""
     horizon, robots = mission.horizon, len(mission.robots)
     if horizon < 2:
-        raise FieldError("from_step", f"must be left out: {mission.name} has one step only")
+        raise FieldError("from_step", f"must be left out: {mission.name} has only one step")
     if not 1 <= step < horizon:
         words = f"must be a step from 1 to {horizon - 1}, of the steps 0..{horizon}, not {step}"
         raise FieldError("from_step", words)
     if mission.objective.over_time:
         raise ProblemError(
-            "objective.over_time: must be false for a rest to be planned: where pixels add up over "
-            f"time, those from before step {step} are under the same root as later ones"
+            "objective.over_time: must be false to plan a rest: if pixels add up over time, "
+            f"those before step {step} are under the same root as later ones"
         )
     if len(plan.paths) != robots:
         words = f"must be {robots}, one for each drone, not {len(plan.paths)}"
@@ -124,30 +126,30 @@ def _require(mission: Problem, plan: Plan, step: int, lost: Sequence[int]) -> No
         if not 0 <= drone < robots:
             raise FieldError("without", f"must be numbers of drones, 0..{robots - 1}, not {drone}")
     if len(set(lost)) < len(lost):
-        raise FieldError("without", "must name each drone once")
+        raise FieldError("without", "must name each drone only once")
     if len(lost) == robots:
-        raise FieldError("without", f"must leave a drone of the {robots} that there are")
+        raise FieldError("without", f"must leave at least one of the {robots} drones")
 
 
 def _head(mission: Problem, flown: Plan) -> Problem:
-    """Returns the mission as if it ended where what was flown ends."""
+    """Returns the mission cut off at the end of the flown part."""
     robots = tuple(robot.replace(goal=None) for robot in mission.robots)
     return mission.replace(robots=robots, horizon=len(flown.paths[0]) - 1)
 
 
 def _require_flown(mission: Problem, flown: Plan) -> None:
-    """Refuses first steps that cannot be flown in the mission, or break one of its rules."""
+    """Rejects flown steps that cannot be flown in the mission, or that break one of its rules."""
     verdict = check(_head(mission, flown), flown)
     broken = (*verdict.violations, *verdict.conflicts)
     if broken:
         steps = len(flown.paths[0]) - 1
         raise ProblemError(
-            f"the steps 0..{steps} cannot be those that were flown in {mission.name}: {broken[0]}"
+            f"the steps 0..{steps} cannot have been flown in {mission.name}: {broken[0]}"
         )
 
 
 def _from_step(mission: Problem, flown: Plan, step: int, drones: Sequence[int]) -> Problem:
-    """Returns the scene of the rest, whose objective asks for the same share of all views."""
+    """Returns the scene of the rest, whose objective requires the remaining share of views."""
     starts = {i: flown.paths[i][-1] for i in drones}
     robots = tuple(_in_the_air(mission, i, step, state) for i, state in starts.items())
     horizon, words = mission.horizon - step, f", from step {step}"
@@ -164,10 +166,10 @@ def _from_step(mission: Problem, flown: Plan, step: int, drones: Sequence[int]) 
 
 
 def _in_the_air(mission: Problem, i: int, step: int, state: State) -> Robot:
-    """Returns a drone that is in a state at a step, with what is left of its battery.
+    """Returns a drone in a given state at a step, with its remaining battery.
 
-    With homes the charge that is left is unknown: the flights there count as well, and batteries
-    may have been changed. So the rest has neither homes nor batteries.
+    With homes, the remaining charge is unknown: flights from home count as well, and batteries may
+    have been changed. So the rest has neither homes nor batteries.
     """
     robot, seconds = mission.robots[i], step * (mission.step or 0.0)
     limits = robot.limits
@@ -191,7 +193,7 @@ def _walking_on(actor: Actor, mission: Problem, step: int) -> Actor:
 
 
 def _reward(mission: Problem, flown: Plan, drones: Sequence[int]) -> float:
-    """Returns J of what was flown, in which only those that still fly see anybody at its end."""
+    """Returns J of the flown part, at whose last step only the drones that still fly count."""
     head, last = _head(mission, flown), len(flown.paths[0]) - 1
     verdict = check(head, flown)
     if len(drones) == len(mission.robots):
@@ -207,9 +209,11 @@ def _reward(mission: Problem, flown: Plan, drones: Sequence[int]) -> float:
 def _share_left(
     mission: Problem, flown: Plan, scene: Problem, drones: Sequence[int]
 ) -> tuple[float | None, str]:
-    """Returns the share of its views that the rest must keep, so that the whole keeps its own.
+    """Returns the share of views that the rest must reach so that the whole mission reaches its
+    share.
 
-    None where it need not keep any, or cannot keep so many, which the words say.
+    Returns None if nothing more is required, or if the share can no longer be reached, with a
+    message.
     """
     asked = views_asked(mission)
     if asked.share is None:
@@ -221,7 +225,7 @@ def _share_left(
         return None, ""
     if missing > most * (1 + _ROUNDING):
         return None, (
-            f"{100 * asked.share:g} % of views are out of reach: {had:g} were kept so far, and "
-            f"{most:g} at most are left"
+            f"{100 * asked.share:g} % of views are out of reach: {had:g} were kept so far, "
+            f"and at most {most:g} remain"
         )
     return min(missing / most, 1.0), ""

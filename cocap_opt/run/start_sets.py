@@ -1,7 +1,7 @@
-"""Variants of a scene by where its drones start: anywhere, at random, or chosen greedily.
+"""Variants of a scene with other starts: free, random, or chosen greedily.
 
-Drones that have a choice of starts keep it, and random and greedy starts are out of it. Those whose
-start is fixed may start in any free state.
+Drones that have a choice of starts keep it; random and greedy starts are taken from it. Drones with
+a fixed start may start in any free state.
 """
 
 from contextlib import suppress
@@ -19,7 +19,7 @@ KINDS = (FREE, RANDOM, GREEDY)
 
 
 def with_free_starts(problem: Problem) -> Problem:
-    """Returns the scene whose drones may start anywhere, unless they have a choice already."""
+    """Returns the scene with drones that may start anywhere, unless they already have a choice."""
     robots = (
         robot.replace(start=StartArea()) if isinstance(robot.start, State) else robot
         for robot in problem.robots
@@ -28,7 +28,7 @@ def with_free_starts(problem: Problem) -> Problem:
 
 
 def with_random_starts(problem: Problem, seed: int) -> Problem:
-    """Returns the scene with random starts that keep the rules.
+    """Returns the scene with random starts that obey the rules.
 
     Raises
     ------
@@ -41,25 +41,25 @@ def with_random_starts(problem: Problem, seed: int) -> Problem:
         chosen = free.starts_apart(shuffled)
         if chosen is not None:
             return _fixed(problem, chosen, RANDOM)
-    raise ProblemError("robots: no random starts were found that keep the rules")
+    raise ProblemError("robots: no random starts that obey the rules were found")
 
 
 def with_greedy_starts(problem: Problem, stop: Stop = never) -> Problem:
-    """Returns the scene with the starts that drones choose one after the other.
+    """Returns the scene with starts that drones choose one after the other.
 
-    Each takes the best path from all of its starts for what the drones before it see, as
-    `sequential` plans it.
+    Each drone takes the best path from any of its starts, given what the drones before it see, as
+    in `sequential`.
 
     Raises
     ------
     ProblemError
-        If a drone finds no path.
+        If a drone has no path.
     LimitReached
-        At a limit.
+        If a limit is reached.
     """
     result = sequential(with_free_starts(problem), stop)
     if result.plan is None:
-        raise ProblemError(f"robots: no greedy starts: {result.message}")
+        raise ProblemError(f"robots: no greedy starts found: {result.message}")
     return _fixed(problem, [path[0] for path in result.plan.paths], GREEDY)
 
 

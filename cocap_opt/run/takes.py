@@ -1,7 +1,8 @@
-"""Plans beside takes: J in each, what a plan for one loses in another, what hedging costs.
+"""Compares plans across takes: J in each take, the loss of a plan for one take in another, the cost
+of hedging.
 
-A plan for a take alone is the best one known if people are sure to walk so. It keeps away from the
-people of all takes as every plan does, so that each plan can be flown in each take.
+A plan for a single take is the best known plan if people are certain to walk that way. Like every
+plan, it keeps its distance from the people of all takes, so each plan can be flown in each take.
 """
 
 import html
@@ -25,12 +26,12 @@ _METHOD = "branch-and-price"
 
 
 def reward_in(problem: Problem, plan: Plan) -> tuple[float, ...]:
-    """Returns J of a plan in each take [K], by the referee; their mean is J."""
+    """Returns J of a plan in each take [K], by the referee; their weighted mean is J."""
     return tuple(check(problem.of_take(k), plan).reward for k in range(len(problem.takes)))
 
 
 def take_rows(problem: Problem, plan: Plan | None) -> list[dict[str, Any]]:
-    """Returns a row for each take, with J and the quality of a plan there; none without takes."""
+    """Returns a row for each take, with J and the quality of a plan; empty without takes."""
     if plan is None or not problem.takes:
         return []
     found = Quality.of(problem, plan)
@@ -55,19 +56,19 @@ def _finite(value: float) -> float | None:
 
 
 class PlanForTake(NamedTuple):
-    """The best plan that is known for one take, or for all of them.
+    """The best known plan for one take, or for all of them.
 
     Attributes
     ----------
     made_for : name of the take, or "all takes"
     plan : the plan; None if none is known
     rewards : J in each take [K]
-    mean : J on average over the takes
-    bound : proved: no plan that is safe in all takes has more J in that take, or on average
-    certificate : of the bound; None where it has none
-    problem : that the certificate is of
-    seconds : of the search
-    limit : that ended the search before its plan was proved; None if none did
+    mean : mean J over the takes
+    bound : a proved bound on J in that take, or on average, of plans that are safe in all takes
+    certificate : certificate of the bound; None if it has none
+    problem : the problem of the certificate
+    seconds : time of the search
+    limit : the limit that ended the search before its plan was proved; None if none did
     """
 
     made_for: str
@@ -82,13 +83,13 @@ class PlanForTake(NamedTuple):
 
 
 class Hedging(NamedTuple):
-    """Plans for each take alone and a plan for all, each in every take.
+    """Plans for each take alone and a plan for all takes, each evaluated in every take.
 
     Attributes
     ----------
-    problem : with takes
-    plans : of each take [K]
-    hedged : of all takes, the best on average that is known
+    problem : a problem with takes
+    plans : the plan for each take [K]
+    hedged : the best known plan on average over all takes
     """
 
     problem: Problem
@@ -97,7 +98,7 @@ class Hedging(NamedTuple):
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """A row for each plan, J in each take and on average; the last has what no plan exceeds."""
+        """A row for each plan, with J in each take and on average; the last row has the bounds."""
         names = [take.name for take in self.problem.takes]
         rows: list[dict[str, Any]] = [
             {"plan for": row.made_for, **dict(zip(names, row.rewards, strict=True)),
@@ -112,18 +113,20 @@ class Hedging(NamedTuple):
     @property
     def table(self) -> "pd.DataFrame":
         """The rows as a table."""
-        from pandas import DataFrame  # slow to import
+        from pandas import DataFrame  # takes long to import
 
         return DataFrame(self.rows)
 
     @property
     def foreknowledge(self) -> float:
-        """Bound on the mean J if the take is known before planning: of the takes' bounds."""
+        """Bound on the mean J if the take were known before planning: the mean of the takes'
+        bounds.
+        """
         both = zip(self.problem.takes, self.plans, strict=True)
         return math.fsum(take.probability * row.bound for take, row in both if take.probability)
 
     def sentences(self) -> Iterator[str]:
-        """Yields in words what plans for one take lose, and what hedging costs."""
+        """Yields sentences on the losses of plans for one take, and on the cost of hedging."""
         hedged, takes = self.hedged, self.problem.takes
         if hedged.plan is None:
             yield "no plan is known that is safe in all takes"
@@ -168,28 +171,28 @@ class Hedging(NamedTuple):
         return str(self)
 
     def _repr_html_(self) -> str:
-        """Describes it in a notebook."""
+        """Describes the comparison in a notebook."""
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def _loss(reward: float, of: float) -> float:
-    """Returns the share of J that is missing; none of nothing."""
+    """Returns the relative loss of J; 0 if there is nothing to lose."""
     return (of - reward) / of if of > 0 else 0.0
 
 
 def _at_most(reward: float, bound: float, digits: int) -> str:
-    """Returns in words how large a share of J is missing at most, by a bound."""
+    """Returns words for the largest share of J that may be missing, by a bound."""
     if not math.isfinite(bound):
-        return "not proved by how much at most"
+        return "no bound proved"
     if is_attained(bound, reward):
         return "proved, no plan is better"
     return f"proved: {told_gap(_loss(reward, bound), digits)}"
 
 
 def if_sure(problem: Problem, k: int) -> Problem:
-    """Returns the problem in which people are sure to walk as in one take.
+    """Returns the problem in which people are certain to walk as in one take.
 
-    Where drones keep a distance to people, those of the other takes stay, whom nobody films.
+    If drones keep a distance from people, those of the other takes remain, but nobody films them.
     """
     if not problem.airspace.people_aside:
         return problem.of_take(k)
@@ -204,15 +207,16 @@ def hedging(
     method: str = _METHOD,
     show: Callable[[str], None] = lambda name: None,
 ) -> Hedging:
-    """Returns plans for each take alone and for all, each in every take, with certified bounds.
+    """Returns plans for each take alone and for all takes, each evaluated in every take, with
+    certified bounds.
 
     Parameters
     ----------
-    problem : with takes
-    seconds : for each plan, the coverage included
+    problem : a problem with takes
+    seconds : time for each plan, including coverage
     stop : a further stopping criterion
-    method : an exact method
-    show : told what is planned next
+    method : name of an exact method
+    show : called with what is planned next
     """
     scenes = [if_sure(problem, k) for k in range(len(problem.takes))] + [problem]
     names = [*(take.name for take in problem.takes), HEDGED]
@@ -228,7 +232,7 @@ def hedging(
     worth = {plan: (*reward_in(problem, plan), check(problem, plan).reward) for plan in known}
     rows = []
     for k, (name, scene, result) in enumerate(zip(names, scenes, results, strict=True)):
-        # Of a search that was cut short another one may know a better plan.
+        # If a search was cut short, another search may have found a better plan for its take.
         plan = max(known, key=lambda plan: worth[plan][k], default=None)
         rows.append(
             PlanForTake(

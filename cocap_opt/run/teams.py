@@ -1,7 +1,7 @@
-"""Teams: the drones of a scene in other numbers, with other cameras, or at another height.
+"""Teams: a scene with another number of drones, other cameras, or another flight height.
 
-A team's drones are all alike, as those of the scene are, and start where it is best, in the area
-that the scene gives them or wherever they may be.
+A team's drones are all alike, like those of the scene, and start where it is best, in the area that
+the scene gives them or in any free state.
 """
 
 from typing import NamedTuple
@@ -28,9 +28,10 @@ class TeamChoice(NamedTuple):
 
     Attributes
     ----------
-    drones : how many
+    drones : number of drones
     camera : name of their camera, one of `CAMERAS`; None: as in the scene
-    height : m, the one flight height, as the scene's heights are given; None: those of the scene
+    height : the only flight height, relative to the same datum as the scene's heights, m; None: the
+        heights of the scene
     """
 
     drones: int
@@ -39,20 +40,20 @@ class TeamChoice(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The choice in words, such as "3 drones, skydio-2, at 9 m"."""
+        """The choice in words, e.g. "3 drones, skydio-2, at 9 m"."""
         words = "1 drone" if self.drones == 1 else f"{self.drones} drones"
         camera = "" if self.camera is None else f", {self.camera}"
         height = "" if self.height is None else f", at {self.height:g} m"
         return f"{words}{camera}{height}"
 
     def scene(self, problem: Problem) -> Problem:
-        """Returns a scene with these drones in place of its own, which starts where is best.
+        """Returns the scene with these drones instead of its own; they start where it is best.
 
         Raises
         ------
         ProblemError
-            If the scene's drones are not alike, so many do not find starts that keep the rules, or
-            they may be nowhere at this height.
+            If the scene's drones are not alike, if there are not enough starts that obey the rules,
+            or if no place is free at this height.
         """
         within(self.drones, 1, MOST_DRONES, "drones")
         robot = _with_height(_with_camera(drone_of(problem), self.camera), self.height)
@@ -64,24 +65,24 @@ class TeamChoice(NamedTuple):
 
 
 def seen_alone(scene: Problem, cameras: int, at_least: float | None = None) -> Problem:
-    """Returns a scene whose J is the number of views, of which so many count of a person.
+    """Returns a scene whose J is the number of views, counted up to a number of drones per person.
 
     Parameters
     ----------
-    scene : of a team
+    scene : scene of a team
     cameras : k; J is the sum of min(k, drones that see the person) over person-steps
-    at_least : share of a person that a drone must see; None: as the scene has it
+    at_least : share of a person that a drone must see; None: as in the scene
     """
     name = f"{scene.name}, seen by {cameras}"
     return views_alone(scene, views_asked(scene, cameras, at_least), name)
 
 
 def drone_of(problem: Problem) -> Robot:
-    """Returns the drone of which teams are made: as the scene's drones are, with all their starts.
+    """Returns the drone of which teams consist: like the scene's drones, with all their starts.
 
-    It has the choice of starts that some of them have; where all starts are fixed it may start in
-    every free state. A goal of several cells stays the drones' goal, such as ground to land on.
-    Homes are left out, for each drone needs one of its own.
+    It may start in any of the states that some drones can choose from; if all starts are fixed, it
+    may start in every free state. A goal of several cells, e.g. ground to land on, remains the
+    drones' goal. Homes are omitted, since each drone would need its own.
 
     Raises
     ------
@@ -92,15 +93,17 @@ def drone_of(problem: Problem) -> Robot:
     for i, robot in enumerate(problem.robots):
         for field in ("motion", "camera", "limits"):
             same = getattr(robot, field) == getattr(first, field)
-            words = "must be as that of robots[0] where teams are made"
+            words = "must be the same as for robots[0] to make teams"
             require(same, f"robots[{i}].{field}", words)
-        words = "must be left out, or several cells that are the same for all, where teams are made"
+        words = (
+            "must be left out, or be several cells that are the same for all drones, to make teams"
+        )
         is_shared = isinstance(robot.goal, GoalArea) and robot.goal == first.goal
         require(robot.goal is None or is_shared, f"robots[{i}].goal", words)
     chosen = dict.fromkeys(
         robot.start for robot in problem.robots if not isinstance(robot.start, State)
     )
-    words = "must be the same for all drones, or fixed ones, where teams are made"
+    words = "must be the same for all drones, or fixed, to make teams"
     require(len(chosen) <= 1, "robots", f"their choices of starts {words}")
     return first.replace(start=next(iter(chosen), StartArea()), home=None)
 
@@ -110,12 +113,16 @@ def _with_camera(robot: Robot, name: str | None) -> Robot:
         return robot
     given = camera_called(name)
     camera: AnyCamera = robot.camera
-    require(isinstance(camera, Camera), "robots[0].camera", "must make pictures to be changed")
+    require(
+        isinstance(camera, Camera),
+        "robots[0].camera",
+        ("must make images if its camera is to be changed"),
+    )
     return robot.replace(camera=given.replace(tilts=camera.tilts))
 
 
 def _with_height(robot: Robot, height: float | None) -> Robot:
-    """Returns a drone that stays at one height, and may start there."""
+    """Returns a drone that stays at one flight height, and may start there."""
     if height is None:
         return robot
     start: AnyStart = robot.start
@@ -123,6 +130,7 @@ def _with_height(robot: Robot, height: float | None) -> Robot:
         start = start.replace(layers=None)
     else:
         raise ProblemError(
-            "robots: their starts are states of the scene's heights; give an area for other heights"
+            "robots: their starts are states at the scene's heights; give an area to use "
+            "other heights"
         )
     return robot.replace(start=start, motion=robot.motion.replace(layers=(height,)))

@@ -1,4 +1,6 @@
-"""Verification of plans, certificates and proofs: their claims, against what is computed anew."""
+"""Verifies plans, certificates and proofs: compares their claims with values that are
+recomputed.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -33,16 +35,16 @@ def _tell_nobody(done: int, total: int) -> None:
 
 
 class ProvedBound(NamedTuple):
-    """The bound of a file that proves what it claims: every number was computed anew."""
+    """The bound of a file that proves its claim: every number was recomputed."""
 
-    model: Model  # by which it is priced, with coverage that is computed afresh
+    model: Model  # the model used for pricing, with newly computed coverage
     file: CertificateFile | ProofFile
-    pricing: Pricing  # what the sweep finds of it
-    second_opinion: SecondOpinion | None = None  # None if nobody has asked
+    pricing: Pricing  # result of the sweep
+    second_opinion: SecondOpinion | None = None  # None if it was not requested
 
     @property
     def problem(self) -> Problem:
-        """The problem that the bound is on: the scene, mostly with its own objective."""
+        """The problem of the bound: the scene, usually with the objective in the file."""
         return self.model.problem
 
     @classmethod
@@ -56,26 +58,27 @@ class ProvedBound(NamedTuple):
         stop: Stop = never,
         plain: bool = False,
     ) -> Self:
-        """Prices a certificate, or all leaves of a proof, and compares that with its claim.
+        """Prices a certificate, or all leaves of a proof, and compares the result with the claim.
 
         Parameters
         ----------
-        model : of the problem that the bound is on, or of the same with another objective, and then
-            one is made of that
-        twice : other code finds the bound, too
-        progress : told how many leaves are done, and of how many
-        second : told how far the second opinion is, as `SecondOpinion.of` tells it
-        stop : limit of what comes before the second opinion
-        plain : use no code that is compiled by numba; only staged certificates take longer then
+        model : model of the bound's problem, or of the same problem with another objective, from
+            which a model is then made
+        twice : True: also compute the bound with other code
+        progress : called with the number of finished leaves, and the total
+        second : called with the progress of the second opinion, as in `SecondOpinion.of`
+        stop : stopping criterion of all computations before the second opinion
+        plain : True: use no code compiled by numba; only staged certificates then take longer
 
         Raises
         ------
         CertificateError
-            If it proves nothing, or less than it claims, or the second opinion is another bound.
+            If it proves nothing, or less than it claims, or if the second opinion is a different
+            bound.
         UnfinishedError
-            If a limit is reached: it may hold all the same.
+            If a limit is reached; the claim may still hold.
         TooLargeError
-            If there is to be a second opinion, and it is too large for that.
+            If the file is too large for the requested second opinion.
         """
         problem = file.problem_of(model.problem)
         if problem.objective != model.problem.objective:
@@ -86,40 +89,40 @@ class ProvedBound(NamedTuple):
         return proved.found_twice(second) if twice else proved
 
     def found_twice(self, progress: Progress = _tell_nobody) -> Self:
-        """Returns it with a second opinion, for a file that `require_small` has let pass.
+        """Returns the bound with a second opinion, for a file that `require_small` accepts.
 
         Parameters
         ----------
-        progress : told how far the second opinion is, as `SecondOpinion.of` tells it
+        progress : called with the progress of the second opinion, as in `SecondOpinion.of`
 
         Raises
         ------
         CertificateError
-            If the second opinion is another bound.
+            If the second opinion is a different bound.
         TooLargeError
-            If the file turns out to be too large for one.
+            If the file turns out to be too large for a second opinion.
         """
         opinion = SecondOpinion.of(self.model, self.file, progress)
         if not opinion.agrees(self.pricing):
             raise CertificateError(
-                f"bound: `verify` finds {self.pricing.bound!r}, {opinion.by} {opinion.bound!r}, so "
-                "one of the two is wrong"
+                f"bound: `verify` finds {self.pricing.bound!r}, {opinion.by} "
+                f"{opinion.bound!r}, so one of the two is wrong"
             )
         return self._replace(second_opinion=opinion)
 
 
 @dataclass(frozen=True)
 class Verified:
-    """Outcome of checking claims.
+    """The outcome of checking claims.
 
     Attributes
     ----------
     problem : the problem that the claims are about
-    plan : that was checked
+    plan : the plan that was checked
     verdict : the referee's verdict on the plan; None without a plan
     bounds : the proved bounds
     violations : false claims, in words
-    plain : bounds were checked without any code that is compiled by numba
+    plain : True if bounds were checked without any code compiled by numba
     """
 
     problem: Problem
@@ -140,15 +143,15 @@ class Verified:
         failed: Sequence[str] = (),
         plain: bool = False,
     ) -> Self:
-        """Has the referee judge a plan, and compares it with claims and with bounds.
+        """Has the referee evaluate a plan, and compares it with claims and bounds.
 
         Parameters
         ----------
-        claimed : the plan's file, which claims something of it
-        values : J as others claim it of the plan
-        bounds : of which the lowest counts
-        failed : what is wrong with further bounds, in words
-        plain : bounds were checked without any compiled code
+        claimed : the plan's file, with its claims
+        values : J of the plan as claimed elsewhere
+        bounds : bounds, of which the lowest counts
+        failed : the errors in further bounds, in words
+        plain : True if bounds were checked without any compiled code
         """
         verdict = None if plan is None else check(problem, plan)
         found = cls(problem, plan, verdict, tuple(bounds), plain=plain)
@@ -157,7 +160,7 @@ class Verified:
 
     @cached_property
     def proved(self) -> ProvedBound | None:
-        """The lowest bound that is proved; None without one."""
+        """The lowest proved bound; None if there is none."""
         return min(
             self.bounds,
             key=lambda bound: proved_in(self.problem, bound.file, bound.pricing.bound),
@@ -166,28 +169,32 @@ class Verified:
 
     @property
     def reward(self) -> float:
-        """J of the plan; -infinite without one that can be flown."""
+        """J of the plan; -inf if there is no plan that can be flown."""
         flown = self.verdict is not None and not self.verdict.violations
         return self.verdict.reward if self.verdict is not None and flown else -math.inf
 
     @property
     def is_on_other_objective(self) -> bool:
-        """The file's bound is on another objective than the scene's, as of views alone."""
+        """True if the file's bound is for another objective than the scene's, e.g. for views
+        alone.
+        """
         return self.proved is not None and self.proved.problem.objective != self.problem.objective
 
     @property
     def is_of_share(self) -> bool:
-        """The bound holds for plans that keep the share of views that the scene asks for."""
+        """True if the bound holds for plans that reach the share of views that the scene
+        requires.
+        """
         return self.is_on_other_objective and self._share_bound < math.inf
 
     @cached_property
     def keeps_share(self) -> bool:
-        """The plan keeps that share, if one is asked for."""
+        """True if the plan reaches that share, or none is required."""
         return self.plan is not None and keeps_share(self.problem, self.plan)
 
     @cached_property
     def reward_there(self) -> float:
-        """J of the plan with the objective that the file is for, mostly the scene's."""
+        """J of the plan with the file's objective, which is usually the scene's."""
         if not self.is_on_other_objective or self.plan is None or self.reward == -math.inf:
             return self.reward
         assert self.proved is not None
@@ -195,16 +202,18 @@ class Verified:
 
     @property
     def bound_there(self) -> float:
-        """The lowest bound with that objective: what the file claims, or clearly less, proves."""
+        """The lowest bound for that objective: the file's claim, or a clearly lower value that its
+        numbers prove.
+        """
         return self.proved_bound if self.understated else self.claimed_bound
 
     @property
     def bound(self) -> float:
-        """The lowest bound on J that is proved, to which gaps are; infinite without one.
+        """The lowest proved bound on J, from which gaps are computed; infinite if there is none.
 
-        Where the file has another objective, with more weight of views for the share that the scene
-        asks for, it is that of plans that keep the share. Of no other objective it says anything
-        but that there is no plan at all.
+        If the file has another objective, with more weight of views for the share that the scene
+        requires, it is the bound for plans that reach the share. With any other objective, the file
+        proves nothing except, possibly, that no plan exists.
         """
         if not self.is_on_other_objective or self.bound_there < 0:
             return self.bound_there
@@ -212,70 +221,74 @@ class Verified:
 
     @cached_property
     def _share_bound(self) -> float:
-        """The bound for plans that keep the share; infinite where the file says nothing of it."""
+        """The bound for plans that reach the share; infinite if the file proves nothing about
+        them.
+        """
         if self.proved is None:
             return math.inf
         return bound_with_share(self.problem, self.proved.problem, self.bound_there)
 
     @property
     def claimed_bound(self) -> float:
-        """The lowest bound, as its file claims it, which is proved; infinite without one."""
+        """The lowest bound as claimed by its file, which proves it; infinite if there is none."""
         return math.inf if self.proved is None else self.proved.file.proved
 
     @property
     def proved_bound(self) -> float:
-        """The bound that the numbers of the lowest file prove; its claim may be lower."""
+        """The bound that the numbers of the lowest file prove; it may be lower than the claim."""
         return math.inf if self.proved is None else self.proved.pricing.bound
 
     @property
     def understated(self) -> bool:
-        """Returns True if the numbers prove clearly less than the file claims."""
+        """True if the numbers prove a clearly lower bound than the file claims."""
         if self.proved is None:
             return False
         return self.claimed_bound - self.proved_bound > OPTIMALITY * abs(self.claimed_bound)
 
     @property
     def method(self) -> str | None:
-        """The method that made the bound."""
+        """The method that computed the bound."""
         return None if self.proved is None else self.proved.file.method
 
     @property
     def optimistic(self) -> bool:
-        """The bound was computed as if nothing hid anybody, at some steps."""
+        """True if the bound was computed as if nothing hid anybody, at some steps."""
         file = None if self.proved is None else self.proved.file
         return isinstance(file, CertificateFile) and bool(file.coverage)
 
     @property
     def other_coverage(self) -> str:
-        """Says that the bound was made with another version of coverage; empty if it was not."""
+        """A message if the bound was made with another version of coverage; otherwise empty."""
         return "" if self.proved is None else other_coverage(self.proved.file.coverage_version)
 
     @cached_property
     def other_instance(self) -> str:
-        """Says that a bound was made of an instance that is not the scene's; empty if none was."""
+        """A message if a bound was made from an instance that is not the scene's; otherwise
+        empty.
+        """
         named = [bound for bound in self.bounds if isinstance(bound.file.instance, str)]
         if all(bound.file.instance == instance_digest(bound.model) for bound in named):
             return ""
         return (
-            "a file names another instance than coverage gives here: it was altered, or numbers "
-            "were rounded otherwise"
+            "a file names another instance than the one that coverage gives here: the file was "
+            "altered, or numbers were rounded differently"
         )
 
     @property
     def gap(self) -> float:
-        """The relative gap, (bound - reward) / bound; infinite where one of them is missing."""
+        """The relative gap, (bound - reward) / bound; infinite if one of them is missing."""
         if self.is_of_share and not self.keeps_share:
             return math.inf
         return relative_gap(self.reward, self.bound)
 
     @property
     def no_plan(self) -> bool:
-        """It is proved that no plan obeys the rules: J >= 0, and a bound is below 0."""
+        """True if it is proved that no plan obeys the rules: a bound is below 0 although J >= 0."""
         return self.bound < 0
 
     @property
     def is_optimal(self) -> bool:
-        """All claims hold, and the bound leaves nothing open above the plan."""
+        """True if all claims hold and the bound closes the gap to the plan."""
         return not self.violations and self.gap <= OPTIMALITY and self.keeps_share
 
     def __repr__(self) -> str:
@@ -285,7 +298,7 @@ class Verified:
         return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
 
     def _of_plan(self, claimed: PlanFile | None, values: Sequence[float]) -> Iterator[str]:
-        """Yields what is wrong with the plan, and with what is claimed of it."""
+        """Yields the errors in the plan and in its claims."""
         if self.verdict is None:
             return
         if claimed is not None and claimed.digest != problem_digest(self.problem):
@@ -299,13 +312,13 @@ class Verified:
             if not math.isclose(value, self.reward, rel_tol=ROUNDING, abs_tol=ROUNDING):
                 made = None if claimed is None else claimed.coverage_version
                 why = f"; {words}" if (words := other_coverage(made)) else ""
-                yield f"reward: the plan claims {value!r}, it is {self.reward!r}{why}"
+                yield f"reward: the plan claims {value!r}, but it is {self.reward!r}{why}"
 
     def _of_both(self) -> Iterator[str]:
-        """Yields what contradicts each other in a plan and a bound of which all claims hold."""
+        """Yields contradictions between a plan and a bound whose claims all hold."""
         if self.verdict is None:
             return
         if self.bound_there < 0:
-            yield "plan: it obeys the rules, though it is proved that no plan does"
+            yield "plan: it obeys the rules, although it is proved that no plan does"
         elif self.reward_there > self.bound_there + ROUNDING * abs(self.bound_there):
             yield "reward: it is above the bound, so one of the two is wrong"

@@ -1,8 +1,8 @@
 """V, the number of drones that see each person, added up over the person-steps that count.
 
-Each person and step counts up to a number of drones, and as often as the person is important there;
-people without any weight do not count. V is planned for with all else or alone, and may be asked
-for as a share of the most that it could be.
+Each person-step counts up to a number of drones, weighted by the person's importance; people
+without any weight do not count. V can be part of the objective or the only part, and a share of its
+largest possible value can be required.
 """
 
 import math
@@ -18,8 +18,8 @@ from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
 
-_ROUNDING = 1e-9  # relative
-_KEPT = 64  # plans of a trade-off, which are told after each direction
+_ROUNDING = 1e-9  # relative rounding error
+_KEPT = 64  # plans of a trade-off that are cached, as they are reported after each direction
 
 
 def views_asked(
@@ -30,12 +30,12 @@ def views_asked(
 ) -> Views:
     """Returns the views that V counts, with weight 1 for each person who has any weight.
 
-    What is None is as the problem's objective has it, or as usual.
+    None: as in the problem's objective, or the default.
 
     Raises
     ------
     ProblemError
-        If a number is out of range; it names the field.
+        If a number is out of range; the message names the field.
     """
     given = {"cameras": cameras, "at_least": at_least, "share": share}
     views = (problem.objective.views or Views()).replace(
@@ -51,11 +51,11 @@ def counted_weights(problem: Problem) -> FloatArray:
 
 
 def views_alone(problem: Problem, views: Views, name: str | None = None) -> Problem:
-    """Returns a problem in which drones that see people count, and nothing else.
+    """Returns a problem in which only the drones that see people count.
 
     Parameters
     ----------
-    name : of it; None: that of the problem
+    name : name of the new problem; None: that of the given problem
     """
     objective = Objective(
         pixels=0.0, views=views.replace(share=None), count_start=problem.objective.count_start
@@ -64,9 +64,10 @@ def views_alone(problem: Problem, views: Views, name: str | None = None) -> Prob
 
 
 def counting_gap(problem: Problem) -> float:
-    """Returns the relative gap below which a plan is proved best, as J is a whole number of units.
+    """Returns the relative gap below which a plan is proved optimal because J is a whole number of
+    units.
 
-    So it is where J counts views of one weight and nothing else; elsewhere it is `OPTIMALITY`.
+    This applies if J counts only views of equal weight; otherwise the gap is `OPTIMALITY`.
     """
     views = problem.objective.views
     if views is None or problem.objective != views_alone(problem, views).objective:
@@ -79,7 +80,7 @@ def counting_gap(problem: Problem) -> float:
 
 
 def most_views(problem: Problem, cameras: int) -> float:
-    """Returns the most that V could be, if all people were seen by so many drones at all steps."""
+    """Returns the largest possible V, if all people were seen by this many drones at all steps."""
     return min(cameras, len(problem.robots)) * math.fsum(counted_weights(problem).ravel().tolist())
 
 
@@ -90,7 +91,9 @@ def views_of(problem: Problem, plan: Plan, views: Views) -> float:
 
 @lru_cache(maxsize=_KEPT)
 def seen_share(problem: Problem, plan: Plan, views: Views) -> float:
-    """Returns the share of person-steps, by importance, that so many drones see; nan of none."""
+    """Returns the share of person-steps, by importance, that this many drones see; nan if there are
+    none.
+    """
     assumptions, weights = Assumptions(at_least=views.at_least), counted_weights(problem)
     found = Quality.of(problem, plan, assumptions=assumptions)
     seen, total = weights[found.views >= views.cameras].sum(), weights.sum()
@@ -98,9 +101,9 @@ def seen_share(problem: Problem, plan: Plan, views: Views) -> float:
 
 
 def views_to_keep(problem: Problem, views: Views) -> float:
-    """Returns the least V of a plan that keeps the share of all views that is asked for.
+    """Returns the smallest V of a plan that reaches the requested share of all views.
 
-    Where all person-steps count alike, V is a multiple of what one of them counts.
+    If all person-steps have equal weight, V is a multiple of that weight.
     """
     least = (views.share or 0.0) * most_views(problem, views.cameras)
     counted = counted_weights(problem)
@@ -112,7 +115,7 @@ def views_to_keep(problem: Problem, views: Views) -> float:
 
 
 def lagrangian_bound(bound: float, multiplier: float, views: float) -> float:
-    """Returns the J that no plan of at least so many views exceeds, by a bound on J + m V.
+    """Returns a J that no plan with at least this many views exceeds, from a bound on J + m V.
 
         J <= B - m V
 
@@ -127,18 +130,19 @@ def lagrangian_bound(bound: float, multiplier: float, views: float) -> float:
 
 
 def bound_with_share(problem: Problem, other: Problem, bound: float) -> float:
-    """Returns the J that no plan that keeps the share asked for exceeds, by a bound elsewhere.
+    """Returns a J that no plan that reaches the requested share exceeds, from a bound for another
+    objective.
 
     Parameters
     ----------
     other : the problem with more weight of views for each person who counts, or with views alone
-    bound : on its J
+    bound : a bound on its J
 
     Returns
     -------
     float
-        -inf where no plan keeps the share; inf where the bound says nothing of it, or no share is
-        asked for.
+        -inf if no plan reaches the share; inf if the bound proves nothing about it, or no share is
+        requested.
     """
     given, heavier = problem.objective.views, other.objective.views
     if given is None or heavier is None or given.share is None:
@@ -157,19 +161,20 @@ def bound_with_share(problem: Problem, other: Problem, bound: float) -> float:
     is_alone = other.objective == views_alone(problem, heavier).objective
     if is_alone and lagrangian_bound(bound, float(weights[counted].min()), kept) < 0:
         return -math.inf
-    return found if found >= 0 else -math.inf  # no J is negative
+    return found if found >= 0 else -math.inf  # J is never negative
 
 
 def proved_in(
     problem: Problem, file: CertificateFile | ProofFile, bound: float | None = None
 ) -> float:
-    """Returns the bound on J of a problem that a file claims, by its own objective or the scene's.
+    """Returns the bound on J of a problem that a file claims, for its own objective or the scene's.
 
-    Where the objective is its own, that is of plans that keep the share of views asked for.
+    If the file has its own objective, the bound holds for plans that reach the requested share of
+    views.
 
     Parameters
     ----------
-    bound : that its numbers prove, in place of the one that it claims
+    bound : the bound that its numbers prove; None: use the claimed bound
     """
     other, proved = file.problem_of(problem), file.proved if bound is None else bound
     if other.objective == problem.objective:
@@ -178,22 +183,22 @@ def proved_in(
 
 
 def told_share(share: float, reward: float | None, bound: float) -> str:
-    """Says what is known of the plans that keep a share of views.
+    """Describes what is known about the plans that reach a share of views.
 
     Parameters
     ----------
-    reward : J of the best one; None if none is known
-    bound : J that none of them exceeds; negative: there is none
+    reward : J of the best such plan; None if none is known
+    bound : J that no such plan exceeds; negative: none exists
     """
     if bound < 0:
-        return f"no plan of these drones keeps {100 * share:g} %: that is proved"
-    words = "none was found" if reward is None else f"the best one found has J = {reward:,.2f}"
-    proved = f"; none has more than {told_bound(bound, reward)}" if bound < math.inf else ""
+        return f"proved: no plan of these drones keeps {100 * share:g} %"
+    words = "no plan was found" if reward is None else f"the best one found has J = {reward:,.2f}"
+    proved = f"; no plan has more than {told_bound(bound, reward)}" if bound < math.inf else ""
     return f"with {100 * share:g} % of views {words}{proved}"
 
 
 def keeps_share(problem: Problem, plan: Plan) -> bool:
-    """Returns True for a plan that keeps the share of views that is asked for, if one is."""
+    """Returns True if a plan reaches the requested share of views, or if none is requested."""
     asked = views_asked(problem)
     if asked.share is None:
         return True
@@ -201,12 +206,12 @@ def keeps_share(problem: Problem, plan: Plan) -> bool:
 
 
 def missed_share(problem: Problem, plan: Plan) -> str:
-    """Says that a plan does not keep the share of views that is asked for; empty if it does."""
+    """Returns a message if a plan does not reach the requested share of views; otherwise empty."""
     if keeps_share(problem, plan):
         return ""
     asked = views_asked(problem)
     most, kept = most_views(problem, asked.cameras), views_of(problem, plan, asked)
     return (
-        f"{kept:g} of {most:g} views are kept, fewer than {100 * (asked.share or 0):g} %: `solve` "
-        "looks for the best plan that keeps them, or a proof that none does"
+        f"{kept:g} of {most:g} views are kept, fewer than {100 * (asked.share or 0):g} %: use "
+        "`solve` to find the best plan that keeps them, or a proof that none does"
     )

@@ -12,20 +12,20 @@ from cocap_opt.problem import Shape
 from cocap_opt.problem.shapes import Cuboid, Prism
 from cocap_opt.world.workspace import HeightMap, Mesh
 
-_FLAT = 1e-9  # m; points that are closer to a plane lie in it
-_MOST_PLANES = 64  # of a mesh that counts as one convex body
+_FLAT = 1e-9  # m; points closer than this to a plane lie in it
+_MOST_PLANES = 64  # planes of a mesh that counts as one convex body
 T = TypeVar("T", bound=np.generic)
 
 
 class Bodies(NamedTuple):
-    """Convex bodies one after the other; missing planes hide nothing, missing pairs are (0, 0)."""
+    """A sequence of convex bodies; missing planes hide nothing, missing pairs are (0, 0)."""
 
     normals: FloatArray  # [B, P, 3] unit vectors, outward; 0 where missing
     offsets: FloatArray  # [B, P] m; 1 where missing
     neighbours: IntArray  # [B, N, 2] planes that share an edge
     low: FloatArray  # [B, 2] m, least x and y
     high: FloatArray  # [B, 3] m, greatest x, y and z
-    endless: BoolArray  # [B] true for upright boxes that reach down without end
+    endless: BoolArray  # [B] True for upright boxes without a lower end
 
     @classmethod
     def none(cls) -> "Bodies":
@@ -51,16 +51,16 @@ class Bodies(NamedTuple):
 
     @classmethod
     def of_mesh(cls, mesh: Mesh, origin: FloatArray) -> "Bodies | None":
-        """Returns a closed mesh as one body if it is convex and has few sides, and None if not.
+        """Returns a closed mesh as one body if it is convex and has few sides, otherwise None.
 
         Parameters
         ----------
-        origin : [3] m, which becomes 0
+        origin : [3] m, new origin of the coordinates
         """
         if not mesh.is_solid or not len(mesh.surface):
             return None
         corners = mesh.vertices[np.unique(mesh.surface)] - origin
-        # Neither place nor size decides if a mesh is convex, but for the rounding of coordinates.
+        # Convexity depends neither on position nor on size, except for rounding of coordinates.
         size, farthest = float(np.ptp(corners, axis=0).max()), float(np.abs(mesh.vertices).max())
         flat = _FLAT * max(1.0, size) + 8 * np.finfo(float).eps * farthest
         normals: list[FloatArray] = []
@@ -68,7 +68,7 @@ class Bodies(NamedTuple):
             doubled = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
             length = float(np.linalg.norm(doubled))
             if length == 0:
-                continue  # it has no area, and its corners are those of others
+                continue  # it has no area, and its corners belong to other triangles
             if ((corners - triangle[0]) @ doubled > flat * length).any():
                 return None  # a corner is beyond this triangle's plane
             if not any(np.abs(doubled / length - normal).max() <= _FLAT for normal in normals):
@@ -83,11 +83,12 @@ class Bodies(NamedTuple):
 
     @classmethod
     def of_columns(cls, height_map: HeightMap, origin: FloatArray) -> "Bodies":
-        """Returns the columns of a map, those of one height merged to boxes without bottom.
+        """Returns the columns of a map; columns of equal height are merged into boxes without a
+        bottom.
 
         Parameters
         ----------
-        origin : [3] m, which becomes 0
+        origin : [3] m, new origin of the coordinates
         """
         first, last, heights = _merged_cells(height_map.heights)
         corner = np.array(height_map.origin) - origin[:2]
@@ -121,7 +122,7 @@ class Bodies(NamedTuple):
 
 
 def widened(values: NDArray[T], width: int, filling: float) -> NDArray[T]:
-    """Returns values [n, w, ..] as [n, width, ..], what is missing filled."""
+    """Returns values [n, w, ..] as [n, width, ..], padded with the filling."""
     n, has, *rest = values.shape
     if has == width:
         return values
@@ -137,14 +138,14 @@ _COLUMN_EDGES = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [1, 3], [1, 4], [2, 3]
 
 
 def _merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Returns rectangles that together are the map [X, Y]: first and last cells [n, 2], heights.
+    """Returns rectangles that together cover the map [X, Y]: first and last cells [n, 2], heights.
 
-    All cells of a rectangle have one height; the lowest cells are one rectangle, the whole map,
-    as nothing is below them.
+    All cells of a rectangle have the same height; the lowest cells are one rectangle, the whole
+    map, as nothing is below them.
     """
     lowest = heights.min()
     free = heights > lowest
-    # Cells that no neighbour is as high as are most of them on rough ground.
+    # On rough ground, most cells have no neighbour of equal height.
     alone = free & _differs_from_neighbours(heights)
     free &= ~alone
     rectangles = [(x, y, x, y) for x, y in np.argwhere(alone).tolist()]
@@ -164,7 +165,7 @@ def _merged_cells(heights: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
 
 
 def _differs_from_neighbours(values: FloatArray) -> BoolArray:
-    """Returns an array [X, Y], true where no value before or after along x or y is the same."""
+    """Returns an array [X, Y], True if no neighbour along x or y has the same value."""
     differs = np.ones(values.shape, dtype=bool)
     for part, same in ((differs, values), (differs.T, values.T)):
         equal = same[1:] == same[:-1]
@@ -174,12 +175,12 @@ def _differs_from_neighbours(values: FloatArray) -> BoolArray:
 
 
 def _run(values: BoolArray) -> int:
-    """Returns the number of true values before the first false one."""
+    """Returns the number of True values before the first False."""
     return len(values) if values.all() else int(values.argmin())
 
 
 def _between(polygons: Sequence[FloatArray]) -> Bodies:
-    """Returns the body between polygons [V, 3], counter-clockwise seen from outside."""
+    """Returns the body bounded by polygons [V, 3], counter-clockwise seen from outside."""
     corners = np.unique(np.concatenate(polygons), axis=0)
     doubled = np.array([np.cross(p[1] - p[0], p[2] - p[0]) for p in polygons])
     normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
@@ -193,7 +194,7 @@ def _body(normals: FloatArray, offsets: FloatArray, on: BoolArray, corners: Floa
 
     Parameters
     ----------
-    on : [C, P] true for corners on planes; two planes with two common corners share an edge
+    on : [C, P] True for corners on planes; two planes with two common corners share an edge
     """
     pairs = [
         (a, b) for a, b in combinations(range(on.shape[1]), 2) if (on[:, a] & on[:, b]).sum() >= 2

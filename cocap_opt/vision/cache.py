@@ -1,7 +1,7 @@
 """Coverage tables on disk, found by content.
 
-A file's name is the digest of all that the table depends on, the code included. Its first
-bytes are the digest of the rest, so that a damaged file is noticed and made again.
+A file's name is the digest of everything on which the table depends, including the code. Its first
+bytes are the digest of the rest, so a damaged file is noticed and computed again.
 """
 
 import hashlib
@@ -25,11 +25,11 @@ from cocap_opt.vision.coverage import CoverageTable
 log = logging.getLogger(__name__)
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
-_Computed = tuple[CoverageTable, float]  # and the seconds that it took to compute it
+_Computed = tuple[CoverageTable, float]  # a table, and the seconds it took to compute
 
 
 class TableCache(NamedTuple):
-    """A folder of coverage tables; None keeps nothing."""
+    """A folder of coverage tables; with None, nothing is stored."""
 
     folder: Path | None
 
@@ -37,7 +37,7 @@ class TableCache(NamedTuple):
     def of_user(cls) -> "TableCache":
         """Returns the cache in COCAP_OPT_CACHE, or in cocap-opt in the user's cache folder.
 
-        It has no folder if the user has no home.
+        The cache has no folder if the user has no home.
         """
         return cls(users_folder())
 
@@ -47,20 +47,21 @@ class TableCache(NamedTuple):
 
         Parameters
         ----------
-        maker : full name of the module that makes the table; all that it imports counts
+        maker : full name of the module that makes the table; the digest includes all modules that
+            it imports
         """
         digest = hashlib.sha256(_code(maker))
         digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
         return digest.hexdigest()
 
     def has(self, key: str) -> bool:
-        """Returns True if there is a file of the table with this content key."""
+        """Returns True if a file of the table with this content key exists."""
         return self.folder is not None and self._path(key).is_file()
 
     def table(self, key: str, make: Callable[[], _Computed]) -> _Computed:
-        """Reads the table with this content key from disk, or makes it and writes it there.
+        """Reads the table with this content key from disk, or computes and stores it.
 
-        With it come the seconds that it took to compute it, whenever and in whatever process.
+        Also returns the seconds that the computation took, whenever and in whatever process it ran.
         """
         if self.folder is None:
             return make()
@@ -89,14 +90,14 @@ def _plain(value: object) -> object:
 
 def _read(path: Path) -> _Computed | None:
     try:
-        if not path.is_file():  # opening a pipe would wait for someone to write into it
+        if not path.is_file():  # opening a pipe would wait for a writer
             return None
         with path.open("rb") as file:
             digest, body = file.read(_DIGEST_BYTES), file.read()
     except OSError:
         return None
     if hashlib.sha256(body).digest() == digest:
-        # NumPy names no set of errors for files of other kinds.
+        # NumPy does not specify which errors files of other kinds raise.
         with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
             table = CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
             return table, float(arrays["seconds"])
@@ -105,13 +106,13 @@ def _read(path: Path) -> _Computed | None:
 
 
 class _Hashing:
-    """A file that is written from here on without going back, and the digest of what is written.
+    """A file that is written sequentially, and the digest of the written bytes.
 
-    Tables are large: no copy of one is made in memory.
+    Tables are large, so they are not copied in memory.
 
     Attributes
     ----------
-    digest : of all that was written
+    digest : digest of everything written so far
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -123,11 +124,11 @@ class _Hashing:
         return self._file.write(data)
 
     def flush(self) -> None:
-        """Writes what is held back."""
+        """Writes buffered bytes."""
         self._file.flush()
 
     def read(self, size: int = -1) -> bytes:
-        """Reads nothing: NumPy takes what can be read for a file."""
+        """Reads nothing: NumPy treats an object as a file only if it can be read."""
         raise io.UnsupportedOperation
 
 
@@ -135,7 +136,7 @@ def _write(path: Path, computed: _Computed) -> None:
     table, seconds = computed
 
     def write(file: BinaryIO) -> None:
-        file.write(bytes(_DIGEST_BYTES))  # its place
+        file.write(bytes(_DIGEST_BYTES))  # reserves space for the digest
         body = _Hashing(file)
         np.savez(cast(BinaryIO, body), seconds=np.float64(seconds), **table._asdict())
         file.seek(0)
@@ -144,6 +145,6 @@ def _write(path: Path, computed: _Computed) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically({path: write})
-    except OSError as error:  # a full or read-only disk costs speed, not the run
+    except OSError as error:  # a full or read-only disk affects the speed, not the result
         words = f"cannot write {path.parent}, the cache: {error.strerror or error}"
         log.warning("%s", words, extra={"once": "coverage is not kept"})

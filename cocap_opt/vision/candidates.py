@@ -1,30 +1,30 @@
-"""The bodies that can hide an actor from an eye, found by direction and slope.
+"""Finds the bodies that can hide an actor from an eye, by direction and slope.
 
-Seen from above, a camera and the circle around an actor span a fan. A body can hide the actor
-only if it meets the fan and is higher there than the lowest line of sight. Let D be the way from
+Seen from above, a camera and the circle around an actor span a fan. A body can hide the actor only
+if it meets the fan and is higher there than the lowest line of sight. Let D be the distance from
 the actor's middle to the nearest point of the body, r the circle's radius, and h and z the heights
-of the body and of the eye above the actor's foot. A line of sight that passes the body is at a
-share of at least (D - r) / (D_eye - r) of the way to the eye, so that the body is out of the way if
+of the body and of the eye above the actor's foot. A line of sight that passes the body is at least
+at the share (D - r) / (D_eye - r) of the way to the eye, so the body cannot hide the actor if
 
     h / (D - r) < z / (D_eye - r).
 
-Directions around each actor are divided into sectors. Each sector has the list of the bodies that
-reach into the fans of its eyes, the steepest first.
+Directions around each actor are divided into sectors. Each sector has a list of the bodies that
+reach into the fans of its eyes, steepest first.
 
-Where all eyes are known to be in some upright boxes, columns that are beside the boxes around each
-of these and the actor are not listed. One of their own sides is between them and all lines of
-sight, so that their shadows would be found to be beside the actor.
+If all eyes are known to be in some upright boxes, columns outside the bounding boxes of each of
+these and the actor are not listed. One of their own sides separates them from all lines of sight,
+so their shadows would miss the actor.
 
-The skyline of the columns before an actor leaves out those that hide nothing alone. Let r be the
-distance along the level way to the actor's middle, u = aside / r and s = up / r, as in the image of
-a level camera. A column has no lower end, so that a point beyond it is hidden if it is below the
-column's upper edge, a concave chain of lines over u. The actor's span of u is divided into bins. In
-each bin, the skyline is the highest of those columns' upper edges that span the bin, each at its
-lowest there. All that is below the skyline is hidden, and a column that is nowhere above it hides
-nothing that others do not hide.
+The skyline of the columns in front of an actor makes it possible to skip columns that hide nothing
+on their own. Let r be the distance along the level way to the actor's middle, u = aside / r and s =
+up / r, as in the image of a level camera. A column has no lower end, so a point behind it is hidden
+if it is below the column's upper edge, a concave chain of lines over u. The actor's span of u is
+divided into bins. In each bin, the skyline is the highest upper edge of the columns that span the
+bin, each edge taken at its lowest point there. Everything below the skyline is hidden, and a column
+that is nowhere above it hides nothing that others do not hide.
 
-So columns hide together what none of them hides alone, and few of many are left whose shadows must
-be cut out. Only columns that are wholly closer than the actor take part.
+So columns can hide together what none of them hides alone, and only a few remain whose shadows must
+be cut out. Only columns that are entirely closer than the actor are used.
 """
 
 import math
@@ -38,11 +38,12 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 
 SECTORS = 128
-ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them
-_PAIRS = 50_000  # of targets and bodies at once, so that they stay in the processor's cache
-_MOST_SECTORS = 2**16  # at once: their numbers have 16 bits
-_BESIDE = 1.0  # m, by which a column must be beside to be left out
-GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
+ROUNDING = 1e-9  # of slopes and directions; much more than their rounding
+_PAIRS = 50_000  # targets times bodies at once; fits into the processor's cache
+_MOST_SECTORS = 2**16  # sectors at once: their numbers have 16 bits
+_BESIDE = 1.0  # m; margin by which a column must be outside to be skipped
+# resolution of keys, so that a slope's part does not depend on the sector's number
+GRAIN = 2.0**-30
 
 
 class Candidates:
@@ -52,17 +53,18 @@ class Candidates:
     ----------
     bodies : all of them
     middles, radii, feet : [G, 2], [G] and [G] m, of upright cylinders around the targets
-    lowest_eye : m, no eye is lower
-    within : [K, 4] m, least x and y, and greatest, of upright boxes that have all eyes; if not
-        given, eyes may be anywhere
+    lowest_eye : lowest altitude of an eye, m
+    within : [K, 4] m, least and greatest x and y of upright boxes that contain all eyes (default:
+        eyes may be anywhere)
 
     Attributes
     ----------
     bodies : all of them
-    tops, middles, halves : [B] m, [B, 2] m and [B, 2] m, of the bodies along z, and x and y
+    tops, middles, halves : [B], [B, 2] and [B, 2] m, tops of the bodies, and middles and half sizes
+        along x and y
     around, radii, feet : [G, 2], [G] and [G] m, of the cylinders, as given
-    keys, numbers, nearest : of each entry of a list, its sector and slope as one increasing number,
-        its body, and that one's least distance (m)
+    keys, numbers, nearest : for each entry of a list, its sector and slope as one increasing
+        number, its body, and the body's least distance (m)
     starts : [128 G + 1] first entry of each sector
     """
 
@@ -88,7 +90,7 @@ class Candidates:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the lists."""
+        """Size of the lists in bytes."""
         lists = self.keys, self.numbers, self.nearest, self.starts
         return sum(part.nbytes for part in lists)
 
@@ -105,29 +107,29 @@ class Candidates:
         first = self.starts[sector]
         ends = np.searchsorted(self.keys, sector + _fall(slope) + 4 * GRAIN, side="right")
         low = np.minimum(eyes[:, 2], foot)
-        # What reaches beyond the eye is out of the way, unless it is around the target.
+        # Bodies beyond the eye hide nothing, unless they surround the target.
         reach = np.maximum(away, np.nextafter(radius, np.inf))
         return Lists(self, targets, first, ends - first, way, away, reach, low)
 
 
 class Lists(NamedTuple):
-    """Lists of the bodies that may hide n targets, the steepest first."""
+    """Lists of the bodies that may hide n targets, steepest first."""
 
     candidates: Candidates
     targets: IntArray  # [n]
-    first: IntArray  # [n] entry that each list begins with
+    first: IntArray  # [n] first entry of each list
     counts: IntArray  # [n] number of entries
     way: FloatArray  # [n, 2] m, from the target's middle to the eye
-    away: FloatArray  # [n] m, its length
+    away: FloatArray  # [n] m, length of this vector
     reach: FloatArray  # [n] m; bodies that are no closer to the target are beyond the eye
     low: FloatArray  # [n] m; bodies that are no higher are below all lines of sight
 
     def part(self, rows: IntArray, done: int, size: int) -> tuple[IntArray, IntArray]:
-        """Returns bodies of some lists, from entry `done` on up to `size` of each.
+        """Returns bodies of some lists, up to `size` of each, from entry `done` on.
 
         Returns
         -------
-        rows, bodies : [m] each, the number of the list, in the order given, and that of the body
+        rows, bodies : [m] each, number of the list, in the given order, and number of the body
         """
         take = np.minimum(self.counts[rows] - done, size)
         row = np.repeat(rows, take)
@@ -139,7 +141,7 @@ class Lists(NamedTuple):
         return row[kept], bodies[kept]
 
     def in_strip(self, rows: IntArray, bodies: IntArray) -> BoolArray:
-        """Returns an array [m], true for bodies that meet the strip around target and eye."""
+        """Returns an array [m], True for bodies that meet the strip from target to eye."""
         found, targets, way = self.candidates, self.targets[rows], self.way[rows]
         with np.errstate(divide="ignore", invalid="ignore"):
             across = np.stack([-way[:, 1], way[:, 0]], axis=1) / self.away[rows][:, None]
@@ -186,10 +188,10 @@ def _entries(
     steepest = np.argsort(fall, kind="stable")
     counts = counts[steepest]
     sector = row[steepest].repeat(counts) * SECTORS + spans(first[steepest], counts) % SECTORS
-    # Numbers of 16 bits are sorted in a time that grows with their number only.
+    # Sorting 16-bit numbers takes linear time.
     order = np.argsort(sector.astype(np.uint16), kind="stable")
     entry = steepest.repeat(counts)[order]
-    # There may be millions of entries: numbers of 32 bits take half of the time and memory.
+    # There may be millions of entries: 32-bit numbers take half of the time and memory.
     held = body.astype(np.int32)[entry]
     return which[0] * SECTORS + sector[order] + fall[entry], held, nearest[entry]
 
@@ -197,7 +199,9 @@ def _entries(
 def _may_be_between(
     bodies: Bodies, middles: FloatArray, radii: FloatArray, within: FloatArray
 ) -> BoolArray:
-    """Returns an array [n, B], false for columns that are beside all ways from boxes to targets."""
+    """Returns an array [n, B], False for columns that are outside all ways from boxes to
+    targets.
+    """
     found = np.tile(~bodies.endless, (len(radii), 1))
     reach = radii[:, None] + _BESIDE
     for box in within:
@@ -212,45 +216,46 @@ def _may_be_between(
 
 
 def _sector(angle: FloatArray) -> IntArray:
-    """Returns the numbers of the sectors that hold angles (rad), not brought into one turn."""
+    """Returns the numbers of the sectors that contain angles (rad), not reduced to one turn."""
     result: IntArray = np.floor(angle * (SECTORS / math.tau)).astype(np.int64)
     return result
 
 
 def _fall(slope: FloatArray) -> FloatArray:
-    """Returns numbers from 0 to 0.8 that increase with the slope's fall.
+    """Returns numbers from 0 to 0.8 that increase as the slope decreases.
 
-    With a sector's number they make keys, and stay below those of the next sector.
+    Added to a sector's number they form keys that stay below those of the next sector.
     """
     result: FloatArray = np.rint((0.4 - 0.8 / math.pi * np.arctan(slope)) / GRAIN) * GRAIN
     return result
 
 
 BINS = 8
-SHARES = np.linspace(0, 1, BINS + 1)  # of the span of u, where bins begin and end
-_FIRST = 2  # columns of each actor that are looked at first, the steepest
-MARGIN = 1e-9  # of u and s, much more than that of computing them
-NEAREST = 1e-2  # m; nearer columns look too large to be compared
+# relative positions, in the span of u, at which bins begin and end
+SHARES = np.linspace(0, 1, BINS + 1)
+_FIRST = 2  # columns of each actor that are examined first, steepest first
+MARGIN = 1e-9  # of u and s; much more than their rounding
+NEAREST = 1e-2  # m; nearer columns appear too large to be compared
 
 
 class Skyline:
-    """The skylines before n actors, one for each.
+    """The skylines in front of n actors, one for each.
 
     Parameters
     ----------
-    corners : [n, C, 3] m, of the actors, relative to the eyes
+    corners : [n, C, 3] m, corners of the actors, relative to the eyes
     eyes : [n, 3] m
 
     Attributes
     ----------
-    hidden : [n] true where all of an actor is below its skyline
+    hidden : [n] True if the whole actor is below its skyline
     """
 
     def __init__(self, corners: FloatArray, eyes: FloatArray) -> None:
         self.hidden = np.zeros(len(eyes), dtype=bool)
         way = corners[..., :2].mean(axis=1)
         length = np.hypot(way[:, 0], way[:, 1])
-        # From straight above, all is at distance 0: no column is nearer.
+        # From directly above, everything is at distance 0: no column is nearer.
         self._ahead = way / np.where(length > 0, length, 1.0)[:, None]
         self._eyes = eyes
         x, y = self._ahead[:, 0, None], self._ahead[:, 1, None]
@@ -269,16 +274,16 @@ class Skyline:
 
         Parameters
         ----------
-        lists : the bodies that may hide each actor, best the highest first
+        lists : the bodies that may hide each actor, preferably highest first
         bodies : all bodies
 
         Returns
         -------
         counts : [n] number of bodies of each actor; 0 for those that are hidden
-        which : their numbers, one actor's after the other's
+        which : their numbers, actor by actor
         """
         done, size, found = 0, _FIRST, []
-        # Ever more at once: the first bodies hide most of the actors that are hidden.
+        # More and more at once: the first bodies hide most of the hidden actors.
         while len(rest := np.flatnonzero(~self.hidden & (lists.counts > done))):
             actor, which = lists.part(rest, done, size)
             found.append(self._edges(bodies, actor, which))
@@ -293,7 +298,7 @@ class Skyline:
         return np.bincount(edges.actor, minlength=len(self.hidden)), edges.body[order]
 
     def _edges(self, bodies: Bodies, actor: IntArray, which: IntArray) -> "_Edges":
-        """Returns the upper edges of bodies [m] before actors [m]."""
+        """Returns the upper edges of bodies [m] in front of actors [m]."""
         (x, y), eyes = self._ahead[actor].T, self._eyes[actor]
         low, high = bodies.low[which] - eyes[:, :2], bodies.high[which] - eyes
         corners = [(a, b) for a in (low[:, 0], high[:, 0]) for b in (low[:, 1], high[:, 1])]
@@ -313,7 +318,7 @@ class Skyline:
         )  # fmt: skip
 
     def _raise(self, edges: "_Edges") -> None:
-        """Raises the skylines to edges, those of one actor one after the other."""
+        """Raises the skylines to edges; edges of the same actor are applied one after the other."""
         if not len(edges.actor):
             return
         bins = self._bins[edges.actor]
@@ -329,7 +334,9 @@ class Skyline:
         self._heights[actors] = np.maximum(self._heights[actors], raised)
 
     def _stands_out(self, edges: "_Edges") -> BoolArray:
-        """Returns an array [m], true for bodies that may be above the skyline, or take no part."""
+        """Returns an array [m], True for bodies that may exceed the skyline, or that are not part
+        of it.
+        """
         bins = self._bins[edges.actor]
         met = edges.left[:, None] <= bins[:, 1:] + MARGIN
         met &= edges.right[:, None] >= bins[:, :-1] - MARGIN
@@ -339,14 +346,14 @@ class Skyline:
 
 
 class _Edges(NamedTuple):
-    """Lines that the upper edges of m bodies are not below; nan for bodies that take no part."""
+    """Lower bounds on the upper edges of m bodies, as lines; nan for bodies that are not used."""
 
     actor: IntArray  # [m]
     body: IntArray  # [m]
     left: FloatArray  # [m] least u
     right: FloatArray  # [m] greatest u
     middle: FloatArray  # [m] u of the highest corner
-    peak: FloatArray  # [m] its s
+    peak: FloatArray  # [m] s of that corner
     rise: FloatArray  # [m] slope on its left
     fall: FloatArray  # [m] slope downward on its right
 
@@ -359,12 +366,12 @@ class _Edges(NamedTuple):
         return cls._make(np.concatenate(column) for column in columns)
 
     def taken(self, kept: BoolArray) -> "_Edges":
-        """Returns the edges that are true in an array [m]."""
+        """Returns the edges for which an array [m] is True."""
         which = np.flatnonzero(kept)
         return _Edges._make(column[which] for column in self)
 
 
 def _slope(rise: FloatArray, run: FloatArray) -> FloatArray:
-    """Returns rise / run; 0 where there is no run, for the line has no length there."""
+    """Returns rise / run; 0 if run is 0, as the line then has no length."""
     slope: FloatArray = np.where(run > 0, rise, 0.0) / np.where(run > 0, run, 1.0)
     return slope

@@ -1,6 +1,6 @@
-"""Upper bounds on what all states at some places see, as if nothing hid anybody.
+"""Upper bounds on the views of all states at some places, as if nothing hid anybody.
 
-They bound what coverage that a limit cut short leaves open; coverage itself uses nothing of them.
+They bound coverage that a limit has left unknown; coverage itself does not use them.
 """
 
 import math
@@ -14,27 +14,27 @@ from cocap_opt.vision.projection import dot
 from cocap_opt.vision.sights import ON_THE_EDGE
 from cocap_opt.vision.views import ConeViews, PinholeViews, StateViews
 
-_AT_ONCE = 200_000  # orientations times places times actors, for the processor's cache
-_SLACK = 1e-7  # m, much more than the rounding of coordinates
+_AT_ONCE = 200_000  # orientations times places times actors; fits into the processor's cache
+_SLACK = 1e-7  # m; much more than the rounding of coordinates
 
 
 class Ceiling(NamedTuple):
-    """Upper bounds on what all states at places see, added up with their weights."""
+    """Upper bounds on the views of all states at places, weighted and added up."""
 
     roots: FloatArray  # [O, n] of all faces' roots of px/m2
     pixels: FloatArray  # [O, n] of all faces' px/m2
-    people: FloatArray  # [O, n] of people who count
-    visible: BoolArray  # [W] true where one of the states may see the face or person
+    people: FloatArray  # [O, n] of counted people
+    visible: BoolArray  # [W] True if one of the states may see the face or person
 
 
 def ceiling(views: StateViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
-    """Returns an upper bound on what all states at places [n] see at step t.
+    """Returns an upper bound on the views of all states at places [n] at step t.
 
-    It costs much less than coverage, since nothing is clipped.
+    It takes much less time than coverage, since nothing is clipped.
 
     Parameters
     ----------
-    weights : [W] of the faces, and of the people who count
+    weights : [W] weights of the faces and of counted people
     """
     if not views.n_faces or not len(places):
         none = np.zeros((views.graph.n_orientations, len(places)))
@@ -46,14 +46,14 @@ def ceiling(views: StateViews, t: int, places: IntArray, weights: FloatArray) ->
 
 
 def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
-    """Returns an upper bound on what all states at places [n] see at step t.
+    """Returns an upper bound on the views of all states at places [n] at step t.
 
-    The image of a face of area A, whose plane the eye is h before, has
+    For a face of area A, with the eye at distance h in front of its plane, the image has
 
         (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (least depth)^3
 
-    pixels per square metre. What of an actor is in the image is no closer than the middle of
-    its sphere less its reach, in depth and, by the angle of the image's corners, in distance.
+    pixels per square metre. Parts of an actor in the image are no closer than the middle of its
+    sphere less its radius, in depth and, by the angle of the image's corners, in distance.
     """
     camera, planes, owners = views.camera, views.geometry.planes(t), views.problem.face_owner
     weights, of_people = np.split(weights, [views.n_faces])
@@ -61,7 +61,7 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
     cosine_at_corner = 1 / math.hypot(1.0, *slopes)
     right, up, forward = np.moveaxis(views.axes, 1, 0)  # [O, 3] each
     by_actor = partial(_by_actor, owners=owners, n_actors=len(planes.reaches))
-    # What an upright cylinder reaches towards the camera, beyond its middle [O, 1, A] m.
+    # Extent of an upright cylinder towards the camera, from its middle [O, 1, A] m.
     level, steep = np.hypot(forward[:, 0], forward[:, 1]), np.abs(forward[:, 2])
     reach = np.outer(level, planes.radii) + np.outer(steep, planes.halves) + _SLACK
     margins = [(planes.reaches + _SLACK) * math.hypot(1.0, slope) for slope in slopes]
@@ -85,7 +85,7 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
         nearest = np.maximum(depth[in_view] - reach[orientation, actor], nearest[place, actor])
         inverse = camera.focal**2 / np.maximum(nearest, _SLACK) ** 3
         pixels = np.minimum(inverse * by_actor(ahead * weights)[place, actor], most[actor])
-        # By the inequality of Cauchy and Schwarz, of the faces of an actor.
+        # By the Cauchy-Schwarz inequality, over the faces of an actor.
         roots = np.sqrt(pixels * of_actors[actor])
         at, size = orientation * len(chunk) + place, (len(views.axes), len(chunk))
         visible = in_view.any(axis=0)[:, owners] & turned
@@ -98,9 +98,9 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
 
 
 def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
-    """Returns an upper bound on what all states at places [n] see at step t.
+    """Returns an upper bound on the views of all states at places [n] at step t.
 
-    All of the level way to a face counts as ahead.
+    The whole horizontal distance to a face counts as straight ahead.
     """
     headings, owners = views.graph.motion.headings, views.problem.face_owner
     weights, of_people = np.split(weights, [views.n_faces])
@@ -127,12 +127,13 @@ def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) ->
 def _people(
     in_view: BoolArray, weights: FloatArray, visible: BoolArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Returns the sums [O, n] of people in view [O, n, A], and which columns [W] may be seen.
+    """Returns the sums [O, n] over people in view [O, n, A], and True for columns [W] that may be
+    seen.
 
     Parameters
     ----------
-    weights : [A] of the people, or none if they do not count
-    visible : [n, F] true where a face may be seen from a place
+    weights : [A] weights of the people; empty if they are not counted
+    visible : [n, F] True if a face may be seen from a place
     """
     faces = np.asarray(visible.any(axis=0))
     if not len(weights):
@@ -142,7 +143,7 @@ def _people(
 
 
 def _joined(parts: list[Ceiling]) -> Ceiling:
-    """Returns the ceiling of all places from those of some each."""
+    """Returns the ceiling of all places, given those of parts of the places."""
     *sums, visible = zip(*parts, strict=True)
     roots, pixels, people = (np.concatenate(part, axis=1) for part in sums)
     return Ceiling(roots, pixels, people, np.any(visible, axis=0))
@@ -156,10 +157,10 @@ def _by_actor(values: FloatArray, owners: IntArray, n_actors: int) -> FloatArray
 
 
 def _chunks(places: IntArray, size: int) -> list[IntArray]:
-    """Returns places [n] in parts that are small enough.
+    """Returns places [n] in sufficiently small parts.
 
     Parameters
     ----------
-    size : orientations times actors
+    size : number of orientations times actors
     """
     return np.array_split(places, -(-len(places) * size // _AT_ONCE))

@@ -1,4 +1,4 @@
-"""Views by the compiled kernel: a scene's arrays as it takes them, and what it finds in them."""
+"""Views by the compiled kernel: passes it a scene's arrays, and returns its results."""
 
 from functools import cached_property
 from threading import local
@@ -18,20 +18,20 @@ from cocap_opt.world.workspace import HeightMap
 
 
 class _OfThread(local):
-    """Memory that a thread keeps from one call to the next: fresh memory takes time."""
+    """Memory that a thread keeps between calls, since new memory takes time."""
 
     memory: kernel.Memory | None = None
     found: kernel.Found | None = None
 
 
 class CompiledSight:
-    """Finds what views see, by the kernel.
+    """Computes views with the kernel.
 
     Parameters
     ----------
-    fixed : bodies that hide people, besides other people
-    first_face : [A + 1] of each person
-    take_of : [A] the take of each person, in which nobody of another is there
+    fixed : bodies that hide people, except other people
+    first_face : [A + 1] first face of each person
+    take_of : [A] take of each person; people of other takes are not present
     axes : [O, 3, 3] right, up and forward of the orientations
     """
 
@@ -55,13 +55,14 @@ class CompiledSight:
         self, faces: Faces, t: IntArray, eyes: FloatArray, counts: IntArray, looks: IntArray,
         people: bool,
     ) -> Seen | None:  # fmt: skip
-        """Returns the faces and people that views see; None if NumPy must find them.
+        """Returns the faces and people that views see; None if NumPy must compute them.
 
         Parameters
         ----------
-        t, eyes, counts : steps [e], not decreasing, places [e, 3] m, and numbers [e] of views
+        t, eyes, counts : steps [e], not decreasing, places [e, 3] m, and number of views from each
+            [e]
         looks : [n] numbers of the orientations, place by place
-        people : solid angles are asked for
+        people : True: solid angles are requested
         """
         ends, looks = np.cumsum(counts), _plain(looks, np.int64)
         first, parts, begin = np.concatenate([[0], ends]), list[Seen](), 0
@@ -80,14 +81,14 @@ class CompiledSight:
         self, faces: Faces, t: int, eyes: FloatArray, first: IntArray, looks: IntArray,
         people: bool = False,
     ) -> Seen | None:  # fmt: skip
-        """Returns the same for views at a step; None if a person is cut into too many pieces.
+        """Returns the result for views at one step; None if a person is cut into too many pieces.
 
         Parameters
         ----------
         eyes : [E, 3] m
         first : [E + 1] first view of each eye
         looks : [n] orientation of each view
-        people : solid angles are asked for
+        people : True: solid angles are requested
         """
         persons, before = self._people(faces, t - faces.first), self._before(faces, t - faces.first)
         most, eyes = int(np.diff(first).max(initial=0)), _plain(eyes)
@@ -109,9 +110,9 @@ class CompiledSight:
             found = self._mine.found = found.doubled()
 
     def _memory(self, persons: kernel.People, before: kernel.Before, most: int) -> kernel.Memory:
-        """Returns the memory that this thread works in, for places with so many views at most.
+        """Returns this thread's working memory, for places with at most the given number of views.
 
-        The shapes of people and bodies are those of the sight at all steps.
+        The shapes of people and bodies are those at any step of the sight.
         """
         found = self._mine.memory
         if found is None or len(found.views) < most:
@@ -119,7 +120,7 @@ class CompiledSight:
         return found
 
     def _room(self, views: int, faces: int, people: int) -> kernel.Found:
-        """Returns the arrays that this thread writes entries to, with at least so much room."""
+        """Returns the arrays to which this thread writes entries, with at least the given room."""
         found = self._mine.found
         if found is None or not found.has_room(views, faces, people):
             found = self._mine.found = kernel.Found.empty(views, faces, people)
@@ -157,7 +158,7 @@ def _filled(found: kernel.Found, done: kernel.Total, views: int) -> Seen:
 
 
 def call_once() -> None:
-    """Calls the kernel for no eye at all, so that it is loaded, or compiled and kept."""
+    """Calls the kernel without eyes, so that it is loaded, or compiled and stored."""
     robot, actor = Robot(start=State(0, 0)), Actor(poses=np.zeros((1, 4)))
     flat = HeightMap(heights=np.zeros((1, 1)), resolution=1.0)
     scene = SceneData(name="flat", height_map=flat, robots=(robot,), actors=(actor,), horizon=0)
@@ -171,7 +172,7 @@ def call_once() -> None:
 
 
 def _solids_of(bodies: Bodies) -> kernel.Solids:
-    """Returns bodies with the numbers of their planes and edges that exist."""
+    """Returns bodies with their numbers of existing planes and edges."""
     planes = (bodies.normals != 0).any(axis=2).sum(axis=1)
     pairs = (bodies.neighbours[..., 0] != bodies.neighbours[..., 1]).sum(axis=1)
     return kernel.Solids(
@@ -182,5 +183,5 @@ def _solids_of(bodies: Bodies) -> kernel.Solids:
 
 
 def _plain(values: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:
-    """Returns an array of one kind and layout, for which the kernel is compiled once."""
+    """Returns an array with a fixed type and layout, for which the kernel is compiled once."""
     return np.require(values, kind, ["C", "W"])

@@ -21,25 +21,25 @@ from cocap_opt.vision.views import StateViews
 
 _NONE = np.zeros(0, dtype=np.int64)
 
-# Told how many positions, places at steps, are done, and of how many.
+# Called with the number of finished positions (places at steps), and the total.
 Progress = Callable[[int, int], None]
 
 
 class CoverageTable(NamedTuple):
-    """The coverage of all reachable states that see anything, in compressed sparse rows.
+    """The coverage of all reachable states that see anything, as compressed sparse rows.
 
-    Node t S + s is state s at step t. View sums are numbered as `Problem.step_view_sums` does; in a
-    table that is made, but not yet a problem's, t W + c is column c at step t.
+    Node t S + s is state s at step t. View sums are numbered as in `Problem.step_view_sums`; in a
+    table that is being made, t W + c is column c at step t.
     """
 
     nodes: IntArray  # [n] increasing
     indptr: IntArray  # [n + 1]
     view_sums: IntArray  # [nnz]
-    pixels: FloatArray  # [nnz] px/m2, > 0; 1 for a person who is seen, where people count
-    counts: IntArray = _NONE  # those entries that count people, increasing
+    pixels: FloatArray  # [nnz] px/m2, > 0; 1 for a counted person who is seen
+    counts: IntArray = _NONE  # numbers of the entries that count people, increasing
 
     def row(self, node: int) -> tuple[IntArray, FloatArray]:
-        """Returns the view sums that a node sees and their coverage; empty if it sees nothing."""
+        """Returns the view sums that a node sees, and their coverage; empty if it sees nothing."""
         at = int(np.searchsorted(self.nodes, node))
         if at == len(self.nodes) or self.nodes[at] != node:
             return self.view_sums[:0], self.pixels[:0]
@@ -47,9 +47,10 @@ class CoverageTable(NamedTuple):
         return self.view_sums[part], self.pixels[part]
 
     def entries(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns all entries of nodes [n]: the position of the node, and that of the entry.
+        """Returns all entries of nodes [n]: the node's position and the entry's position, for each
+        entry.
 
-        Both are arrays with one number for each entry; a node that sees nothing has none.
+        A node that sees nothing has no entries.
         """
         if not len(self.nodes):
             return nodes[:0], nodes[:0]
@@ -60,7 +61,7 @@ class CoverageTable(NamedTuple):
         return np.repeat(which, counts), spans(first, counts)
 
     def row_sums(self, values: FloatArray) -> FloatArray:
-        """Returns the sums [n] of `values` [nnz] over the rows, which are never empty."""
+        """Returns the sums [n] of `values` [nnz] over the rows, none of which is empty."""
         if not len(self.nodes):
             return np.zeros(0)
         return np.add.reduceat(values, self.indptr[:-1])
@@ -70,16 +71,16 @@ class GrowingTable:
     """A coverage table that is computed step after step, as far as limits allow.
 
     It has a row for every state in `reachable` that sees anything, and each row depends on its
-    state alone. So with a part of the states the table has the same rows of these, to the last
-    bit, and nothing is computed of others: not of steps without any, nor of places.
+    state alone. So a table for some of the states has the same rows for them, to the last bit, and
+    nothing is computed for other states, steps or places.
 
     Parameters
     ----------
     views : the source of coverage
-    n_places : number of places, each of which has all orientations
-    reachable : [T+1, S] true where a state can be reached, or for some of those states
+    n_places : number of places, each with all orientations
+    reachable : [T+1, S] True for reachable states, or for some of them
     first_step : first step whose views count
-    threads : number of threads (default: all usable cores); the table does not depend on it
+    threads : number of threads (default: all usable cores), which does not affect the table
     """
 
     def __init__(
@@ -97,23 +98,23 @@ class GrowingTable:
 
     @property
     def steps(self) -> int:
-        """Number of steps, from 0 on, that the table is whole for."""
+        """Number of steps, from 0 on, for which the table is complete."""
         return self._whole.steps
 
     def grow(self, stop: Stop = never, progress: Progress = lambda done, total: None) -> None:
-        """Computes the coverage of all reachable states at the steps that are left.
+        """Computes the coverage of all reachable states at the remaining steps.
 
         Parameters
         ----------
         stop : stopping criterion, checked after every batch
-        progress : told at first and then now and then how many positions, places at steps, of how
-            many are done: what is visible from a place takes nearly all time, in whatever
-            directions a drone looks from there
+        progress : called at the beginning and regularly with the number of finished positions
+            (places at steps) and the total; a position takes almost the same time for any number of
+            orientations
 
         Raises
         ------
         LimitReached
-            If a limit is reached before the table is whole. It can grow further later.
+            If a limit is reached before the table is complete. A later call continues.
         """
         positions = positions_of(self._reachable, self._n_places)
         positions[: self._first_step] = 0
@@ -144,15 +145,15 @@ class GrowingTable:
         self._whole = self._whole._replace(steps=len(sizes))
 
     def _sizes(self) -> IntArray:
-        """Returns the number of views at each step that is not done."""
+        """Returns the number of views at each step that is not finished."""
         sizes = np.count_nonzero(self._reachable, axis=1)
         sizes[: self.steps] = 0
         return np.asarray(sizes)
 
     def _batches(self, sizes: IntArray) -> "Iterator[_Batch]":
-        """Yields the reachable states of the steps that are left in batches."""
+        """Yields the reachable states of the remaining steps in batches."""
         for steps in _groups(sizes, self._views.batch):
-            if len(steps) == 1:  # it may be split; several steps are one batch
+            if len(steps) == 1:  # a single step may be split; several steps are one batch
                 self._views.make_ready(steps[0])
             at = Viewpoints.joined([
                 Viewpoints.reachable(step, self._reachable[step], self._n_places) for step in steps
@@ -163,14 +164,15 @@ class GrowingTable:
             yield _Batch(last, steps[-1] + 1)
 
     def _keep(self, found: "list[_Rows]", steps: int, ahead: float) -> None:
-        """Takes up the rows of all batches of some steps, and counts the steps as done.
+        """Adds the rows of all batches of some steps, and marks the steps as finished.
 
         Parameters
         ----------
-        ahead : times the length of now, 1 or more, that the whole table may have
+        ahead : expected length of the complete table, in multiples of its current length (at least
+            1)
 
-        The steps and the lengths of the columns change in one moment, after all columns have grown:
-        an error or an interrupt before leaves the table as it was.
+        The steps and the lengths of the columns change together, after all columns have grown: an
+        error or an interrupt before that leaves the table unchanged.
         """
         rows = _joined(found)
         order = _by_orientation(rows.nodes, self._n_places)
@@ -182,12 +184,12 @@ class GrowingTable:
         self._whole = _Whole(steps, [len(column) for column in self._columns])
 
     def _cut_back(self) -> None:
-        """Removes what an error has left that came while columns grew."""
+        """Removes entries left by an error that occurred while columns grew."""
         for column, length in zip(self._columns, self._whole.lengths, strict=True):
             column.cut(length)
 
     def table(self) -> CoverageTable:
-        """Returns the table of the steps that are done."""
+        """Returns the table of the finished steps."""
         self._cut_back()
         nodes, counts, view_sums, pixels = (column.given() for column in self._columns)
         indptr = np.concatenate([[0], np.cumsum(counts)])
@@ -195,7 +197,7 @@ class GrowingTable:
 
 
 def positions_of(reachable: BoolArray, n_places: int) -> IntArray:
-    """Returns the number [T+1] of places, at each step, that states [T+1, S] have there."""
+    """Returns the number [T+1] of distinct places of the states [T+1, S] at each step."""
     orientations = reachable.shape[1] // max(n_places, 1)
     return np.array(
         [
@@ -207,12 +209,16 @@ def positions_of(reachable: BoolArray, n_places: int) -> IntArray:
 
 
 def batches_of(sizes: IntArray, batch: int) -> int:
-    """Returns the number of batches in which so many views at each step are computed."""
+    """Returns the number of batches in which the given numbers of views at each step are
+    computed.
+    """
     return sum(-(-int(sizes[steps].sum()) // batch) for steps in _groups(sizes, batch))
 
 
 def most_steps_together(sizes: IntArray, batch: int) -> tuple[int, int]:
-    """Returns the first and last of the most steps whose views are computed together."""
+    """Returns the first and last step of the largest group of steps whose views are computed
+    together.
+    """
     steps = max(_groups(sizes, batch), key=len, default=[0])
     return steps[0], steps[-1]
 
@@ -224,13 +230,13 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-_MEASURED = 1.0  # s, after which the time that is left is known by that which has passed
-_SPARE = 1.1  # times the room that a column is expected to need
-_AHEAD = 2  # batches of each thread that are begun before the first of them is taken
+_MEASURED = 1.0  # s after which the remaining time is extrapolated from the elapsed time
+_SPARE = 1.1  # factor on the expected size of a column
+_AHEAD = 2  # batches per thread that are started before the first of them is collected
 
 
 class _Rows(NamedTuple):
-    """A few rows of a table, each of a state that sees anything."""
+    """A few rows of a table, each for a state that sees anything."""
 
     nodes: IntArray  # [n]
     counts: IntArray  # [n] number of entries of each
@@ -242,20 +248,21 @@ class _Batch(NamedTuple):
     """Views that are computed together."""
 
     at: Viewpoints
-    steps: int = 0  # that are done, from 0 on, with this batch; 0 where others of them follow
+    # number of finished steps, from 0 on, after this batch; 0 if further batches of a step follow
+    steps: int = 0
 
 
 class _Whole(NamedTuple):
-    """The part of a table that is whole."""
+    """The complete part of a table."""
 
-    steps: int  # from 0 on
-    lengths: list[int]  # of the columns
+    steps: int  # number of steps, from 0 on
+    lengths: list[int]  # lengths of the columns
 
 
 class _Column:
-    """A column of a table that grows, with room for what is expected to follow.
+    """A growing column of a table, with room for the entries expected to follow.
 
-    So it is hardly ever copied; memory that nothing was written to is none.
+    Thus it is rarely copied; memory that has never been written to takes no space.
     """
 
     def __init__(self, kind: DTypeLike) -> None:
@@ -265,34 +272,36 @@ class _Column:
         return self._length
 
     def append(self, part: NDArray[Any], numbers: IntArray, ahead: float) -> None:
-        """Appends those of the values of a part that have these numbers, in this order.
+        """Appends the values of a part that have the given numbers, in this order.
 
         Parameters
         ----------
-        ahead : times the length of then, 1 or more, that the whole column may have
+        ahead : expected length of the complete column, in multiples of its length after this call
+            (at least 1)
         """
         n, end = self._length, self._length + len(numbers)
         if end > len(self._room):
             room = np.empty(int(end * ahead * _SPARE), self._room.dtype)
             room[:n] = self._room[:n]
             self._room = room
-        np.take(part, numbers, out=self._room[n:end], mode="clip")  # "raise" would copy them again
+        # mode "raise" would copy them again
+        np.take(part, numbers, out=self._room[n:end], mode="clip")
         self._length = end
 
     def cut(self, length: int) -> None:
-        """Forgets all values after the first `length`."""
+        """Drops all values after the first `length`."""
         self._length = min(self._length, length)
 
     def given(self) -> NDArray[Any]:
-        """Returns the column as it is now; what is appended later comes after it."""
+        """Returns the current column; values appended later follow it."""
         return self._room[: self._length]
 
 
 def _groups(sizes: IntArray, batch: int) -> Iterator[list[int]]:
-    """Yields steps that follow on each other and whose views fit into a batch together.
+    """Yields groups of consecutive steps whose views fit into one batch.
 
-    A step with more views than a batch is a group of its own. A limit loses what of a group is
-    done.
+    A step with more views than a batch forms its own group. At a limit, the unfinished group is
+    lost.
     """
     group, n = list[int](), 0
     for step, size in enumerate(sizes.tolist()):
@@ -312,7 +321,7 @@ def _in_turn(
     batches: Iterator[_Batch],
     threads: int,
 ) -> Iterator[tuple[_Batch, _Rows]]:
-    """Yields batches with their rows, while the pool is busy with those that follow."""
+    """Yields batches with their rows, while the pool computes the following ones."""
     begun = deque[tuple[_Batch, Future[_Rows]]]()
     for batch in batches:
         begun.append((batch, pool.submit(find, batch.at)))
@@ -325,7 +334,7 @@ def _in_turn(
 
 
 def _seen_by(views: StateViews, at: Viewpoints) -> _Rows:
-    """Returns the rows of those views that see anything."""
+    """Returns the rows of the views that see anything."""
     seen = views.look(at)
     seeing = np.flatnonzero(seen.counts)
     nodes, counts = at.nodes(seeing, views.graph.n_places, views.n_states), seen.counts[seeing]
@@ -340,9 +349,9 @@ def _joined(parts: list[_Rows]) -> _Rows:
 
 
 def _by_orientation(nodes: IntArray, n_places: int) -> IntArray:
-    """Returns the order of nodes of which those with the same orientation are sorted already."""
+    """Returns the order by place of nodes that are sorted within each orientation."""
     looks = nodes // n_places
     looks -= looks.min(initial=np.iinfo(np.int64).max)
-    if looks.max(initial=0) < 2**16:  # sorted in a time that grows with their number only
+    if looks.max(initial=0) < 2**16:  # radix sort, in linear time
         looks = looks.astype(np.uint16)
     return np.argsort(looks, kind="stable")

@@ -1,9 +1,9 @@
-"""The weight by which a drone that sees a person counts, where nobody states a number.
+"""Default weights for a drone that sees a person, used if no number is given.
 
-By default it is half the reward of a single view of the person from where the person fills a third
-of the image's height, so that nobody needs to know what px/m2 are worth. It follows from shapes,
-weights of faces and cameras alone: it is the same wherever drones start, whatever hides people, and
-for a part of the steps. Where people are to be seen before all else, it is so large that one drone
+By default the weight is half the reward of a single view of the person from where the person fills
+a third of the image's height, so users need not know the meaning of px/m2. It depends only on
+shapes, weights of faces and cameras: it is the same wherever drones start, whatever hides people,
+and for a part of the steps. If seeing people has priority, the weight is so large that one drone
 that sees a person is worth more than all pixels.
 """
 
@@ -20,14 +20,14 @@ from cocap_opt.problem.takes import least_chance
 from cocap_opt.vision.faces import local_faces
 from cocap_opt.vision.projection import Projection, dot
 
-_DIRECTIONS = 8  # around the person, one of them ahead
-_IMAGES = 3.0  # the image is so many times as high as the person in it
+_DIRECTIONS = 8  # directions around the person, one of them ahead
+_IMAGES = 3.0  # height of the image relative to the person in it
 _SHARE_OF_A_VIEW = 0.5
-_DIGITS = 9  # of a weight, so that it is the same where the last bits of sines are others
-_KEPT = 256  # shapes before cameras
+_DIGITS = 9  # digits of a weight, so that it does not depend on the last bits of sines
+_KEPT = 256  # cached pairs of shape and camera
 
 FIRST: Literal["first"] = "first"
-# A number for all people or one for each; None: the default; "first": more than all else.
+# A number for all people or one for each; None: the default; "first": more than everything else.
 Weight = float | tuple[float, ...] | Literal["first"] | None
 
 
@@ -35,10 +35,10 @@ def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[f
     """Returns the weight [A] in px^0.5/m of a drone that sees each person.
 
     The person is alone on flat ground. The camera is level with the person's middle, looks at it,
-    and is as far away as the image is three times as high as the person, or farther, so that all of
-    the person is in the image. The view's reward is the sum of the faces' weights, each times the
-    root of its px/m2. Half of the mean over eight directions and all robots' cameras is the weight;
-    a `Cone` has no image, and is left out.
+    and is at the distance at which the image is three times as high as the person, or farther, so
+    that the whole person is in the image. The view's reward is the sum of the faces' weights, each
+    times the root of its px/m2. The weight is half of the mean over eight directions and all
+    robots' cameras; a `Cone` is left out, as it has no image.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[f
     cameras = [_level(robot.camera) for robot in robots if isinstance(robot.camera, Camera)]
     if not cameras:
         raise ProblemError(
-            "weight: must be given where no drone has a pinhole camera, whose images make a default"
+            "weight: must be given if no drone has a pinhole camera, whose images define a default"
         )
     return tuple(_default_weight(actor, cameras) for actor in actors)
 
@@ -64,9 +64,9 @@ def with_views(
 
     Parameters
     ----------
-    problem : the problem; what it counted before is replaced
-    cameras, weight, at_least, share : as in `Views`; without a weight each person's default;
-        "first": more than all pixels and moves together
+    problem : the problem; its previous count is replaced
+    cameras, weight, at_least, share : as in `Views`; weight None: each person's default; "first":
+        more than all pixels and moves together
 
     Raises
     ------
@@ -89,23 +89,23 @@ def weight_before_all(
     actors: Sequence[Actor], robots: Sequence[Robot], horizon: int, objective: Objective,
     chance: float = 1.0,
 ) -> float:  # fmt: skip
-    """Returns a weight by which a drone that sees a person outweighs all pixels and moves.
+    """Returns a weight with which a drone that sees a person outweighs all pixels and moves.
 
     A face of area A and weight w that has p pixels, in all images together, is worth
     w sqrt(p / A). No pixel shows two faces. So all faces together are worth at most
     sqrt(P sum w^2 / A) at a step, by Cauchy and Schwarz, where P is the number of pixels of all
     images.
 
-    A plan of more views comes before others where all importances are 0 or one number, and so are
-    the probabilities of takes. Where they differ, so may the views of two plans by less than the
-    least of them; pixels may decide then.
+    A plan with more views is better than others if all importances are 0 or the same number, and so
+    are the probabilities of takes. If they differ, the views of two plans may differ by less than
+    the smallest of them, and pixels may decide.
 
     Parameters
     ----------
-    actors, robots : of the problem
+    actors, robots : actors and robots of the problem
     horizon : T
-    objective : of which views have no part
-    chance : least probability of a take, so many times as much as which a view is worth there
+    objective : the objective without views
+    chance : smallest probability of a take, a factor on the worth of its views
 
     Raises
     ------
@@ -116,11 +116,11 @@ def weight_before_all(
     cameras = [robot.camera for robot in robots if isinstance(robot.camera, Camera)]
     if len(cameras) < len(robots):
         raise ProblemError(
-            "weight: must be a number where a drone has no pinhole camera, whose images bound the "
+            "weight: must be a number if a drone has no pinhole camera, whose images bound the "
             "reward of pixels"
         )
     images = sum(camera.width * camera.height for camera in cameras)
-    per_area = 0.0  # of squared weights
+    per_area = 0.0  # squared weights per area
     for actor in actors:
         weights = np.array(actor.face_weights) * max(actor.importance or (1.0,))
         per_area += float((weights**2 / local_faces(actor.shape).areas).sum())
@@ -133,13 +133,13 @@ def weight_before_all(
     require(
         weight <= MOST_WEIGHT,
         "weight",
-        f'"{FIRST}" would be above {MOST_WEIGHT:g} where an importance is {least:g}; give a number',
+        f'"{FIRST}" would be above {MOST_WEIGHT:g} if an importance is {least:g}; give a number',
     )
     return weight
 
 
 def _level(camera: Camera) -> Camera:
-    """Returns a camera without its tilts, which have no part in the weight."""
+    """Returns a camera without its tilts, which do not affect the weight."""
     return camera.replace(tilts=(0.0,))
 
 
@@ -155,7 +155,7 @@ def _default_weight(actor: Actor, cameras: Sequence[Camera]) -> float:
 
 @lru_cache(maxsize=_KEPT)
 def _mean_roots(shape: Shape, camera: Camera) -> FloatArray:
-    """Returns the roots [F] of the px/m2 of each face, their mean over all directions."""
+    """Returns the roots [F] of the px/m2 of each face, averaged over all directions."""
     faces, projection = local_faces(shape), Projection(camera)
     around = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     axes = projection.axes_towards(around, np.zeros(_DIRECTIONS))
@@ -163,7 +163,7 @@ def _mean_roots(shape: Shape, camera: Camera) -> FloatArray:
     middle, distance = np.array([0.0, 0.0, shape.height / 2]), _distance(shape, camera)
     for right_up_forward in axes:
         eye = middle - distance * right_up_forward[2]
-        seen = np.flatnonzero(dot(faces.normals, faces.centres - eye) < 0)  # none hides another
+        seen = np.flatnonzero(dot(faces.normals, faces.centres - eye) < 0)  # no face hides another
         ways = faces.polygons[seen] - eye
         pixels = projection.area(dot(ways[:, :, None], right_up_forward))
         roots[seen] += np.sqrt(pixels / faces.areas[seen])
@@ -172,6 +172,8 @@ def _mean_roots(shape: Shape, camera: Camera) -> FloatArray:
 
 def _distance(shape: Shape, camera: Camera) -> float:
     """Returns the distance (m) of the camera from the person's middle."""
-    radius = float(np.hypot(*local_faces(shape).corners[:, :2].T).max())  # of an upright cylinder
-    as_high = shape.height * camera.focal / camera.height  # from where it is as high as the image
+    # radius of an upright cylinder
+    radius = float(np.hypot(*local_faces(shape).corners[:, :2].T).max())
+    # distance at which the person is as high as the image
+    as_high = shape.height * camera.focal / camera.height
     return max(_IMAGES * as_high, radius + as_high, radius / math.sin(camera.half_angle))

@@ -1,7 +1,7 @@
-"""Geometry of all actors' faces at every step, and of the bodies that can hide them.
+"""Geometry of all actors' faces at every step, and the bodies that can hide them.
 
-All coordinates are relative to a point near by, which is what rays need (`surfaces`); these are
-cast only where a mesh is not convex.
+All coordinates are relative to a nearby point, as required for rays (`surfaces`); rays are used
+only if a mesh is not convex.
 """
 
 from collections import OrderedDict
@@ -21,50 +21,50 @@ from cocap_opt.vision.projection import dot
 if TYPE_CHECKING:
     from cocap_opt.vision.surfaces import Surface
 
-ROUNDING = 1e-6  # m, much more than that of coordinates
-_DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
-_KEPT = 64  # spans of steps, and shapes, whose geometry is kept
-_KEPT_BYTES = 256e6  # of lists of bodies, beyond which only few spans are kept
-_LEAST_KEPT = 4  # spans, that threads are busy with
-_MOST_BOXES = 16  # around starts; more are united
+ROUNDING = 1e-6  # m; much more than the rounding of coordinates
+_DRAWN_IN = 0.01  # relative shift towards the middle, so that no ray grazes the ground
+_KEPT = 64  # spans of steps, and shapes, whose geometry is cached
+_KEPT_BYTES = 256e6  # bytes of lists of bodies; above this, only a few spans are cached
+_LEAST_KEPT = 4  # spans, in use by threads
+_MOST_BOXES = 16  # boxes around starts; further ones are merged
 
 
 class Faces(NamedTuple):
     """Geometry of all faces and actors at L steps; coordinates are relative to an origin."""
 
     first: int  # number of the first step
-    polygons: FloatArray  # [L, F, V, 3] m, shorter polygons repeat their last vertex
+    polygons: FloatArray  # [L, F, V, 3] m; shorter polygons repeat their last vertex
     normals: FloatArray  # [L, F, 3] outward, unit length
     areas: FloatArray  # [F] m2
     centres: FloatArray  # [L, F, 3] m, centroids
-    corners: FloatArray  # [L, A, C, 3] m of each actor, fewer repeat the last
+    corners: FloatArray  # [L, A, C, 3] m for each actor; if there are fewer, the last is repeated
     middles: FloatArray  # [L, A, 3] m, of spheres around the actors
-    reaches: FloatArray  # [A] m, radii of these spheres, rounding included
-    points: FloatArray  # [L, A, N, 3] m, all over each actor, drawn in a little
-    n_vertices: IntArray  # [F] of each polygon, without those that are repeated
-    n_corners: IntArray  # [A] of each actor
-    bodies: Bodies  # L A bodies, those of one step one after the other
+    reaches: FloatArray  # [A] m, radii of these spheres, including rounding
+    points: FloatArray  # [L, A, N, 3] m, spread over each actor, shifted slightly inwards
+    n_vertices: IntArray  # [F] number of vertices of each polygon, without repetitions
+    n_corners: IntArray  # [A] number of corners of each actor
+    bodies: Bodies  # L A bodies, step by step
     candidates: Candidates  # fixed bodies that can hide target l A + a
 
 
 class Planes(NamedTuple):
-    """All faces at one step with their planes, and the spheres around the actors."""
+    """All faces at one step with their planes, and spheres around the actors."""
 
     polygons: FloatArray  # [F, V, 3] m, shorter polygons repeat their last vertex
     normals: FloatArray  # [F, 3] outward, unit length
     centres: FloatArray  # [F, 3] m
     middles: FloatArray  # [A, 3] m
     areas: FloatArray  # [F] m2
-    reaches: FloatArray  # [A] m, radii, rounding included
+    reaches: FloatArray  # [A] m, radii, including rounding
     radii: FloatArray  # [A] m, of upright cylinders around the same middles
     halves: FloatArray  # [A] m, half the heights of these cylinders
 
 
 class Reach(NamedTuple):
-    """The places that cameras can come to, by the step: upright boxes that grow."""
+    """The places that cameras can reach by each step: growing rectangles, seen from above."""
 
-    boxes: tuple[tuple[float, ...], ...]  # m, least x and y, and greatest, at step 0
-    growth: float  # m to each side, a step
+    boxes: tuple[tuple[float, ...], ...]  # m, least and greatest x and y at step 0
+    growth: float  # m per step, on each side
 
     @classmethod
     def around(cls, starts: FloatArray, growth: float) -> Self:
@@ -76,7 +76,7 @@ class Reach(NamedTuple):
         return cls(tuple(map(tuple, np.hstack(ends).tolist())), growth)
 
     def at(self, step: int) -> FloatArray:
-        """Returns the boxes [K, 4] m at a step, which have those of the steps before."""
+        """Returns the boxes [K, 4] m at a step, which contain those of the steps before."""
         wider = (self.growth * step + ROUNDING) * np.array([-1.0, -1.0, 1.0, 1.0])
         return np.asarray(np.array(self.boxes) + wider)
 
@@ -90,18 +90,18 @@ class Reach(NamedTuple):
 
 
 class FaceGeometry:
-    """The faces of a problem's actors, computed when first asked for.
+    """The faces of a problem's actors, computed on first use.
 
     Parameters
     ----------
-    lowest_eye : m, altitude below which nobody looks; None: that of the lowest state
+    lowest_eye : lowest altitude of an eye, m; None: that of the lowest state
 
     Attributes
     ----------
-    origin : [3] m, near the middle of the map, which all coordinates are relative to
-    columns : upright boxes of the map, of which the first is all of it, as low as it gets
-    fixed : the same, and the meshes that are convex
-    mesh : the meshes that are not convex, which only rays meet; None if there are none
+    origin : [3] m, a point near the middle of the map, to which all coordinates are relative
+    columns : upright boxes of the map; the first is the whole map at its lowest height
+    fixed : these columns, and the convex meshes
+    mesh : the meshes that are not convex, which need rays; None if there are none
     """
 
     def __init__(self, problem: SceneData, lowest_eye: float | None = None) -> None:
@@ -128,12 +128,14 @@ class FaceGeometry:
 
     @staticmethod
     def is_sampled(problem: SceneData) -> bool:
-        """Returns True where rays sample a part of the coverage: past meshes not convex."""
+        """Returns True if rays sample part of the coverage, i.e. past meshes that are not
+        convex.
+        """
         return any(Bodies.of_mesh(mesh, np.zeros(3)) is None for mesh in problem.meshes)
 
     @property
     def radius(self) -> float:
-        """Radius (m) of upright cylinders that hold any of the actors, rounding included."""
+        """Radius (m) of upright cylinders that contain any of the actors, including rounding."""
         return max((shape.radius for shape in self._shapes), default=0.0) + ROUNDING
 
     def at(self, t: int) -> Faces:
@@ -141,12 +143,11 @@ class FaceGeometry:
         return self.between(t, t)
 
     def between(self, first: int, last: int, reach: Reach | None = None) -> Faces:
-        """Returns the geometry at the steps first..last; that which was asked for last is kept.
+        """Returns the geometry at steps first..last; the most recent ones are cached.
 
         Parameters
         ----------
-        reach : of all eyes that are asked for, so that fewer bodies are listed; anywhere, if not
-            given
+        reach : the region of all eyes, so that fewer bodies are listed (default: anywhere)
         """
         key = first, last, reach
         with self._lock:
@@ -167,29 +168,29 @@ class FaceGeometry:
     def room(
         self, steps: int, together: tuple[int, int], threads: int, reach: Reach | None
     ) -> float:
-        """Returns the bytes, about, of lists of bodies while a table is made.
+        """Returns the approximate bytes for lists of bodies while a table is made.
 
         Parameters
         ----------
-        steps : of the table
-        together : the first and last of those steps that are the most to be asked for together
-        threads : each of which may make one beside what is kept
-        reach : of the table's eyes
+        steps : number of steps of the table
+        together : first and last step of the largest group that is requested together
+        threads : number of threads, each of which may make a list in addition to the cached ones
+        reach : the region of the table's eyes
         """
         last = self.problem.horizon
         of_step = self.between(last, last, reach).candidates.nbytes
         most = max(of_step, self.between(*together, reach).candidates.nbytes)
         kept = min(steps * of_step, max(_KEPT_BYTES, _LEAST_KEPT * most))
-        return float(kept + 2 * threads * most)  # parts, and all of them joined
+        return float(kept + 2 * threads * most)  # the parts, and all of them joined
 
     def planes(self, t: int) -> Planes:
-        """Returns the planes of the faces at one step, without what can hide them."""
+        """Returns the planes of the faces at one step, without the bodies that can hide them."""
         moving, fixed = self._planes
         return Planes(*(part[t] for part in moving), *fixed)
 
     @cached_property
     def _planes(self) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Planes of all steps: what moves, with steps as its first axis, and what does not."""
+        """Planes at all steps: moving parts, with steps as the first axis, and constant parts."""
         size = max((s.polygons.shape[1] for s in self._shapes), default=3)
         steps = self.problem.horizon + 1
         ways, none = np.zeros((steps, 0, 3)), np.zeros(0)
@@ -211,7 +212,7 @@ class FaceGeometry:
         )
 
     def _between(self, first: int, last: int, reach: Reach | None) -> Faces:
-        """Returns the geometry at the steps first..last for eyes in reach."""
+        """Returns the geometry at steps first..last for eyes within reach."""
         steps = last - first + 1
         poses = [actor.poses[first : last + 1] - [*self.origin, 0] for actor in self.problem.actors]
         size = max((s.polygons.shape[1] for s in self._shapes), default=3)
@@ -236,7 +237,7 @@ class FaceGeometry:
         targets = middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel()
         within = None if reach is None else reach.at(last)
         candidates = Candidates(self.fixed, *targets, self._lowest_eye, within)
-        by_step = np.arange(n * steps).reshape(n, steps).T.ravel()  # bodies are actor by actor
+        by_step = np.arange(n * steps).reshape(n, steps).T.ravel()  # bodies are ordered by actor
         return Faces(
             first,
             np.concatenate(polygons, axis=1) if n else np.zeros((steps, 0, 3, 3)),
@@ -270,7 +271,7 @@ class LocalFaces(NamedTuple):
     areas: FloatArray  # [F] m2
     centres: FloatArray  # [F, 3] m
     corners: FloatArray  # [C, 3] m
-    points: FloatArray  # [N, 3] m, corners and centroids of faces, drawn in a little
+    points: FloatArray  # [N, 3] m, corners and centroids of faces, shifted slightly inwards
     middle: FloatArray  # [3] m
     reach: float  # m, of a sphere around the middle
     radius: float  # m, of an upright cylinder around it
@@ -280,7 +281,7 @@ class LocalFaces(NamedTuple):
 
 @lru_cache(maxsize=_KEPT)
 def local_faces(shape: Shape) -> LocalFaces:
-    """Returns a shape around its foot point, computed once for all actors that have it."""
+    """Returns a shape around its foot point, cached for all actors with this shape."""
     faces = shape.faces()
     doubled = np.array([_doubled_area(face) for face in faces])
     lengths = np.sqrt(dot(doubled, doubled))
@@ -308,21 +309,21 @@ def local_faces(shape: Shape) -> LocalFaces:
 
 
 class _Turned:
-    """Poses [L, 4] that points are brought to."""
+    """Poses [L, 4] to which points are transformed."""
 
     def __init__(self, poses: FloatArray) -> None:
         self._places = poses[:, :3]
         self._cosines, self._sines = cosines(poses[:, 3]), sines(poses[:, 3])
 
     def ways(self, ways: FloatArray) -> FloatArray:
-        """Returns vectors [.., 3], turned [L, .., 3]."""
+        """Returns vectors [.., 3], rotated [L, .., 3]."""
         shape = (-1,) + (1,) * (ways.ndim - 1)
         c, s = self._cosines.reshape(shape), self._sines.reshape(shape)
         x, y, z = ways[..., 0], ways[..., 1], ways[..., 2]
         return np.stack([x * c - y * s, x * s + y * c, np.broadcast_to(z, (c * x).shape)], axis=-1)
 
     def points(self, points: FloatArray) -> FloatArray:
-        """Returns points [.., 3], turned and moved [L, .., 3]."""
+        """Returns points [.., 3], rotated and moved [L, .., 3]."""
         moved = self._places.reshape((-1,) + (1,) * (points.ndim - 1) + (3,))
         result: FloatArray = self.ways(points) + moved
         return result
@@ -332,8 +333,8 @@ class _Turned:
 
         Parameters
         ----------
-        body : around its foot point
-        corners : [L, C, 3] m, where they are
+        body : a body around its foot point
+        corners : [L, C, 3] m, transformed corners
         """
         normals = self.ways(body.normals[0])
         pairs = body.neighbours[0]
@@ -365,5 +366,5 @@ def _centroid(polygon: FloatArray) -> FloatArray:
 
 
 def _padded(polygons: FloatArray, size: int) -> FloatArray:
-    """Returns polygons [n, V, 3] with so many vertices, the last repeated."""
+    """Returns polygons [n, V, 3] with the given number of vertices, repeating the last."""
     return polygons[:, np.minimum(np.arange(size), polygons.shape[1] - 1)]

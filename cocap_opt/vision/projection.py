@@ -1,7 +1,7 @@
 """Pinhole projection of polygons: exact area in pixels, clipped to the image.
 
-Only elementwise arithmetic is used (no BLAS), so that a view's value does not depend on how
-many views are computed together, to the last bit.
+Only elementwise arithmetic is used (no BLAS), so a view's value does not depend, to the last bit,
+on how many views are computed together.
 """
 
 import math
@@ -43,22 +43,24 @@ class Projection(NamedTuple):
     def frustum_distances(self, points: FloatArray) -> FloatArray:
         """Returns signed distances, up to scale, from the four sides of the view frustum [..., 4].
 
-        They are positive inside. A point [..., 3] behind the camera lies outside at least one
-        side, so that no near plane is needed.
+        They are positive inside. A point [..., 3] behind the camera lies outside at least one side,
+        so no near plane is needed.
         """
         return np.stack([self._side_distance(points, side) for side in range(4)], axis=-1)
 
     def area(self, polygons: FloatArray) -> FloatArray:
         """Returns the areas [n] in px of the images of convex polygons [n, V, 3].
 
-        They are clipped to the image before the division by depth, so that a polygon that reaches
-        behind the camera is cut, not mirrored.
+        They are clipped to the image before the division by depth, so a polygon that reaches behind
+        the camera is cut, not mirrored.
         """
         area: FloatArray = self.images(polygons, with_angles=False)[0]
         return area
 
     def images(self, polygons: FloatArray, with_angles: bool) -> FloatArray:
-        """Returns areas as `area` [1, n], and below them [2, n] the solid angles (sr) of images."""
+        """Returns areas like `area` [1, n], optionally followed by the solid angles (sr) of images
+        [2, n].
+        """
         measures = (self._projected_area, solid_angles)[: 1 + with_angles]
         found = np.zeros((len(measures), len(polygons)))
         distances = self.frustum_distances(polygons)
@@ -66,7 +68,7 @@ class Projection(NamedTuple):
         whole = (distances[seen] >= 0).all(axis=(1, 2))
         for k, measure in enumerate(measures):
             found[k, seen[whole]] = measure(polygons[seen[whole]])
-        cut = seen[~whole]  # few, mostly
+        cut = seen[~whole]  # usually few
         if len(cut):
             clipped = self._clipped(polygons[cut])
             for k, measure in enumerate(measures):
@@ -89,7 +91,7 @@ class Projection(NamedTuple):
     def _projected_area(self, polygons: FloatArray) -> FloatArray:
         """Returns the areas [n] in px of the images of polygons [n, V, 3] inside the frustum."""
         depth = polygons[..., 2]
-        # Depth is 0 only if nothing is left of a polygon: all its vertices are the origin.
+        # Depth is 0 only if nothing remains of a polygon: all its vertices are the origin.
         scale = self.camera.focal / np.where(depth > 0, depth, 1.0)
         u, v = polygons[..., 0] * scale, polygons[..., 1] * scale
         # The shoelace formula relative to the first vertex keeps the terms small.
@@ -126,7 +128,7 @@ def solid_angles(polygons: FloatArray) -> FloatArray:
         over = a * b * c + to_first[:, k - 1] * c
         over = over + dot(polygons[:, k - 1], polygons[:, k]) * a + to_first[:, k] * b
         size = np.abs(det) + np.abs(over)
-        at_eye = size == 0  # a corner at the eye: nothing is left of the polygon
+        at_eye = size == 0  # a corner at the eye: nothing remains of the polygon
         det, over = (
             np.where(at_eye, x, y / np.where(at_eye, 1.0, size))
             for x, y in ((0.0, det), (1.0, over))

@@ -1,4 +1,4 @@
-"""Pictures by ray casting, pixel by pixel: the reference against which coverage is tested.
+"""Renders images by ray casting, pixel by pixel: the reference against which coverage is tested.
 
 One ray goes through the middle of every pixel, which shows the first surface that the ray meets.
 Rendering shares only the geometry of the faces with coverage.
@@ -17,8 +17,8 @@ from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.surfaces import Surface
 
 SKY, TERRAIN = -2, -1  # in place of a face
-RAYS = 500_000  # cast at once, to bound the memory
-_BORDER = 2.0  # px around the box in which an actor is looked for
+RAYS = 500_000  # rays cast at once, which limits memory
+_BORDER = 2.0  # px of margin around the box that contains an actor
 
 
 class Renderer:
@@ -27,13 +27,13 @@ class Renderer:
     Parameters
     ----------
     problem : the problem
-    step : one ray is cast for each block of step x step pixels, through its middle, and
-        stands for all of its pixels; 1 is exact
+    step : one ray is cast for each block of step x step pixels, through its middle, and represents
+        all its pixels; 1 is exact
 
     Raises
     ------
     UnsupportedError
-        If a robot has a sensor that makes no pictures.
+        If a robot has a sensor that makes no images.
     """
 
     def __init__(self, problem: Problem, step: int = 1) -> None:
@@ -48,15 +48,15 @@ class Renderer:
 
     @staticmethod
     def camera_of(robot: Robot) -> Camera:
-        """Returns a robot's camera, which must make pictures.
+        """Returns a robot's camera, which must make images.
 
         Raises
         ------
         UnsupportedError
-            If it makes none.
+            If it makes no images.
         """
         if not isinstance(robot.camera, Camera):
-            raise UnsupportedError("only pinhole cameras make pictures")
+            raise UnsupportedError("only pinhole cameras make images")
         return robot.camera
 
     def areas(self, t: int) -> FloatArray:
@@ -73,7 +73,7 @@ class Renderer:
             ):
                 of_actors = np.flatnonzero(surface == 0)
                 triangle, ways = triangle[of_actors], ways[of_actors]
-                # A face that is seen from behind, from inside of a body, does not count.
+                # A face that is seen from behind, from inside a body, does not count.
                 outside = (_normals(actors.triangles[triangle]) * ways).sum(axis=1) < 0
                 seen = triangle_faces[triangle[outside]]
                 its_faces = seen[self._problem.face_owner[seen] == actor]
@@ -102,7 +102,7 @@ class Renderer:
 
         Parameters
         ----------
-        take : number of the take whose people are there
+        take : number of the take whose people are present
 
         Returns
         -------
@@ -141,7 +141,7 @@ class Renderer:
         return Surface(actors.triangles[its_triangles]), triangle_faces[its_triangles]
 
     def _eye(self, robot: Robot, state: State) -> FloatArray:
-        """Returns the place of a robot's camera [3] in a state, in m from the origin."""
+        """Returns the position of a robot's camera [3] in a state, in m from the origin."""
         x, y, terrain = state.x, state.y, self._problem.height_map
         altitude = terrain.altitude(x, y, robot.motion.layers[state.layer])
         place: FloatArray = np.array([*terrain.centre(x, y), altitude]) - self._geometry.origin
@@ -150,7 +150,7 @@ class Renderer:
     def _boxes(
         self, t: int, robot: Robot, state: State
     ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-        """Yields actors, and the box (left, top, right, bottom) in px in which each may be."""
+        """Yields actors, each with the box (left, top, right, bottom) in px that may contain it."""
         camera, axes = self.camera_of(robot), _axes(robot, state)
         polygons = self._geometry.at(t).polygons[0]
         for actor in range(len(self._problem.actors)):
@@ -158,10 +158,10 @@ class Renderer:
             right, up, depth = axes @ (corners - self._eye(robot, state)).T
             wide, high = (size / 2 / camera.focal * depth for size in (camera.width, camera.height))
             sides = np.stack([wide - right, wide + right, high - up, high + up])
-            if (sides < 0).all(axis=1).any():  # wholly beyond one side of the image
+            if (sides < 0).all(axis=1).any():  # completely outside one side of the image
                 continue
             whole = (0, 0, camera.width, camera.height)
-            if depth.min() <= 0:  # partly behind the camera: it may be anywhere
+            if depth.min() <= 0:  # partly behind the camera: may appear anywhere
                 yield actor, whole
                 continue
             u = camera.width / 2 + camera.focal * right / depth
@@ -181,7 +181,8 @@ class Renderer:
     ) -> Iterator[tuple[IntArray, FloatArray, IntArray, IntArray]]:
         """Yields the rays of a box of pixels, many at a time.
 
-        Each has its pixel, its way [n, 3], and the surface and triangle that it first meets.
+        Each ray comes with its pixel, its direction [n, 3], and the surface and triangle that it
+        meets first.
         """
         camera, step, axes = self.camera_of(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))
@@ -216,9 +217,9 @@ def _axes(robot: Robot, state: State) -> FloatArray:
 def _nearest(
     surfaces: Sequence[Surface], eyes: FloatArray, ways: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Returns for each ray [n] the number of the surface that it first meets, and the triangle.
+    """Returns, for each ray [n], the number of the surface that it meets first, and the triangle.
 
-    Both are -1 where it meets none.
+    Both are -1 if it meets none.
     """
     distance = np.full(len(ways), np.inf)
     met, triangle_met = np.full(len(ways), -1), np.full(len(ways), -1)

@@ -1,4 +1,4 @@
-"""Faces and people that views see, view by view: by pixels and by solid angles."""
+"""Faces and people seen by views: by pixels and by solid angles."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cocap_opt.arithmetic import entries_of
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
-_SHARE_ROUNDING = 1e-9  # by which a share may be too small: that of a whole person is 1
+_SHARE_ROUNDING = 1e-9  # tolerance for a share: that of a whole person is 1
 
 
 class SeenFaces(NamedTuple):
@@ -30,8 +30,8 @@ class SeenPeople(NamedTuple):
 
     counts: IntArray  # [n] number of people that each view sees
     people: IntArray  # [nnz] view by view, increasing for each
-    visible: FloatArray  # [nnz] sr, > 0, of what is visible in the image
-    unhidden: FloatArray  # [nnz] sr, with nothing in the way and no edge of the image
+    visible: FloatArray  # [nnz] sr, > 0, of the part that is visible in the image
+    unhidden: FloatArray  # [nnz] sr, without obstructions and image edges
 
     @property
     def rows(self) -> IntArray:
@@ -40,12 +40,12 @@ class SeenPeople(NamedTuple):
 
     @property
     def shares(self) -> FloatArray:
-        """Shares [nnz] that are visible of what there is with nothing in the way, 0 to 1."""
+        """Visible shares [nnz] of the unobstructed solid angles, 0 to 1."""
         return np.minimum(self.visible / self.unhidden, 1.0)
 
 
 class Seen(NamedTuple):
-    """The faces that views see, and the people, if these are asked for."""
+    """The faces that views see, and the people, if requested."""
 
     faces: SeenFaces
     people: SeenPeople
@@ -59,21 +59,21 @@ class Seen(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Returns all that the views of several parts see, one after the other."""
+        """Returns everything that the views of several parts see, part by part."""
         faces, people = zip(*parts, strict=True)
         return cls(SeenFaces(*_joined(faces)), SeenPeople(*_joined(people)))
 
     def take(self, order: IntArray) -> Self:
-        """Returns the faces and people of the views order[0], order[1], .. alone."""
+        """Returns the faces and people of the views order[0], order[1], .. only."""
         return type(self)(
             SeenFaces(*_taken(order, *self.faces)), SeenPeople(*_taken(order, *self.people))
         )
 
 
 class SeenColumns(NamedTuple):
-    """The faces that views see, and the people, where these count.
+    """The faces that views see, and the people, if these are counted.
 
-    Columns are numbered as those of `Problem.step_view_sums`: faces, then people.
+    Columns are numbered as in `Problem.step_view_sums`: faces, then people.
     """
 
     counts: IntArray  # [n] number of columns that each view sees
@@ -92,11 +92,11 @@ class SeenColumns(NamedTuple):
 
     @classmethod
     def of(cls, seen: Seen, n_faces: int, at_least: float) -> Self:
-        """Returns faces, and people of whom at least a share is visible.
+        """Returns the seen faces, and the people of whom a sufficient share is visible.
 
         Parameters
         ----------
-        at_least : share of the solid angle that a person has with nothing in the way
+        at_least : required share of a person's unobstructed solid angle
         """
         people = seen.people
         kept = np.flatnonzero(are_seen(people.shares, at_least))
@@ -104,11 +104,11 @@ class SeenColumns(NamedTuple):
 
     @classmethod
     def merged(cls, faces: SeenFaces, rows: IntArray, people: IntArray, n_faces: int) -> Self:
-        """Returns the faces that views see, and after those of each view the people who count.
+        """Returns the faces that views see, each view's faces followed by its counted people.
 
         Parameters
         ----------
-        rows, people : view, increasing, and person, increasing for each view
+        rows, people : numbers of views, increasing, and of people, increasing for each view
         """
         total = len(faces.faces) + len(people)
         columns, amounts = np.empty(total, dtype=np.int64), np.ones(total)
@@ -121,7 +121,7 @@ class SeenColumns(NamedTuple):
 
 
 def are_seen(shares: FloatArray, at_least: float) -> BoolArray:
-    """Returns true where a share of a person is as large as one must be for the person to count."""
+    """Returns True for shares that are large enough for the person to count."""
     return np.asarray(shares >= at_least - _SHARE_ROUNDING)
 
 
@@ -132,7 +132,7 @@ def _taken(order: IntArray, counts: IntArray, *columns: NDArray[Any]) -> list[ND
     ----------
     order : [m] numbers of the views
     counts : [n] number of entries of each view
-    columns : of the entries [nnz], view by view
+    columns : columns of the entries [nnz], view by view
     """
     entries = entries_of(order, counts)
     return [counts[order], *(column[entries] for column in columns)]

@@ -9,7 +9,7 @@ leaves exactly these half-spaces:
 - (|d_b| n_a + |d_a| n_b) . (p - eye) <= 0 for planes a, b of which one is turned to the eye and
   the other is not; those that share an edge imply the others.
 
-From inside a body everything is hidden.
+From inside a body, everything is hidden.
 """
 
 from typing import NamedTuple
@@ -21,10 +21,11 @@ from cocap_opt.vision.bodies import Bodies, widened
 from cocap_opt.vision.projection import dot
 from cocap_opt.world.triangles import clip
 
-FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
-GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less
-OVERLAP = 1e-11  # m, by which shadows are wider, so that no crack is between two that touch
-_Pieces = tuple[FloatArray, IntArray]  # as `Shadows.outside` returns them
+FLUSH = 1e-6  # m; a polygon nowhere deeper than this behind a plane lies in the plane
+# m; a polygon that reaches less than this into the outline of a shadow is not hidden either
+GRAZED = 1e-10
+OVERLAP = 1e-11  # m, by which shadows are widened to close gaps between touching shadows
+_Pieces = tuple[FloatArray, IntArray]  # as returned by `Shadows.outside`
 _ALWAYS = 1.0  # offset of a missing half-space, whose normal is 0: all points are inside
 
 
@@ -33,7 +34,7 @@ class Shadows(NamedTuple):
 
     normals: FloatArray  # [n, K, 3]
     offsets: FloatArray  # [n, K] m
-    depths: FloatArray  # [n, K] m; what is nowhere deeper in a half-space is not hidden
+    depths: FloatArray  # [n, K] m; points nowhere deeper than this in a half-space are not hidden
 
     @classmethod
     def of(cls, bodies: Bodies, which: IntArray, eyes: FloatArray) -> "Shadows":
@@ -65,7 +66,7 @@ class Shadows(NamedTuple):
     def _packed(
         cls, n: int, row: IntArray, normals: FloatArray, offsets: FloatArray, depths: FloatArray
     ) -> "Shadows":
-        """Returns n shadows of half-spaces that are given one by one, with their rows."""
+        """Returns n shadows, given their half-spaces one by one with the row of each."""
         order = np.argsort(row, kind="stable")
         row = row[order]
         counts = np.bincount(row, minlength=n)
@@ -98,11 +99,11 @@ class Shadows(NamedTuple):
         return dot(self.normals[:, :, None], points[:, None]) - self.offsets[:, :, None]
 
     def sides(self, excess: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """Returns arrays [n]: true if the hulls of points are outside, and inside.
+        """Returns arrays [n]: True if the hulls of points are outside, and True if they are inside.
 
         Parameters
         ----------
-        excess : [n, K, V] of the points
+        excess : [n, K, V] excess of the points
         """
         shallow = excess > -self.depths[:, :, None]
         outside = np.asarray(shallow.all(axis=2))
@@ -111,17 +112,17 @@ class Shadows(NamedTuple):
     def outside(
         self, polygons: FloatArray, first: IntArray, counts: IntArray
     ) -> tuple[FloatArray, IntArray]:
-        """Returns the convex pieces of convex polygons that are in no shadow.
+        """Returns the convex pieces of convex polygons that are outside all shadows.
 
         Parameters
         ----------
         polygons : [m, V, 3] m, relative to the eye
-        first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
+        first, counts : [m] first shadow that may fall on each polygon, and number of such shadows
 
         Returns
         -------
         pieces : [q, V, 3] m, relative to the eye; unused vertices repeat the last used one
-        owners : [q] number of the polygon that each is a piece of, increasing
+        owners : [q] number of the polygon to which each piece belongs, increasing
         """
         owners, done, turn, whole = np.arange(len(polygons)), list[_Pieces](), 0, polygons
         while len(owners):
@@ -136,16 +137,18 @@ class Shadows(NamedTuple):
 def _outside(
     polygons: FloatArray, owners: IntArray, whole: FloatArray, shadows: Shadows
 ) -> tuple[FloatArray, IntArray]:
-    """Returns the pieces of polygons [n, V, 3] outside of a shadow each, and whose they are.
+    """Returns the pieces of polygons [n, V, 3] outside a shadow each, and the polygon of each
+    piece.
 
     Parameters
     ----------
-    owners : [n] numbers of the polygons in `whole` [m, V, 3] of which these are pieces
+    owners : [n] numbers of the polygons in `whole` [m, V, 3] to which the pieces belong
     """
     excess = shadows.excess(polygons)
     deepest = excess.min(axis=2)
     beside = (deepest > -shadows.depths).any(axis=1)
-    # A thin piece is behind a plane by little; only a polygon that is so as a whole lies in it.
+    # A thin piece is only slightly behind a plane; only a whole polygon for which this is true lies
+    # in it.
     thin = np.flatnonzero(beside)
     thin = thin[(deepest[thin] <= -GRAZED).all(axis=1)]
     if len(thin):
@@ -154,7 +157,7 @@ def _outside(
     rest = np.flatnonzero(~beside)
     found = [(polygons[beside], np.flatnonzero(beside))]
     inside = polygons[rest]
-    # The others cut nothing off.
+    # The other half-spaces cut nothing off.
     for k in np.flatnonzero((excess[rest] > 0).any(axis=(0, 2))).tolist():
         normals, offsets = shadows.normals[rest, k], shadows.offsets[rest, k]
         beyond = dot(normals[:, None], inside) - offsets[:, None]
@@ -172,7 +175,7 @@ def _outside(
 
 
 def _joined(parts: list[_Pieces]) -> _Pieces:
-    """Returns pieces in order of their owners, those of one in the order in which they came."""
+    """Returns pieces ordered by owner, keeping the order of an owner's pieces."""
     if not parts:
         return np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64)
     size = max(polygons.shape[1] for polygons, _ in parts)
@@ -183,7 +186,7 @@ def _joined(parts: list[_Pieces]) -> _Pieces:
 
 
 def _trimmed(polygons: FloatArray) -> FloatArray:
-    """Returns polygons without the vertices that all of them only repeat."""
+    """Returns polygons without trailing vertices that only repeat others in all of them."""
     size = polygons.shape[1]
     while size > 3 and (polygons[:, size - 1] == polygons[:, size - 2]).all():
         size -= 1
@@ -191,7 +194,7 @@ def _trimmed(polygons: FloatArray) -> FloatArray:
 
 
 def _widened(polygons: FloatArray, size: int) -> FloatArray:
-    """Returns polygons with at least so many vertices, the last repeated."""
+    """Returns polygons with at least the given number of vertices, repeating the last."""
     missing = size - polygons.shape[1]
     if missing <= 0:
         return polygons

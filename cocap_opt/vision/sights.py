@@ -1,4 +1,4 @@
-"""Sights: coverage by cameras at any places, which look in any directions."""
+"""Sights: coverage by cameras at any places, in any directions."""
 
 import math
 from functools import cached_property
@@ -23,34 +23,35 @@ KERNEL = Kernel(
     "cocap_opt.vision.compiled_sight", "coverage", compiling=13.0,
     functions="cocap_opt.vision.view_kernel",
 )  # fmt: skip
-ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
-_EACH = 5e-7  # s, at least, of NumPy's way for a view of a person: measured in streets
-# Most views at once, and views times actors, so that limits are checked every 0.3 s or so.
+ON_THE_EDGE = 1e-9  # rad, by which an actor may be outside a cone
+_EACH = 5e-7  # s, at least, for a person's view with NumPy: measured in streets
+# Largest number of views at once, and of views times actors, so that limits are checked about every
+# 0.3 s.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
-_FASTER = 16  # times as many by the compiled kernel
+_FASTER = 16  # factor for the compiled kernel
 _BATCH_RAYS = 400_000  # views times faces times the squared samples of a triangle
 
 
 class PinholeSight:
-    """Coverage by a pinhole camera from any places, which looks along any axes.
+    """Coverage by a pinhole camera from any places, along any axes.
 
-        coverage = area of the image of what is visible of the face, in px / area of the face
+    coverage = area of the image of the visible part of the face, in px / area of the face
 
-    The solid angles of people are sums over the same parts of their faces; with nothing in the way
-    they are those of all faces that are turned to the camera.
+    The solid angles of people are sums over the same parts of their faces; without obstructions
+    they are sums over all faces that are turned to the camera.
 
-    What is visible depends on the camera's place only, not on its orientation (`visibility`): the
-    whole face, nothing, or some convex pieces of it.
+    The visible part depends only on the camera's position, not on its orientation (`visibility`):
+    it is the whole face, nothing, or some convex pieces of it.
 
     Parameters
     ----------
     axes : [O, 3, 3] right, up and forward unit vectors of its orientations
-    plain : without compiled code
-    reach : the places it is mostly asked for; elsewhere it takes longer
+    plain : True: use no compiled code
+    reach : the places of most requests; other places take longer
 
     Attributes
     ----------
-    may_be_compiled : the compiled kernel may find what is seen
+    may_be_compiled : True if the compiled kernel may compute the views
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class PinholeSight:
         reach: Reach | None = None,
     ) -> None:
         self._geometry, self._reach = geometry, reach
-        # Past meshes that are not convex only NumPy's way is there.
+        # For meshes that are not convex, only the NumPy version exists.
         self.may_be_compiled = not plain and geometry.mesh is None
         self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
@@ -94,25 +95,29 @@ class PinholeSight:
         return max(most, 1)
 
     def expected(self, seconds: float) -> float:
-        """Returns the seconds that views take, once compiled, that take so many now."""
+        """Returns the expected time in s, with compiled code, of views that take the given time
+        now.
+        """
         return KERNEL.expected(seconds) if self.may_be_compiled else seconds
 
     def prepare(self, views: int, stop: Stop | None) -> None:
-        """Loads what finds many views, if that is soon repaid; with a stop compiles it, too."""
+        """Loads the compiled code for many views if that soon saves time; if `stop` is given, also
+        compiles it.
+        """
         self.prepare_more(_EACH * views * self._n_actors, stop)
 
     def prepare_more(self, seconds: float, stop: Stop | None) -> None:
-        """Loads what finds views, or with a stop compiles it, if that is repaid.
+        """Loads the code for views or, if `stop` is given, compiles it, if that saves time.
 
         Parameters
         ----------
-        seconds : that they would take as they are found now
+        seconds : time that the views would take with the current code
         """
         if self.may_be_compiled:
             KERNEL.prepare(seconds, stop)
 
     def advise(self, seconds: float) -> None:
-        """Says, once, what compiled code would have saved of so many seconds."""
+        """Tells the user, once, how much of this time compiled code would have saved."""
         if self.may_be_compiled:
             KERNEL.advise("coverage", seconds)
 
@@ -125,16 +130,16 @@ class PinholeSight:
         steps: tuple[int, int] | None = None,
         people: bool = False,
     ) -> Seen:
-        """Returns the faces and people that views [n] see, which are given place by place.
+        """Returns the faces and people that views [n] see; the views are given place by place.
 
         Parameters
         ----------
         t, eyes, counts : steps [e], not decreasing, places [e, 3] (m from the geometry's origin),
-            and numbers [e] of views from there
+            and number of views from each [e]
         looks : [n] numbers of the axes
-        steps : the first and last of those that views are asked for in parts, so that what all
-            parts need is made once (default: all views)
-        people : the solid angles of people are asked for, too
+        steps : first and last step of all views that are requested in parts, so that what all parts
+            need is computed once (default: the steps of these views)
+        people : True: also return the solid angles of people
         """
         if not len(self._owners) or not len(looks):
             return Seen.nothing(len(looks))
@@ -156,11 +161,11 @@ class PinholeSight:
         self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray,
         people: bool,
     ) -> Seen:  # fmt: skip
-        """Finds what `seen` returns without the kernel.
+        """Computes the result of `seen` without the kernel.
 
         Parameters
         ----------
-        which, orientation : [n] of each view, the number of its place and that of its axes
+        which, orientation : [n] number of each view's place, and of its axes
         """
         at, n_faces = t - faces.first, len(self._owners)
         in_view = self._in_view(
@@ -170,7 +175,7 @@ class PinholeSight:
         state, actor = np.nonzero(in_view)
         wanted[which[state], actor] = True
         sight = self._visibility.of(faces, at, eyes, wanted)
-        # Only faces that are turned to the camera are seen.
+        # Only faces that are turned to the camera are visible.
         row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
         eye = which[row]
         polygons = faces.polygons[at[eye], face] - eyes[eye, None]
@@ -196,7 +201,7 @@ class PinholeSight:
         return Seen(seen, SeenPeople(counts, person, visible[row, person], unhidden))
 
     def _faces(self, first: int, last: int, eyes: FloatArray) -> Faces:
-        """Returns the geometry at the steps first..last, for eyes [e, 3] among others."""
+        """Returns the geometry at steps first..last, for eyes that include [e, 3]."""
         reach = self._reach
         if reach is not None and not reach.has(last, eyes):
             reach = None
@@ -205,7 +210,7 @@ class PinholeSight:
     def _unhidden(
         self, faces: Faces, steps: IntArray, eyes: FloatArray, people: IntArray
     ) -> FloatArray:
-        """Returns the solid angles [n] of people [n] from eyes [n, 3], with nothing in the way."""
+        """Returns the unobstructed solid angles [n] of people [n] from eyes [n, 3]."""
         n_faces = np.bincount(self._owners, minlength=self._n_actors)
         entry = np.repeat(np.arange(len(people)), n_faces[people])
         face = entries_of(people, n_faces)
@@ -218,10 +223,11 @@ class PinholeSight:
         self, t: IntArray, eyes: FloatArray, counts: IntArray, looks: IntArray, faces: Faces,
         people: bool,
     ) -> Seen:  # fmt: skip
-        """Finds what `seen` returns for one half of the places, then for the other half.
+        """Computes the result of `seen` for one half of the places, then for the other half.
 
-        It is called where the kernel had no room for the pieces of a person. Halving goes on until
-        it has room, or so few places are left that NumPy's way takes a fraction of a second.
+        It is called if the kernel had no room for the pieces of a person. Halving continues until
+        it has room, or until so few places remain that the NumPy version takes a fraction of a
+        second.
         """
         steps, middle = (faces.first, faces.first + len(faces.polygons) - 1), len(eyes) // 2
         views = int(counts[:middle].sum())
@@ -234,8 +240,8 @@ class PinholeSight:
         self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray,
         people: bool,
     ) -> tuple[IntArray, IntArray, FloatArray]:  # fmt: skip
-        """Returns states, faces and `_images` [m, n] of all faces seen in part."""
-        # Sightings are in the order of their eyes: those of one eye are one span.
+        """Returns the states, faces and `_images` [m, n] of all faces that are partly visible."""
+        # Sightings are ordered by eye: those of one eye are contiguous.
         first = np.searchsorted(sight.eyes, np.arange(len(sight.whole)))
         counts = np.bincount(sight.eyes, minlength=len(first))
         row = np.repeat(np.arange(len(which)), counts[which])
@@ -259,23 +265,26 @@ class PinholeSight:
     def _images(self, polygons: FloatArray, orientation: IntArray, people: bool) -> FloatArray:
         """Returns areas [n] in px of the images of polygons [n, V, 3], relative to the eye.
 
-        Below them, if people are asked for, their solid angles in sr: [2, n] instead of [1, n].
+        If people are requested, their solid angles in sr follow: [2, n] instead of [1, n].
         """
-        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
+        # The area of a face that nearly touches the camera may, by rounding, exceed the image, or
+        # be nan.
         with np.errstate(over="ignore", invalid="ignore"):
             images = self._projection.images(self._in_camera(polygons, orientation), people)
             images[0] = np.minimum(images[0], self._image)
         return images
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> FloatArray:
-        """Returns points [n, k, 3], relative to cameras, right, up and forward of them."""
+        """Returns points [n, k, 3], given relative to cameras, in coordinates right, up and
+        forward.
+        """
         axes = self._axes[orientation][:, None]
         return np.stack([dot(points, axes[:, :, k]) for k in range(3)], axis=-1)
 
     def _in_view(
         self, middles: FloatArray, reaches: FloatArray, orientation: IntArray
     ) -> BoolArray:
-        """Returns an array [n, A], true if spheres may be in the image of each camera.
+        """Returns an array [n, A], True if spheres may be in the image of each camera.
 
         Parameters
         ----------
@@ -290,7 +299,7 @@ class PinholeSight:
 
 
 class ConeSight:
-    """Coverage by a `Cone` from any places, of all faces of the actors that it detects."""
+    """Coverage by a `Cone` from any places: of all faces of the actors that it detects."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, cone: Cone) -> None:
         self._geometry = geometry
@@ -313,7 +322,9 @@ class ConeSight:
     def detected(
         self, t: int, eyes: FloatArray, yaw: FloatArray, edge: float = ON_THE_EDGE
     ) -> BoolArray:
-        """Returns an array [n, A], true if an actor is in the cone towards [n] or [1] (rad)."""
+        """Returns an array [n, A], True if an actor is in the cone in directions [n] or [1]
+        (rad).
+        """
         return np.asarray(self._off(t, eyes, yaw) <= self._cone.opening / 2 + edge)
 
     def _feet(self, t: int) -> FloatArray:
@@ -322,14 +333,15 @@ class ConeSight:
         return np.asarray(feet - self._geometry.origin)
 
     def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
-        """Returns the angles [n, A] (rad) between look directions [n] or [1] and the actors."""
+        """Returns the angles [n, A] (rad) between viewing directions [n] or [1] and the actors."""
         ways = self._feet(t)[None] - eyes[:, None]  # [n, A, 3]
         off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
         result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
         return result
 
     def ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
+        """Returns the vectors [n, F, 3] m to the faces, and how much [n, F] the faces are turned to
+        them.
 
         All faces count as if they were on the ground.
         """
@@ -340,8 +352,10 @@ class ConeSight:
 
     @staticmethod
     def law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
-        """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to it."""
+        """Returns the coverage [..] of faces with vectors [.., 3], given how far ahead and how
+        turned they are.
+        """
         square = dot(ways, ways)
-        square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
+        square = np.where(square > 0, square, np.inf)  # at the eye itself, nothing is seen
         result: FloatArray = ahead * turned / square**2
         return result

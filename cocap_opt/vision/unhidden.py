@@ -1,19 +1,20 @@
-"""Views as if hardly anything hid anybody: an upper bound on coverage that costs little.
+"""Views as if hardly anything hid anybody: an upper bound on coverage that takes little time.
 
-Nobody is seen whom a single column of the map is known to hide (`Screens`), which is found in
-little time from nearly all places; nothing else hides anybody. The axis leads from the middle of an
-actor to the eye. All lines of sight pass the upright plane across the axis at a point p that is
-farther than the actor's radius r from its middle; there they are less than r beside p, and no
-higher than the line to the actor's top at its far side. If all of that is inside of one column,
-this column hides all of the actor.
+A person is hidden only if a single column of the map is known to hide the whole person (`Screens`),
+which is quick to find from nearly all places; nothing else hides anybody. The axis leads from the
+middle of an actor to the eye. All lines of sight pass the upright plane across the axis at a point
+p that is farther than the actor's radius r from its middle; there they are less than r beside p,
+and no higher than the line to the actor's top at its far side. If all of that is inside of one
+column, this column hides all of the actor.
 
 The image of a triangle that is before the camera, with corners e1, e2, e3 relative to the eye, has
 
     focal^2 |det(e1, e2, e3)| / (2 d1 d2 d3) = focal^2 area ahead / (d1 d2 d3)
 
 pixels, where d are the corners' depths and the eye is `ahead` metres before the triangle's plane.
-All but the depths is the same for all orientations of a camera. Of a face that the border of the
-image may cut, no more is seen than the rectangle around its image has in the image.
+Everything except the depths is the same for all orientations of a camera. If the border of the
+image may cut a face, the bound is the part within the image of the rectangle around the face's
+image.
 """
 
 import math
@@ -31,17 +32,17 @@ from cocap_opt.vision.projection import dot
 from cocap_opt.vision.seen import SeenColumns, SeenFaces
 from cocap_opt.vision.views import PinholeViews, StateViews
 
-_DEPTH = 1e-3  # m, by which lines of sight are inside of a column at least
-_PARTS = 4  # of a cell along x and y, at most
-_MOST = 4_000_000  # squares, of maps with fewer cells, to bound the memory
+_DEPTH = 1e-3  # m, by which lines of sight must be inside a column
+_PARTS = 4  # parts of a cell along x and y
+_MOST = 4_000_000  # squares, for maps with fewer cells, which limits memory
 _STEP = 3  # cells from one point of an axis to the next
-_FEW = 0.8  # share of the axes that must be left for all to be kept
+_FEW = 0.8  # smallest remaining share of axes at which all are kept
 
 
 class Screens(NamedTuple):
-    """Squares of the map, parts of its cells, that are well inside of a column."""
+    """Squares of the map, parts of its cells, that are well inside a column."""
 
-    tops: FloatArray  # [X, Y] m of the columns; -inf in squares that are not well inside of one
+    tops: FloatArray  # [X, Y] m, tops of the columns; -inf for squares that are not well inside one
     corner: FloatArray  # [2] m, of the first square
     size: float  # m, edge of a square
     step: float  # m, from one point of an axis to the next
@@ -52,7 +53,7 @@ class Screens(NamedTuple):
 
         Parameters
         ----------
-        columns : upright boxes without bottom; the first is all of the map, as low as it gets
+        columns : upright boxes without a bottom; the first is the whole map at its lowest height
         resolution : m, edge of a cell
         """
         corner, inwards = columns.low[0], radius + _DEPTH
@@ -69,7 +70,7 @@ class Screens(NamedTuple):
     def hide(
         self, middles: FloatArray, radii: FloatArray, tops: FloatArray, eyes: FloatArray
     ) -> BoolArray:
-        """Returns an array [n, A], true for actors that a column is known to hide from eyes [n, 3].
+        """Returns an array [n, A], True for actors that a column is known to hide from eyes [n, 3].
 
         Parameters
         ----------
@@ -100,14 +101,14 @@ class Screens(NamedTuple):
     def _axes(
         self, middles: FloatArray, radii: FloatArray, tops: FloatArray, eyes: FloatArray
     ) -> tuple[IntArray, list[FloatArray], FloatArray, list[FloatArray]]:
-        """Returns the first point of each axis, as near to the actor as may be.
+        """Returns the first point of each axis, as close to the actor as possible.
 
         Returns
         -------
-        numbers : [n] of eye and actor
+        numbers : [n] numbers of eye and actor
         points : x and y [n] in squares from the corner, and an altitude [n] (m) above all lines
             of sight there
-        left : [n] > 0 steps to the eye; points beyond it have no more
+        left : [n] remaining steps to the eye, > 0
         steps : x, y and altitude [n] from each point to the next
         """
         at = (middles - self.corner) / self.size
@@ -117,10 +118,10 @@ class Screens(NamedTuple):
         first = radii.max(initial=0.0) + _DEPTH
         eye, actor = np.nonzero((away > first) & inside)
         way, away = way[eye, actor], away[eye, actor]
-        step = self.step / away  # of the way
+        step = self.step / away  # share of the way
         x, y = (way.T / self.size) * step
         height, top = eyes[eye, 2], tops[actor]
-        rise = np.maximum(height - top, 0.0) / (away + radii[actor])  # m, for each metre
+        rise = np.maximum(height - top, 0.0) / (away + radii[actor])  # m per metre
         begin = first / self.step  # steps
         points = [
             at[actor, 0] + begin * x,
@@ -131,9 +132,9 @@ class Screens(NamedTuple):
         return eye * len(radii) + actor, points, 1 / step - begin, steps
 
 
-_SLACK = 1e-7  # m, much more than the rounding of coordinates
-_ROUNDING = 1e-9  # relative, much more than that of areas
-_AT_ONCE = 20_000  # orientations times eyes times actors, for the processor's cache
+_SLACK = 1e-7  # m; much more than the rounding of coordinates
+_ROUNDING = 1e-9  # relative; much more than the rounding of areas
+_AT_ONCE = 20_000  # orientations times eyes times actors; fits into the processor's cache
 
 
 class UnhiddenViews:
@@ -147,10 +148,11 @@ class UnhiddenViews:
         self._screens = _screens_of(views.geometry) if isinstance(views, PinholeViews) else None
 
     def at(self, t: int, reachable: BoolArray) -> SeenColumns:
-        """Returns the most that states [S] may see of each face at step t; nothing if unreachable.
+        """Returns upper bounds on the coverage of each face from states [S] at step t; nothing if
+        unreachable.
 
-        A camera that sees past obstacles sees what it sees. Of people who count, all are seen of
-        whom anything may be seen.
+        For a camera that sees through obstacles, the bound is exact. All counted people of whom any
+        part may be visible count as seen.
         """
         views = self._views
         if self._screens is None or not isinstance(views, PinholeViews):
@@ -188,7 +190,7 @@ _SCREENS: WeakKeyDictionary[FaceGeometry, Screens] = WeakKeyDictionary()
 
 
 def _screens_of(geometry: FaceGeometry) -> Screens:
-    """Returns the squares of the map well inside of a column, made once for each geometry."""
+    """Returns the squares of the map that are well inside a column, cached for each geometry."""
     if geometry not in _SCREENS:
         resolution = geometry.problem.height_map.resolution
         _SCREENS[geometry] = Screens.of(geometry.columns, resolution, geometry.radius)
@@ -196,7 +198,7 @@ def _screens_of(geometry: FaceGeometry) -> Screens:
 
 
 class _FacesFrom:
-    """The faces at one step, as they are from some eyes [n]."""
+    """The faces at one step, as seen from some eyes [n]."""
 
     def __init__(
         self, camera: Camera, planes: Planes, owners: IntArray, eyes: FloatArray, open_to: BoolArray
@@ -206,10 +208,10 @@ class _FacesFrom:
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
         ahead = _dots(eyes, planes.normals) - dot(planes.normals, planes.centres)  # [n, F]
         eye, self._faces = np.nonzero((ahead > -_SLACK) & open_to[:, owners])  # turned to the eye
-        # px m per square metre of a triangle, before the division by its depths.
+        # px m per square metre of a triangle, before division by its depths.
         self._density = np.maximum(ahead[eye, self._faces] + _SLACK, 0.0)
         self._density *= camera.focal**2 * (1 + _ROUNDING) / planes.areas[self._faces]
-        # Those of one actor from one eye stand one after the other.
+        # Those of one actor from one eye are contiguous.
         pairs = len(eyes) * len(planes.reaches)
         self._counts = np.bincount(eye * len(planes.reaches) + owners[self._faces], minlength=pairs)
         self._first = np.cumsum(self._counts) - self._counts
@@ -240,7 +242,7 @@ class _FacesFrom:
         corners = [[_dots(way, vertex).ravel() for vertex in vertices] for way in ways]
 
         def off(k: int, states: IntArray, turned: IntArray) -> list[FloatArray]:
-            """Returns each corner's offset [n] to the right, up or ahead (0, 1, 2)."""
+            """Returns each corner's offset [n] to the right, up or ahead (k = 0, 1, 2)."""
             here = eyes[k].take(states)
             return [corner.take(turned) - here for corner in corners[k]]
 
@@ -255,23 +257,23 @@ class _FacesFrom:
     def _in_view(
         self, ways: FloatArray, eyes: list[FloatArray], wanted: BoolArray
     ) -> tuple[IntArray, IntArray, IntArray, BoolArray]:
-        """Returns the actors, of those wanted [O, n, A], that may be in the image of states.
+        """Returns the requested actors [O, n, A] that may be in the image of states.
 
         Parameters
         ----------
         ways : [3, O, 3] right, up and forward
-        eyes : [O, n] m along each of them
+        eyes : [O, n] m, coordinates along each of them
 
         Returns
         -------
         orientations, eyes, actors : [m] numbers, in the order of the states
-        whole : [m] true if all of the actor is in the image
+        whole : [m] True if the whole actor is in the image
         """
         right, up, depth = (
             _dots(way, self._planes.middles)[:, None] - eye[..., None]  # [O, n, A] m
             for way, eye in zip(ways, eyes, strict=True)
         )
-        # From the nearest side of the image, inwards, m.
+        # Distance from the nearest side of the image, inwards, m.
         room = np.minimum(*(
             (slope * depth - np.abs(off)) / np.hypot(1.0, slope)
             for slope, off in zip(self._slopes, (right, up), strict=True)
@@ -281,11 +283,11 @@ class _FacesFrom:
         return *found, room[found] >= reach[found[2]]
 
     def _of_whole(self, depth: list[FloatArray], face: IntArray) -> FloatArray:
-        """Returns the coverage [n] of faces that the border does not cut, per density.
+        """Returns the coverage [n] of faces that the border does not cut, per unit of density.
 
         Parameters
         ----------
-        depth : of each corner [n] m
+        depth : depth of each corner [n] m
         """
         first, *others = (1 / np.maximum(d, _SLACK) for d in depth)
         total = np.zeros(len(face))
@@ -301,7 +303,7 @@ class _FacesFrom:
 
         Parameters
         ----------
-        beside, depth : to the right, up, and ahead of the camera [n] m, of each corner
+        beside, depth : coordinates of each corner to the right, up and ahead of the camera [n] m
         whole : [n] coverage if the border does not cut them
         """
         behind = np.minimum.reduce(depth) <= _SLACK

@@ -1,9 +1,9 @@
-"""Views of a pinhole camera, compiled: one eye after the other. Only imported where numba is.
+"""Compiled views of a pinhole camera, one eye after the other. Imported only if numba is installed.
 
 The formulas and their order are those of `views`, `visibility`, `candidates`, `shadows` and
-`projection`, which take many eyes at once with NumPy and are what the tests hold this to. Arrays of
-one eye and one person are small and stay in the processor's cache, and nothing is computed of a
-person who is known to be hidden: that makes the difference of ten times.
+`projection`, which process many eyes at once with NumPy, and with which tests compare this module.
+Arrays of one eye and one person are small and stay in the processor's cache, and nothing is
+computed for a person known to be hidden; therefore it is ten times as fast.
 """
 
 import math
@@ -29,12 +29,12 @@ from cocap_opt.vision.visibility import IN_ITS_PLANE, LEAST
 
 _Number = TypeVar("_Number", np.int64, np.float64)
 
-_SHADOWS = 512  # on a part of one person from one eye, at most
-_PIECES = 4_096  # of one face, at most
-_CUTS = 40  # vertices that a piece has beyond those of its face, at most
-_FLAT = 1 / 64  # tangents that a short series is exact for
-_HIDDEN, _TOO_MANY = -1, -2  # in place of a number of shadows or pieces
-_BESIDE, _INSIDE, _IN_PART = range(3)  # where points are of a shadow
+_SHADOWS = 512  # shadows on a part of one person from one eye
+_PIECES = 4_096  # pieces of one face
+_CUTS = 40  # vertices of a piece in addition to those of its face
+_FLAT = 1 / 64  # tangents for which a short series is exact
+_HIDDEN, _TOO_MANY = -1, -2  # codes in place of a number of shadows or pieces
+_BESIDE, _INSIDE, _IN_PART = range(3)  # position of points relative to a shadow
 
 
 Eye = tuple[float, float, float]  # m
@@ -50,13 +50,13 @@ class Lens(NamedTuple):
 
 
 class Solids(NamedTuple):
-    """Convex bodies, as `Bodies`, with the numbers of their planes and edges."""
+    """Convex bodies, like `Bodies`, with their numbers of planes and edges."""
 
     normals: FloatArray  # [B, P, 3]
     offsets: FloatArray  # [B, P] m
     edges: IntArray  # [B, N, 2] planes on both sides
-    planes: IntArray  # [B] those that there are
-    pairs: IntArray  # [B] edges that there are
+    planes: IntArray  # [B] number of planes
+    pairs: IntArray  # [B] number of edges
     low: FloatArray  # [B, 2] m
     high: FloatArray  # [B, 3] m
     endless: BoolArray  # [B]
@@ -68,18 +68,18 @@ class People(NamedTuple):
     middles: FloatArray  # [A, 3] m
     reaches: FloatArray  # [A] m
     corners: FloatArray  # [A, C, 3] m
-    n_corners: IntArray  # [A] those that there are; the last is repeated
+    n_corners: IntArray  # [A] number of corners; the last is repeated
     first_face: IntArray  # [A + 1]
     polygons: FloatArray  # [F, V, 3] m
-    n_vertices: IntArray  # [F] those that there are; the last is repeated
+    n_vertices: IntArray  # [F] number of vertices; the last is repeated
     normals: FloatArray  # [F, 3]
     areas: FloatArray  # [F] m2
     solids: Solids  # A bodies
-    take_of: IntArray  # [A] only people of one take hide each other
+    take_of: IntArray  # [A] only people of the same take hide each other
 
 
 class Before(NamedTuple):
-    """The fixed bodies that may hide each person, as `Candidates`."""
+    """The fixed bodies that may hide each person, like `Candidates`."""
 
     solids: Solids
     keys: FloatArray  # of all entries, increasing
@@ -89,19 +89,20 @@ class Before(NamedTuple):
     around: FloatArray  # [G, 2] m, of cylinders around the targets
     radii: FloatArray  # [G] m
     feet: FloatArray  # [G] m
-    around_it: FloatArray  # [G] m, a little more than the radii: what is nearer is around a target
+    # [G] m, slightly more than the radii: bodies nearer than this surround a target
+    around_it: FloatArray
     middles: FloatArray  # [B, 2] m, of the bodies along x and y
     halves: FloatArray  # [B, 2] m
     first: int  # number of the first person's target
 
 
 class Skyline(NamedTuple):
-    """The skyline before a person, and the bodies that were looked at to raise it."""
+    """The skyline in front of a person, and the bodies examined to raise it."""
 
     bins: FloatArray  # [BINS + 1]
     heights: FloatArray  # [BINS]
     listed: IntArray  # [B] bodies
-    edges: FloatArray  # [B, 3] their left and right ends and peaks; nan for those without
+    edges: FloatArray  # [B, 3] their left and right ends and peaks; nan for bodies without these
 
 
 class Shadows(NamedTuple):
@@ -110,34 +111,34 @@ class Shadows(NamedTuple):
     normals: FloatArray  # [_SHADOWS, K, 3]
     offsets: FloatArray  # [_SHADOWS, K] m
     depths: FloatArray  # [_SHADOWS, K] m
-    sizes: IntArray  # [_SHADOWS] half-spaces of each
+    sizes: IntArray  # [_SHADOWS] number of half-spaces of each
     distances: FloatArray  # [P] m, of the eye from a body's planes
 
 
 class Pieces(NamedTuple):
-    """A face and the pieces of it outside of the shadows so far."""
+    """A face, and its pieces outside the shadows processed so far."""
 
     face: FloatArray  # [V, 3] m, relative to the eye
-    points: FloatArray  # [2, _PIECES, W, 3] m, before and after a shadow
-    sizes: IntArray  # [2, _PIECES] vertices of each
-    angles: FloatArray  # [_PIECES + 1] sr, of the face, and of the pieces that are left
-    inner: FloatArray  # [2, W, 3] m, what is left of a piece inside a shadow
-    excess: FloatArray  # [W] m, of its vertices
-    cuts: BoolArray  # [K] half-spaces that a piece reaches out of
+    points: FloatArray  # [2, _PIECES, W, 3] m, before and after processing a shadow
+    sizes: IntArray  # [2, _PIECES] number of vertices of each
+    angles: FloatArray  # [_PIECES + 1] sr, of the face, and of the remaining pieces
+    inner: FloatArray  # [2, W, 3] m, part of a piece inside a shadow
+    excess: FloatArray  # [W] m, excess of its vertices
+    cuts: BoolArray  # [K] half-spaces that do not contain the whole piece
 
 
 class Image(NamedTuple):
     """A piece in the camera's axes."""
 
-    points: FloatArray  # [2, W + 5, 3] m, before and after it is cut
-    beyond: FloatArray  # [W + 5] m, from a side of the image
+    points: FloatArray  # [2, W + 5, 3] m, before and after clipping
+    beyond: FloatArray  # [W + 5] m, distance from a side of the image
 
 
 class Memory(NamedTuple):
-    """All that is written on the way, of one eye with at most L views."""
+    """Working memory for one eye with at most L views."""
 
-    views: IntArray  # [L] those that may have the person in the image
-    is_whole: BoolArray  # [L] and those that have all of it
+    views: IntArray  # [L] views that may have the person in the image
+    is_whole: BoolArray  # [L] True for views that have the whole person
     corners: FloatArray  # [C, 3] m, of the person, relative to the eye
     skyline: Skyline
     shadows: Shadows
@@ -149,7 +150,7 @@ class Memory(NamedTuple):
 
 
 class Total(NamedTuple):
-    """The number of eyes that are done, and of the faces and people that they see."""
+    """The number of finished eyes, and of the faces and people that they see."""
 
     eyes: int
     faces: int
@@ -157,19 +158,19 @@ class Total(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The faces that views see, view by view, and the people, if those are asked for."""
+    """The faces that views see, view by view, and the people, if requested."""
 
     counts: IntArray  # [n] number of faces that each view sees
     faces: IntArray  # of all of them, increasing for each view
     pixels: FloatArray  # px/m2
-    n_people: IntArray  # [n] number of people that each view sees; [0] if nobody asks
+    n_people: IntArray  # [n] number of people that each view sees; [0] if not requested
     people: IntArray  # of all of them, increasing for each view
     visible: FloatArray  # sr
-    unhidden: FloatArray  # sr, with nothing in the way and no edge of the image
+    unhidden: FloatArray  # sr, without obstructions and image edges
 
     @classmethod
     def empty(cls, views: int, faces: int, people: int) -> Self:
-        """Returns room for so many entries; for no person: nobody asks for people."""
+        """Returns arrays for the given numbers of entries; without people, none are requested."""
         whole = np.int64
         return cls(
             np.zeros(views, whole), np.empty(faces, whole), np.empty(faces),
@@ -178,7 +179,7 @@ class Found(NamedTuple):
         )  # fmt: skip
 
     def has_room(self, views: int, faces: int, people: int) -> bool:
-        """Returns True where `empty` with these numbers has no more room."""
+        """Returns True if `empty` with these numbers would give no more room."""
         given = self.counts, self.n_people, self.faces, self.people
         needed = views, views if people else 0, faces, people
         return all(len(column) >= number for column, number in zip(given, needed, strict=True))
@@ -196,9 +197,9 @@ def _doubled(column: NDArray[_Number]) -> NDArray[_Number]:
     return np.concatenate([column, np.empty_like(column)])
 
 
-# Nothing is allocated in here, and so no references are counted, which took half of the time.
+# Nothing is allocated here, so references need not be counted, which took half of the time.
 _compiled = partial(compiled, nogil=True, error_model="numpy", _nrt=False)
-# Into the callers: calls that hand over all arrays take longer than what is done in them.
+# Inlined into the callers: calls that pass all arrays take longer than the work in them.
 _inlined = partial(_compiled, kept=False, forceinline=True)
 
 
@@ -207,7 +208,7 @@ def memory_for(people: People, before: Before, most: int) -> Memory:
 
     Parameters
     ----------
-    most : views of one eye
+    most : largest number of views of one eye
     """
     bodies = people.solids, before.solids
     planes = max(part.normals.shape[1] for part in bodies)
@@ -264,7 +265,7 @@ def _in_view(
     looks: IntArray,
     memory: Memory,
 ) -> int:
-    """Lists the views of an eye whose image may hold a person; returns their number."""
+    """Lists the views of an eye whose image may contain a person; returns their number."""
     n, axes, reach = 0, lens.axes, people.reaches[person]
     x, y = people.middles[person, 0] - eye[0], people.middles[person, 1] - eye[1]
     z = people.middles[person, 2] - eye[2]
@@ -288,12 +289,14 @@ def _in_view(
     return n
 
 
-# -- the skyline before a person --------------------------------------------------------------
+# -- the skyline in front of a person -----------------------------------------------------------
 
 
 @_inlined
 def _entries(before: Before, target: int, eye: Eye) -> tuple[int, int, float, float, float, float]:
-    """Returns the span of a target's list, way and distance to the eye, and how far it counts."""
+    """Returns the span of a target's list, the vector and distance to the eye, and the relevant
+    distance.
+    """
     x, y = eye[0] - before.around[target, 0], eye[1] - before.around[target, 1]
     away, radius = math.hypot(x, y), before.radii[target]
     up = eye[2] - before.feet[target]
@@ -322,9 +325,10 @@ def _edge(
     ahead: tuple[float, float],
     nearest: float,
 ) -> tuple[float, float, float, float, float, float]:
-    """Returns the upper edge of a body: its ends, its peak, where, and the slopes on both sides.
+    """Returns the upper edge of a body: its ends, its peak, the position of the peak, and both
+    slopes.
 
-    The peak is nan for a body that takes no part.
+    The peak is nan for a body that is not part of the skyline.
     """
     ax, ay = ahead
     left, right, peak, at = math.inf, -math.inf, -math.inf, math.inf
@@ -352,7 +356,7 @@ def _edge(
 
 @_inlined
 def _raise(skyline: Skyline, edge: tuple[float, float, float, float, float, float]) -> bool:
-    """Raises the skyline to an edge; returns True where that is higher anywhere."""
+    """Raises the skyline to an edge; returns True if that raises it anywhere."""
     left, right, peak, at, rise, fall = edge
     bins, heights, changed, before = skyline.bins, skyline.heights, False, 0.0
     if not (left <= bins[BINS] and right >= bins[0]):
@@ -378,7 +382,7 @@ def _lowest(values: FloatArray) -> float:
 
 @_inlined
 def _stands_out(skyline: Skyline, k: int, low: float) -> bool:
-    """Returns True for a body that may be above the skyline, or takes no part in it."""
+    """Returns True for a body that may exceed the skyline, or that is not part of it."""
     left, right, peak = skyline.edges[k, 0], skyline.edges[k, 1], skyline.edges[k, 2]
     if math.isnan(peak):
         return True
@@ -425,7 +429,7 @@ def _add_shadow(solids: Solids, body: int, eye: Eye, shadows: Shadows, row: int)
 
 @_inlined
 def _outside(shadows: Shadows, row: int, k: int, x: float, y: float, z: float) -> float:
-    """Returns the distance (m) of a point outside of a half-space of a shadow."""
+    """Returns the distance (m) of a point from a half-space of a shadow, positive outside."""
     normals = shadows.normals
     along: float = x * normals[row, k, 0] + y * normals[row, k, 1] + z * normals[row, k, 2]
     return along - float(shadows.offsets[row, k])
@@ -433,7 +437,7 @@ def _outside(shadows: Shadows, row: int, k: int, x: float, y: float, z: float) -
 
 @_inlined
 def _side(shadows: Shadows, row: int, points: FloatArray, n: int) -> int:
-    """Returns where the hull of n points is of a shadow."""
+    """Returns the position of the hull of n points relative to a shadow."""
     inside = True
     for k in range(shadows.sizes[row]):
         beside, depth = True, -shadows.depths[row, k]
@@ -457,7 +461,7 @@ def _cast(
     corners: FloatArray,
     n_corners: int,
 ) -> int:
-    """Casts the shadow of a body; returns the number of those on parts of the person by then."""
+    """Casts the shadow of a body; returns the number of shadows on parts of the person so far."""
     if n >= _SHADOWS:
         return _TOO_MANY
     _add_shadow(solids, body, eye, shadows, n)
@@ -529,7 +533,9 @@ def _shadows_of_fixed(before: Before, people: People, person: int, eye: Eye, mem
 
 @_inlined
 def _shadows_of_people(people: People, person: int, eye: Eye, memory: Memory, found: int) -> int:
-    """Adds the shadows of those in a person's take who are between them and the eye, or nearly."""
+    """Adds the shadows of people of the same take who are, or almost are, between a person and the
+    eye.
+    """
     middles, reaches = people.middles, people.reaches
     x, y, z = middles[person, 0] - eye[0], middles[person, 1] - eye[1], middles[person, 2] - eye[2]
     square = max(x * x + y * y + z * z, LEAST)
@@ -576,9 +582,11 @@ def _clipped(
 
 @_inlined
 def _is_beside(shadows: Shadows, row: int, pieces: Pieces, piece: FloatArray, n: int) -> bool:
-    """Returns True for a piece that lies in no part in a shadow, and notes what cuts the others.
+    """Returns True if a piece is completely outside a shadow, and records the half-spaces that cut
+    it.
 
-    A thin piece is behind a plane by little; only a face that is so as a whole lies in it.
+    A thin piece is only slightly behind a plane; only a whole face for which this is true lies in
+    it.
     """
     beside, is_thin = False, True
     for k in range(shadows.sizes[row]):
@@ -599,7 +607,7 @@ def _is_beside(shadows: Shadows, row: int, pieces: Pieces, piece: FloatArray, n:
 def _cut(
     shadows: Shadows, row: int, pieces: Pieces, piece: FloatArray, n: int, found: int, target: int
 ) -> int:
-    """Writes the parts of a piece outside of a shadow; returns the number of pieces by then."""
+    """Writes the parts of a piece outside a shadow; returns the number of pieces so far."""
     inner, excess, here = pieces.inner, pieces.excess, 0
     _copy(piece, n, inner[0])
     for k in range(shadows.sizes[row]):
@@ -625,7 +633,9 @@ def _cut(
 
 @_inlined
 def _cut_by_all(shadows: Shadows, found: int, pieces: Pieces, vertices: int) -> tuple[int, int]:
-    """Cuts a face by all shadows; returns which half of the memory has its pieces, and how many."""
+    """Cuts a face by all shadows; returns the half of the memory with its pieces, and their
+    number.
+    """
     here, n = 0, 1
     pieces.sizes[0, 0] = vertices
     _copy(pieces.face, vertices, pieces.points[0, 0])
@@ -700,7 +710,7 @@ def _solid_angle(points: FloatArray, n: int) -> float:
     if abs(imaginary) > _FLAT * abs(real) or real < 0:
         return 2 * abs(math.atan2(imaginary, real))
     t = imaginary / real
-    square = t * t  # the series of the arc tangent, to the last bit but one
+    square = t * t  # series of the arc tangent, accurate to the last bit but one
     return 2 * abs(t * (1 - square * (1 / 3 - square * (1 / 5 - square / 7))))
 
 
@@ -714,13 +724,13 @@ def _image_of(
     is_whole: bool,
     image: Image,
 ) -> tuple[float, float]:
-    """Returns the area (px) of the image of a polygon, at most the image's, and its solid angle.
+    """Returns the area (px) of a polygon's image, at most the image's area, and its solid angle.
 
     Parameters
     ----------
     points : [n, 3] m, relative to the eye
-    angle : sr, of all of it; nan if that is not asked for
-    is_whole : all of it is known to be in the image
+    angle : solid angle of the whole polygon, sr; nan if not requested
+    is_whole : True if the whole polygon is known to be in the image
     """
     images, beyond, here = image.points, image.beyond, 0
     for i in range(n):
@@ -770,7 +780,7 @@ def _image_of(
 
 @_inlined
 def _measure(vertices: int, pieces: Pieces, here: int, n: int, shadows: int) -> None:
-    """Measures the solid angles (sr) of a face, first, and of the pieces that are left of it."""
+    """Measures the solid angles (sr) of a face, first, and of its remaining pieces."""
     angles = pieces.angles
     angles[0] = _solid_angle(pieces.face, vertices)
     for i in range(n):
@@ -792,11 +802,11 @@ def _look(
     shadows: int,
     measures: bool,
 ) -> bool:
-    """Adds what the listed views see of a person; False where there are too many pieces.
+    """Adds the listed views' coverage of a person; returns False if there are too many pieces.
 
     Parameters
     ----------
-    measures : solid angles as well
+    measures : True: also measure solid angles
     """
     x, y, z = eye
     polygons, pieces = people.polygons, memory.pieces
@@ -835,7 +845,7 @@ def _look(
 
 @_inlined
 def _note_people(memory: Memory, found: Found, first: int, n: int, total: int) -> int:
-    """Notes the people that n views of an eye see; returns how many are noted by then."""
+    """Records the people that n views of an eye see; returns the number recorded so far."""
     for view in range(n):
         start = total
         for person in range(len(memory.unhidden)):
@@ -864,7 +874,7 @@ def cover(
     found: Found,
     done: Total,
 ) -> Total:
-    """Finds what views from eyes see, at one step, from one of the eyes on.
+    """Computes the views from eyes at one step, starting at a given eye.
 
     Parameters
     ----------
@@ -873,16 +883,16 @@ def cover(
     eyes : [E, 3] m
     first : [E + 1] first view of each eye
     looks : [n] orientation of each view
-    memory : to work in, of `memory_for` with people and bodies of these shapes; it can be used
-        again unless a person was cut into too many pieces
-    found : entries, written from where `done` says; solid angles are measured if its `n_people` is
-        not empty
-    done : the eyes that are done, and how many faces and people they see
+    memory : working memory, made by `memory_for` for people and bodies of these shapes; it can be
+        reused unless a person was cut into too many pieces
+    found : entries, written from the position that `done` gives; solid angles are measured if its
+        `n_people` is not empty
+    done : the number of finished eyes, and of the faces and people they see
 
     Returns
     -------
-    done : the same by then; fewer eyes than all where there is no room for more, and -1 where a
-        person is cut into more pieces than there is room for
+    done : the updated numbers; fewer than all eyes if there is no room for more entries, and -1 if
+        there is no room for the pieces of a person
     """
     n_faces, n_people, measures = memory.seen.shape[1], len(people.reaches), len(found.n_people) > 0
     faces, seen_people = done.faces, done.people

@@ -1,4 +1,4 @@
-"""Views place by place: what is visible from a place is the same for all orientations there."""
+"""Views place by place: the parts visible from a place are the same for all orientations there."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
@@ -9,20 +9,22 @@ from cocap_opt.data import BoolArray, IntArray
 
 
 class Viewpoints(NamedTuple):
-    """Places at steps, with the orientations that are looked in from each."""
+    """Places at steps, each with the orientations of its views."""
 
     steps: IntArray  # [e] not decreasing
     places: IntArray  # [e]
-    counts: IntArray  # [e] views of each
+    counts: IntArray  # [e] number of views of each
     looks: IntArray  # [n] orientations of the views, place by place
 
     @classmethod
     def reachable(cls, step: int, states: BoolArray, n_places: int) -> Self:
-        """Returns those of the states [S] at a step that are true; state o P + p is at place p."""
+        """Returns the states [S] at a step for which the array is True; state o P + p is at place
+        p.
+        """
         by_place = states.reshape(-1, n_places)
         is_used, n = by_place.any(axis=0), len(by_place)
         places = np.flatnonzero(is_used)
-        if (by_place.all(axis=0) == is_used).all():  # as after a few steps, and then faster
+        if (by_place.all(axis=0) == is_used).all():  # true after a few steps, and then faster
             looks, counts = np.tile(np.arange(n), len(places)), np.full(len(places), n)
         else:
             wanted = np.ascontiguousarray(by_place[:, places].T)
@@ -35,7 +37,7 @@ class Viewpoints(NamedTuple):
         return cls._make(np.concatenate(column) for column in zip(*parts, strict=True))
 
     def split(self, most: int) -> Iterator[Self]:
-        """Yields parts of about so many views, each with all views of its places."""
+        """Yields parts with about the given number of views, each with all views of its places."""
         ends = np.cumsum(self.counts)
         total = len(self.looks)
         cuts = np.unique(np.searchsorted(ends, range(most, total, most), side="left") + 1)

@@ -1,7 +1,7 @@
 """Views: the coverage of every face from a camera, evaluated on demand.
 
-A sight looks from any places and in any directions; views are those of a drone's states. The value
-of a view depends on the kind of camera; `StateViews.of` returns the views of a camera.
+A sight looks from any places in any directions; views belong to a drone's states. The value of a
+view depends on the kind of camera; `StateViews.of` returns the views of a camera.
 """
 
 from abc import ABC, abstractmethod
@@ -19,7 +19,7 @@ from cocap_opt.vision.seen import Seen, SeenColumns, SeenFaces, SeenPeople
 from cocap_opt.vision.sights import ConeSight, PinholeSight
 from cocap_opt.vision.viewpoints import Viewpoints
 
-_BATCH_FACES = 65_000  # states times faces, at once, of a cone
+_BATCH_FACES = 65_000  # states times faces at once, for a cone
 
 
 class StateViews(ABC):
@@ -27,8 +27,8 @@ class StateViews(ABC):
 
     Attributes
     ----------
-    geometry, problem, graph : of the faces, the scene, and the states
-    n_states, n_faces, width : S, F, and W, the faces and the people who count
+    geometry, problem, graph : geometry of the faces, the scene, and the graph of the states
+    n_states, n_faces, width : S, F, and W, the number of faces and counted people
     """
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph) -> None:
@@ -50,8 +50,8 @@ class StateViews(ABC):
 
         Parameters
         ----------
-        plain : without compiled code
-        reach : the places it is mostly asked for; elsewhere it takes longer
+        plain : True: use no compiled code
+        reach : the places of most requests; other places take longer
         """
         if isinstance(camera, Cone):
             return ConeViews(geometry, problem, graph, camera)
@@ -69,70 +69,75 @@ class StateViews(ABC):
     @property
     @abstractmethod
     def batch(self) -> int:
-        """Number of nodes, states at steps, that take a fraction of a second."""
+        """Number of nodes (states at steps) that take a fraction of a second."""
 
     def expected(self, seconds: float) -> float:
-        """Returns the seconds that views are expected to take that take so many now."""
+        """Returns the expected time in s of views that would take the given time without compiled
+        code.
+        """
         return seconds
 
     @abstractmethod
     def prepare(self, views: int, stop: Stop | None = None) -> None:
-        """Makes ready for so many views, by what compiled code is kept, or with a stop by more.
+        """Prepares for a number of views: loads stored compiled code or, if `stop` is given,
+        compiles it.
 
         Raises
         ------
         LimitReached
-            If a limit is reached before code is compiled.
+            If a limit is reached before the code is compiled.
         """
 
     @abstractmethod
     def prepare_more(self, seconds: float, stop: Stop) -> None:
-        """Makes ready for views that would take so many seconds more as they are found now.
+        """Prepares for views that would take the given time in s with the current code.
 
         Raises
         ------
         LimitReached
-            If a limit is reached before code is compiled.
+            If a limit is reached before the code is compiled.
         """
 
     @abstractmethod
     def make_ready(self, step: int) -> None:
-        """Makes what all views of a step need, which several threads would make several times."""
+        """Computes what all views of a step need, so that threads do not compute it several
+        times.
+        """
 
     @abstractmethod
     def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
-        """Returns the bytes, about, that are taken beside a table while it is made.
+        """Returns the approximate bytes used in addition to a table while it is made.
 
         Parameters
         ----------
-        steps : of the table
-        together : the first and last of those steps that are the most to be asked for together
+        steps : number of steps of the table
+        together : first and last step of the largest group that is requested together
         """
 
     @abstractmethod
     def advise(self, seconds: float) -> None:
-        """Says how coverage that has taken so long is found faster, if it can be."""
+        """Tells the user how to speed up coverage that has taken this long, if that is possible."""
 
     @abstractmethod
     def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
-        """Returns the faces and, if asked for, people that nodes [n] see; see `seen`."""
+        """Returns the faces and, if requested, people that nodes [n] see; see `seen`."""
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenColumns:
-        """Returns the columns that nodes [n] see, whose steps do not decrease.
+        """Returns the columns that nodes [n] see; the steps of the nodes must not decrease.
 
         Node t S + s is state s at step t.
 
         Parameters
         ----------
-        steps : the first and last of those that nodes are asked for in parts, so that what all
-            parts need is made once (default: all nodes)
+        steps : first and last step of all nodes that are requested in parts, so that what all parts
+            need is computed once (default: the steps of these nodes)
         """
         return self._columns(self._seen(nodes, steps, people=self.at_least is not None))
 
     def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
         """Returns the people that nodes [n], increasing, see; see `seen`.
 
-        A camera that knows no solid angles sees all of a person, 1 of 1, or nothing.
+        A camera without solid angles sees either the whole person, 1 of 1, or nothing.
         """
         return self._seen(nodes, steps, people=True).people
 
@@ -142,7 +147,7 @@ class StateViews(ABC):
         return SeenColumns.of(seen, self.n_faces, self.at_least)
 
     def look(self, at: Viewpoints) -> SeenColumns:
-        """Returns the columns that views [n] see, which are given place by place."""
+        """Returns the columns that views [n] see; the views are given place by place."""
         views = np.arange(len(at.looks))
         return self.seen(at.nodes(views, self.graph.n_places, self.n_states))
 
@@ -185,31 +190,33 @@ class PinholeViews(StateViews):
 
     @property
     def batch(self) -> int:
-        """Number of nodes, states at steps, that take a fraction of a second."""
+        """Number of nodes (states at steps) that take a fraction of a second."""
         return self._pinhole.batch
 
     def expected(self, seconds: float) -> float:
-        """Returns the seconds that views take once what finds them is compiled."""
+        """Returns the expected time in s of views with compiled code."""
         return self._pinhole.expected(seconds)
 
     def prepare(self, views: int, stop: Stop | None = None) -> None:
-        """Loads what finds many views, if that is soon repaid; with a stop compiles it, too."""
+        """Loads the compiled code for many views if that soon saves time; if `stop` is given, also
+        compiles it.
+        """
         self._pinhole.prepare(views, stop)
 
     def prepare_more(self, seconds: float, stop: Stop) -> None:
-        """Compiles what finds views, or loads it, if that is repaid."""
+        """Compiles or loads the code for views, if that saves time."""
         self._pinhole.prepare_more(seconds, stop)
 
     def make_ready(self, step: int) -> None:
-        """Makes the geometry of a step, which several threads would make several times."""
+        """Computes the geometry of a step, so that threads do not compute it several times."""
         self.geometry.between(step, step, self._reach)
 
     def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
-        """Returns the bytes, about, of lists of bodies that may hide somebody."""
+        """Returns the approximate bytes for lists of bodies that may hide somebody."""
         return self.geometry.room(steps, together, threads, self._reach)
 
     def advise(self, seconds: float) -> None:
-        """Says, once, what compiled code would have saved of so many seconds."""
+        """Tells the user, once, how much of this time compiled code would have saved."""
         self._pinhole.advise(seconds)
 
     def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
@@ -223,7 +230,7 @@ class PinholeViews(StateViews):
         return found.take(np.argsort(by_place))
 
     def look(self, at: Viewpoints) -> SeenColumns:
-        """Returns the columns that views [n] see, which are given place by place."""
+        """Returns the columns that views [n] see; the views are given place by place."""
         people = self.at_least is not None
         return self._columns(
             self._pinhole.seen(at.steps, self.eyes(at.places), at.counts, at.looks, people=people)
@@ -231,7 +238,7 @@ class PinholeViews(StateViews):
 
 
 class ConeViews(StateViews):
-    """Coverage by a `Cone`, of all faces of the actors that it detects."""
+    """Coverage by a `Cone`: of all faces of the actors that it detects."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, cone: Cone):
         super().__init__(geometry, problem, graph)
@@ -247,19 +254,19 @@ class ConeViews(StateViews):
         """Says nothing: no view is compiled."""
 
     def make_ready(self, step: int) -> None:
-        """Does nothing: what all views of a step need is made at once."""
+        """Does nothing: what all views of a step need is computed quickly."""
 
     def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
-        """Returns 0: nothing is listed."""
+        """Returns 0, since no bodies are listed."""
         return 0.0
 
     @property
     def batch(self) -> int:
-        """Number of nodes, states at steps, that take a fraction of a second."""
+        """Number of nodes (states at steps) that take a fraction of a second."""
         return max(_BATCH_FACES // max(self.n_faces, 1), 1)
 
     def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
-        """Returns the faces of all people whom nodes [n], increasing, detect, and the people."""
+        """Returns the faces of all people whom nodes [n], increasing, detect, and these people."""
         t, states = np.divmod(nodes, self.n_states)
         orientation, place = np.divmod(states, self.graph.n_places)
         yaw = 2 * np.pi * orientation / self.graph.motion.headings

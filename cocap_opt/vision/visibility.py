@@ -1,8 +1,8 @@
-"""The parts of faces that can be seen from an eye, past the terrain and the other actors.
+"""Finds the parts of faces that are visible from an eye, past the terrain and other actors.
 
-Most actors are wholly visible or wholly hidden. Where the shadow of a convex body falls on a part
-of an actor, the pieces of its faces outside of all shadows are found, exactly. Behind meshes that
-are not convex, rays to points all over a piece tell how much of it is seen.
+Most actors are completely visible or completely hidden. If the shadow of a convex body falls on a
+part of an actor, the pieces of its faces outside all shadows are computed exactly. Behind meshes
+that are not convex, rays to points spread over a piece sample the visible share.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,32 +21,35 @@ from cocap_opt.vision.shadows import Shadows
 if TYPE_CHECKING:
     from cocap_opt.vision.surfaces import Surface
 
-IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
-_AT_ONCE = 50_000  # shadows, to bound the memory
-_POINTS = 300_000  # behind meshes at once, to bound the memory
+IN_ITS_PLANE = 1e-9  # m; an eye in front of a face by no more than this does not see it
+_AT_ONCE = 50_000  # shadows at once, which limits memory
+_POINTS = 300_000  # points behind meshes at once, which limits memory
 LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
 
 class _Veil(NamedTuple):
-    """Points on pieces of faces behind meshes that are not convex, and which of them rays reach."""
+    """Points on pieces of faces behind meshes that are not convex, and the outcome of their
+    rays.
+    """
 
-    share: FloatArray  # [q] 0 or 1 for pieces of which no or all points are seen; else nan
+    share: FloatArray  # [q] 0 or 1 for pieces of which no point or every point is visible; else nan
     number: IntArray  # [q] row of each of the other pieces
     points: FloatArray  # [v, M, 3] m, relative to the eye
-    areas: FloatArray  # [v, M] area that each point stands for, up to a factor
+    areas: FloatArray  # [v, M] area represented by each point, up to a factor
     seen: BoolArray  # [v, M]
 
     def shares(
         self, pieces: IntArray, wanted: BoolArray, projection: Projection, axes: FloatArray,
         with_angles: bool,
     ) -> FloatArray:  # fmt: skip
-        """Returns the shares [1, n] of pieces' images that are seen, and [2, n] of solid angles.
+        """Returns the visible shares [1, n] of pieces' images, or [2, n] with those of solid
+        angles.
 
         Parameters
         ----------
-        pieces, wanted : [n] numbers of the pieces, and true where they have an image
+        pieces, wanted : [n] numbers of the pieces, and True if they have an image
         axes : [n, 3, 3] right, up and forward of each camera
-        with_angles : the shares of solid angles are asked for, too
+        with_angles : True: also return the shares of solid angles
         """
         shares = np.tile(self.share[pieces], (1 + with_angles, 1))
         mixed = np.flatnonzero(np.isnan(shares[0]) & wanted)
@@ -58,8 +61,8 @@ class _Veil(NamedTuple):
                 [dot(self.points[row], axes[batch][:, None, k]) for k in range(3)], axis=-1
             )
             inside = (projection.frustum_distances(points) > 0).all(axis=-1)
-            # Of a piece of a plane, the image is proportional to the inverse cube of its depth, and
-            # the solid angle to that of its distance.
+            # For a piece of a plane, the image is proportional to the inverse cube of the depth,
+            # and the solid angle to that of the distance.
             for k, share in enumerate(shares):
                 away = np.sqrt(dot(points, points)) if k else points[..., 2]
                 away = np.where(inside, away, 1.0)
@@ -75,24 +78,25 @@ class _Veil(NamedTuple):
 
 
 class Sightings(NamedTuple):
-    """The sight from E eyes: of some faces all, of n others pieces, of the rest nothing."""
+    """The views from E eyes: whole faces, pieces of n other faces, and nothing of the rest."""
 
-    whole: BoolArray  # [E, F] true where all of a face is seen, if it is in the image
+    whole: BoolArray  # [E, F] True if the whole face is visible, if it is in the image
     eyes: IntArray  # [n] increasing
     faces: IntArray  # [n] increasing for each eye
     first: IntArray  # [n] number of the first piece
     counts: IntArray  # [n] number of pieces
     pieces: FloatArray  # [q, V, 3] m, relative to the eye
-    veil: _Veil | None  # what rays tell about the pieces; None where there are no such meshes
+    veil: _Veil | None  # outcome of rays to the pieces; None if there are no such meshes
 
 
-# The shadows that fall on parts of n actors, from one eye each: an array [n], true where bodies are
-# known to hide all of the actor; the number [n] of the first shadow; how many there are [n]; they.
+# The shadows that fall on parts of n actors, from one eye each: an array [n], True if bodies are
+# known to hide the whole actor; the number [n] of the first shadow; the number of shadows [n]; and
+# the shadows.
 _Shaded = tuple[BoolArray, IntArray, IntArray, Shadows]
 
 
 class Visibility:
-    """Finds the parts of a problem's faces that are seen from any eye."""
+    """Finds the parts of a problem's faces that are visible from any eye."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem) -> None:
         self._mesh = geometry.mesh
@@ -101,12 +105,12 @@ class Visibility:
         self._take_of = problem.take_of if problem.takes else None
 
     def of(self, faces: Faces, steps: IntArray, eyes: FloatArray, wanted: BoolArray) -> Sightings:
-        """Returns the faces and parts of faces seen from eyes [E, 3], each at a step [E].
+        """Returns the faces and parts of faces visible from eyes [E, 3], each at a step [E].
 
         Parameters
         ----------
-        steps : counted from the first step of `faces`
-        wanted : [E, A] true for actors that matter
+        steps : steps, counted from the first step of `faces`
+        wanted : [E, A] True for relevant actors
         """
         eye, actor = np.nonzero(wanted)
         hidden, first, counts, shadows = self._shaded(faces, steps[eye], eyes[eye], actor)
@@ -123,7 +127,7 @@ class Visibility:
         open_to[eye, actor] = ~hidden
         in_part = np.zeros(wanted.shape, dtype=bool)
         in_part[eye, actor] = ~hidden & ((counts > 0) | veiled)
-        # Only faces that are turned to the eye are seen.
+        # Only faces that are turned to the eye are visible.
         eye, face = np.nonzero(open_to[:, self._owners])
         to_eye = eyes[eye] - faces.polygons[steps[eye], face, 0]
         ahead = dot(to_eye, faces.normals[steps[eye], face]) > IN_ITS_PLANE
@@ -145,13 +149,13 @@ class Visibility:
     def _veil(
         self, mesh: "Surface", pieces: FloatArray, behind: IntArray, eyes: FloatArray
     ) -> _Veil:
-        """Casts rays to points all over some pieces.
+        """Casts rays to points spread over some pieces.
 
         Parameters
         ----------
         pieces : [q, V, 3] m, relative to the eye
         behind : [v] numbers of those pieces
-        eyes : [q, 3] m, of all pieces
+        eyes : [q, 3] m, eye of each piece
         """
         share, number = np.ones(len(pieces)), np.zeros(len(pieces), dtype=np.int64)
         parts = []
@@ -197,7 +201,7 @@ class Visibility:
     def _share_past_mesh(
         self, mesh: "Surface", faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray
     ) -> FloatArray:
-        """Returns the share [n] of points all over actors that rays from eyes [n, 3] reach."""
+        """Returns the share [n] of points spread over actors that rays from eyes [n, 3] reach."""
         targets = faces.points[steps, actors]
         size = targets.shape[1]
         seen = mesh.lets_pass(np.repeat(eyes, size, axis=0), targets.reshape(-1, 3))
@@ -206,17 +210,17 @@ class Visibility:
 
 
 class _Casting:
-    """Shadows that are cast on actors, a few at a time.
+    """Shadows cast on actors, a few at a time.
 
     Parameters
     ----------
     corners : [n, C, 3] m, of actors, relative to the eyes
     eyes : [n, 3] m
-    hidden : [n] true where all of the actor is known to be hidden
+    hidden : [n] True if the whole actor is known to be hidden
 
     Attributes
     ----------
-    hidden : the same, kept up to date
+    hidden : the argument, kept up to date
     """
 
     def __init__(self, corners: FloatArray, eyes: FloatArray, hidden: BoolArray) -> None:
@@ -225,16 +229,16 @@ class _Casting:
         self._found: list[tuple[IntArray, Shadows]] = []
 
     def cast_in_turn(self, bodies: Bodies, counts: IntArray, which: IntArray) -> None:
-        """Casts the shadows of each actor's bodies, until one holds all of it.
+        """Casts the shadows of each actor's bodies, until one shadow contains the whole actor.
 
         Parameters
         ----------
         counts : [n] number of bodies of each actor
-        which : their numbers, one actor's after the other's
+        which : their numbers, actor by actor
         """
         first = np.cumsum(counts) - counts
         done, size = 0, 1
-        # Ever more at once: the first bodies hide most of the actors that are hidden.
+        # More and more at once: the first bodies hide most of the hidden actors.
         while len(rest := np.flatnonzero(~self.hidden & (counts > done))):
             take = np.minimum(counts[rest] - done, size)
             at = spans(first[rest] + done, take)
@@ -268,15 +272,16 @@ class _Casting:
 def _near_actors(
     faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray, take_of: IntArray | None
 ) -> tuple[IntArray, IntArray]:
-    """Returns which actors stand between eyes [n, 3] and actors [n], or nearly so.
+    """Returns the actors that stand, or almost stand, between eyes [n, 3] and actors [n].
 
     Parameters
     ----------
-    take_of : [A] the take of each actor, of which others are not there; None: all are
+    take_of : [A] take of each actor; only actors of the same take are present. None: all are
+        present
 
     Returns
     -------
-    pairs, bodies : [m] each, the position among the n, and the number of the body
+    pairs, bodies : [m] each, position among the n actors, and number of the body
     """
     numbers, n_actors = np.arange(len(eyes)), len(faces.reaches)
     others = faces.middles[steps] - eyes[:, None]
@@ -310,7 +315,7 @@ def _equal_parts(samples: int) -> tuple[FloatArray, FloatArray]:
 def _centroids(polygons: FloatArray) -> FloatArray:
     """Returns the centroids [n, 3] of convex polygons [n, V, 3].
 
-    They do not depend, to the last bit, on how often the last vertex is repeated.
+    The result does not depend, to the last bit, on how often the last vertex is repeated.
     """
     off = polygons - polygons[:, :1]
     total, sums = np.zeros(len(polygons)), np.zeros((len(polygons), 3))

@@ -150,7 +150,7 @@ class Library:
             if entry.name == name:
                 return entry
         listed = "`cocap-opt library status --all` lists them"
-        raise FileError(f"{name}: is no instance of the library; {listed}")
+        raise FileError(f"{name}: is not an instance of the library; {listed}")
 
     def digests(self) -> dict[str, Digest]:
         """Returns the digests of all instances that have been made, by name."""

@@ -163,7 +163,7 @@ class PlanRow:
         messages = [row.message] if row.message else []
         of_share = result.certificate is not None and result.certificate.objective is not UNSET
         if not of_share and result.reason is Reason.INFEASIBLE and result.bound < 0:
-            messages.append("proved: no plan exists, as none obeys the rules")
+            messages.append("proved: no plan exists that obeys the rules")
         if result.certificate is None and math.isfinite(result.bound):
             messages.append(f"no certificate: the bound is what {method} proves by itself")
         return replace(

@@ -1,4 +1,4 @@
-"""Checks of certificates: the claim of a file is compared with the numbers in it."""
+"""Checks certificates: compares the claim of a file with the bound that its numbers prove."""
 
 from collections.abc import Callable
 
@@ -32,25 +32,25 @@ def verify(
 ) -> Pricing:
     """Recomputes the bound of a certificate or a proof from the problem alone.
 
-    Coverage is computed afresh and not taken from a cache.
+    Coverage is recomputed, not taken from a cache.
 
     Parameters
     ----------
-    progress : called with the number of leaves of a proof that are done, or of searches of a staged
-        certificate, and the total
-    model : of the problem that the bound is for, made without the cache, so that several files
-        share its coverage; a model of another problem is not used
-    plain : use no code that is compiled by numba; only staged certificates use any, and their
-        searches then take about twenty times as long
+    progress : called with the number of finished leaves of a proof, or finished searches of a
+        staged certificate, and the total
+    model : model of the bound's problem, made without the cache, so that several files can share
+        its coverage; a model of another problem is ignored
+    plain : True: use no code compiled by numba. Only searches of staged certificates use such code;
+        without it they take about twenty times as long
 
     Raises
     ------
     CertificateError
-        If the file belongs to another scene, is not a tree or not valid, or claims a lower bound
-        than its numbers prove.
+        If the file belongs to another scene, is not valid, has nodes that do not form a tree, or
+        claims a lower bound than its numbers prove.
     UnfinishedError
         If the searches of a staged certificate take too long or a limit is reached; the claim may
-        hold all the same.
+        still hold.
     """
     problem = file.problem_of(problem)
     if file.digest == problem_digest(problem):
@@ -65,8 +65,8 @@ def verify(
                 pricing = priced(model, file.certificate, progress, stop, plain)
         except LimitReached as reached:
             raise UnfinishedError(
-                f"not verified: the limit ({reached.limit}) was reached before the end; the claim "
-                "may hold all the same"
+                f"not verified: the limit ({reached.limit}) was reached before the end; the "
+                "claim may still hold"
             ) from reached
         if pricing.bound <= file.proved:
             return pricing
@@ -86,11 +86,11 @@ def priced(
     stop: Stop = never,
     plain: bool = False,
 ) -> Pricing:
-    """Returns the bound that a certificate proves, in stages or at once."""
+    """Returns the bound that a certificate proves, whether staged or plain."""
     if isinstance(certificate, Staged):
-        # So plain certificates are checked without any search.
+        # Imported here, so that plain certificates are checked without loading any search.
         from cocap_opt.formulations.certificates.staged import price_staged
 
-        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite values are rejected
             return price_staged(model, certificate, stop, progress, plain)
     return Pricing.of(model, certificate, stop=stop)

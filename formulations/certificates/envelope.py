@@ -8,9 +8,9 @@ breakpoints 0 = s_0 < s_1 < .. < s_K and of slope 1 beyond the last one. Then
 
 is valid if it holds wherever every s_i is a breakpoint: on each box between breakpoints the left
 side is convex and the right side linear, so that their difference is largest at a corner; and
-beyond the last breakpoints the norm grows by no more than phi does. `Cut.valid` goes through these
+beyond the last breakpoints the norm grows by no more than phi does. `Cut.valid` enumerates these
 corners and finds a constant for any phi. A class without breakpoints has phi(s) = s, and adds no
-corners: a norm is subadditive.
+corners, since a norm is subadditive.
 """
 
 import math
@@ -24,9 +24,9 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 
-MOST_CORNERS = 20_000  # partial corners that are kept apart where a cut's constant is found
-STAGE_CHOICES = 1000  # multisets of breakpoints, of all classes, that are gone through at once
-# Pixels, as shares of the most, at which tangents of the root bound completions.
+MOST_CORNERS = 20_000  # partial corners that are kept separately while a cut's constant is computed
+STAGE_CHOICES = 1000  # multisets of breakpoints, of all classes, that are enumerated at once
+# Pixels, as shares of the largest number, at which tangents of the root bound completions.
 _TANGENTS = np.geomspace(1e-4, 1.0, 16)
 
 
@@ -65,7 +65,7 @@ class Cut:
 
     Attributes
     ----------
-    curves : phi of robot classes by their numbers; for all others it is the identity
+    curves : phi by number of the robot class; phi of all other classes is the identity
     """
 
     view_sum: int
@@ -74,9 +74,9 @@ class Cut:
 
     @classmethod
     def valid(cls, view_sum: int, curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> "Cut":
-        """Returns the cut with the least constant that makes it valid, or slightly more.
+        """Returns the cut with the smallest constant that makes it valid, or slightly more.
 
-        The constant is >= 0, since it may be that no robot sees the view sum.
+        The constant is >= 0, since possibly no robot sees the view sum.
 
         Parameters
         ----------
@@ -90,40 +90,41 @@ class Cut:
 
 
 class Partial(NamedTuple):
-    """Partial corners: the breakpoints of the robots of some stages, with all others at 0."""
+    """Partial corners, with the robots of some stages at breakpoints and all others at 0."""
 
     pixels: FloatArray  # [n]
     values: FloatArray  # [n] -sum of phi
-    placed: IntArray  # [n] robots that are, of the class whose stages have begun and not ended
-    most: FloatArray  # [n] |s| - sum phi that completions can reach
+    placed: IntArray  # [n] number of placed robots of the class whose stages are in progress
+    most: FloatArray  # [n] largest |s| - sum phi that completions can reach
 
     def take(self, which: IntArray) -> "Partial":
         """Returns the partial corners at given positions."""
         return Partial(self.pixels[which], self.values[which], self.placed[which], self.most[which])
 
 
-# Which partial corners to keep: their positions, and what stands for them.
+# Chooses the partial corners to keep: returns their positions, and the corners that replace them.
 Thin = Callable[[Partial], tuple[IntArray, Partial]]
 
 _Steps = list[tuple[IntArray, IntArray]]  # parents and choices, stage by stage
 
 
 class _Stage(NamedTuple):
-    """The choices for the robots of one class: the numbers of them at some breakpoints."""
+    """The choices for the robots of one class: the number of robots at some of its breakpoints."""
 
-    number: int  # of the class
-    robots: int  # of the class; its stages place no more of them in all
-    begins: bool  # True for the first stage of the class, and `ends` for the last one
+    number: int  # number of the class
+    robots: int  # robots of the class; its stages together place at most this many
+    begins: bool  # True for the first stage of the class; `ends` is True for its last stage
     ends: bool
     first: int  # position of the first of these breakpoints among those of all classes
     counts: IntArray  # [M, K] robots at each of them
-    placed: IntArray  # [M] robots at any of them
+    placed: IntArray  # [M] total number of robots at these breakpoints
     pixels: FloatArray  # [M]
     values: FloatArray  # [M] sum of phi
 
 
 def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> Iterator[_Stage]:
-    """Yields the stages of each class: one if choices are few, otherwise one per breakpoint.
+    """Yields the stages of each class: one stage if there are few choices, otherwise one per
+    breakpoint.
 
     The largest breakpoint comes first, since the number of robots there matters most.
     """
@@ -147,11 +148,11 @@ def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> Iterator[_St
 class Corners:
     """All corners of a cut: every robot at a breakpoint of its class, or at 0.
 
-    Robots of a class are exchangeable, so that it only matters how many are at each breakpoint.
+    Robots of a class are exchangeable, so only the number of robots at each breakpoint matters.
 
     Parameters
     ----------
-    curves : phi by number of the class
+    curves : phi of each class, by its number
     sizes : number of robots of each class
     """
 
@@ -159,7 +160,7 @@ class Corners:
         self._stages = [*_stages(curves, sizes)]
 
     def highest(self) -> float:
-        """Returns the largest |s| - sum phi of all corners, or slightly more."""
+        """Returns the largest |s| - sum phi over all corners, or slightly more."""
         known = self._ascent()
         least = known - 1e-12 * math.sqrt(self._most_pixels)
         heights, _ = self.above(least, _undominated)
@@ -168,9 +169,9 @@ class Corners:
     def above(self, least: float, thin: Thin) -> tuple[FloatArray, _Steps]:
         """Returns the corners at which |s| - sum phi is at least `least`, by dynamic programming.
 
-        A partial sum of pixels z and value v = -sum phi is dropped where no completion can
-        reach `least`: sqrt(z) is at most any tangent theta z + 1 / (4 theta), for which the
-        best completion is found stage by stage.
+        A partial sum of pixels z and value v = -sum phi is dropped if no completion can reach
+        `least`: sqrt(z) is at most any tangent theta z + 1 / (4 theta), for which the best
+        completion is found stage by stage.
 
         Parameters
         ----------
@@ -178,7 +179,8 @@ class Corners:
 
         Returns
         -------
-        |s| - sum phi of each corner [n], or more where `thin` merged some, and the way to each.
+        |s| - sum phi of each corner [n], or a larger value if `thin` merged corners, and the way to
+        each.
         """
         thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * _TANGENTS)
         ahead, rest = self._completions(thetas)
@@ -193,7 +195,7 @@ class Corners:
                 reach = theta * z + v + others
                 np.minimum(most, reach if stage.ends else reach + left * each, out=most)
             able = np.flatnonzero((most >= least) & (left >= 0))
-            if stage.ends:  # the next robots are of another class
+            if stage.ends:  # the next robots belong to another class
                 placed = np.zeros_like(placed)
             which, kept = thin(Partial(z, v, placed, most).take(able))
             chosen = able[which]
@@ -205,7 +207,7 @@ class Corners:
 
         Parameters
         ----------
-        steps : the way to the corners that `above` has found
+        steps : the ways to the corners, as returned by `above`
         """
         points = max(stage.first + stage.counts.shape[1] for stage in self._stages)
         counts = np.zeros((len(which), points), dtype=np.int64)
@@ -218,8 +220,8 @@ class Corners:
     def _completions(self, thetas: FloatArray) -> tuple[list[FloatArray], FloatArray]:
         """Returns the most that stages can add to tangents of slopes theta [thetas].
 
-        First, for each stage, the amount that each unplaced robot of its class can add at later
-        stages; then the total that all later classes can add after each stage
+        First, for each stage, the largest amount that each unplaced robot of its class can add at
+        later stages; then the largest total that all later classes can add after each stage
         [stages+1, thetas].
         """
         ahead: list[FloatArray] = []
@@ -234,11 +236,11 @@ class Corners:
 
     @property
     def _most_pixels(self) -> float:
-        """Pixels if every robot is at its last breakpoint."""
+        """Number of pixels if every robot is at its last breakpoint."""
         return sum(float(stage.pixels.max()) for stage in self._stages if stage.begins)
 
     def _ascent(self) -> float:
-        """Returns |s| - sum phi of a corner that no stage can improve alone."""
+        """Returns |s| - sum phi of a corner that cannot be improved by changing a single stage."""
         chosen = [0] * len(self._stages)
         left = {stage.number: stage.robots for stage in self._stages}
         pixels, value, best = 0.0, 0.0, -math.inf
@@ -274,12 +276,13 @@ def multisets(points: int, size: int) -> IntArray:
 
 
 def _undominated(partial: Partial) -> tuple[IntArray, Partial]:
-    """Keeps the undominated corners: no other has at least as many pixels and as much value.
+    """Keeps the undominated corners, for which no other has at least as many pixels and as much
+    value.
 
     Only corners that place the same number of robots of the class are compared. If there are very
     many, neighbours are merged and their pixels rounded up, so that heights are never too small.
     """
-    # With the most pixels first, those with more value than all before.
+    # With corners in descending order of pixels: keep those with more value than all before.
     order = np.lexsort((-partial.values, -partial.pixels, partial.placed))
     groups = np.split(order, np.flatnonzero(np.diff(partial.placed[order])) + 1)
     for k, group in enumerate(groups if len(order) else ()):

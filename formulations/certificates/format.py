@@ -1,7 +1,7 @@
 """The format of certificate and proof files, and the checks of cuts and trees.
 
 Both are documents (`cocap_opt.files.documents`): JSON with a `format` and a `version`, read
-strictly. A certificate holds one set of numbers that bounds J. A proof holds a tree of
+strictly. A certificate contains one set of numbers that bounds J. A proof contains a tree of
 decisions, and such numbers at each of its leaves.
 """
 
@@ -26,12 +26,12 @@ from cocap_opt.stop import Stop, never
 MOST_NODES = 1_000_000
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
 OPTIMISTIC: Literal["optimistic"] = "optimistic"
-LARGEST_ROOT = 1e50  # of a curve, far beyond any camera's, and its square is finite
+LARGEST_ROOT = 1e50  # of a curve: far beyond that of any camera, and its square is finite
 
-# The numbers of classes in a file count the classes of robots that differ only in their start
-# ("alike"), or robots, each of which is a class of its own ("single").
+# Class numbers in a file refer either to classes of robots that differ only in their start
+# ("alike"), or to robots, each of which forms its own class ("single").
 Classes = Literal["alike", "single"]
-# [T+1][F], or [1][F] where pixels add up over time; of people who count [T+1][A].
+# [T+1][F], or [1][F] if pixels add up over time; for counted people [T+1][A].
 Table = tuple[tuple[float, ...], ...]
 
 
@@ -40,7 +40,7 @@ class CertificateError(ValueError):
 
 
 class UnfinishedError(CertificateError):
-    """Verification reached its limit of work or time; the claim may hold all the same."""
+    """Verification reached its limit of work or time; the claim may still hold."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -48,7 +48,7 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Row(_Part, frozen=True):
-    """A row "at most one robot uses this resource", by the scene's collision rules.
+    """A row "at most one robot uses this resource", which follows from the scene's collision rules.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Row(_Part, frozen=True):
 
 
 class Decision(_Part, frozen=True):
-    """A decision: at most, or at least, so many robots use this resource."""
+    """A decision: at most, or at least, a number of robots use this resource."""
 
     resource: Resource
     sense: Literal["at most", "at least"]
@@ -74,12 +74,12 @@ class Decision(_Part, frozen=True):
 
     @property
     def sign(self) -> int:
-        """1 where the resource is to be used less, -1 where more."""
+        """1 if the decision limits the use of the resource, -1 if it requires it."""
         return 1 if self.sense == "at most" else -1
 
 
 class ClassCurve(_Part, frozen=True):
-    """The function phi of one class: linear between breakpoints, with slope 1 after the last.
+    """The function phi of one class: linear between breakpoints, with slope 1 beyond the last.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class ClassCurve(_Part, frozen=True):
     values: tuple[float, ...]
 
     def check(self, field: str) -> None:
-        """Raises CertificateError, which names the field, if the curve is not a function."""
+        """Raises CertificateError, naming the field, if the curve is not a function."""
         points = (0.0, *self.roots)
         if len(points) < 2 or not all(a < b <= LARGEST_ROOT for a, b in pairwise(points)):
             raise CertificateError(
@@ -104,20 +104,20 @@ class ClassCurve(_Part, frozen=True):
             0 <= value <= LARGEST_ROOT for value in self.values
         ):
             raise CertificateError(
-                f"{field}.values: must hold a number 0..{LARGEST_ROOT:g} per root"
+                f"{field}.values: must contain a number 0..{LARGEST_ROOT:g} per root"
             )
 
 
 class EnvelopeCut(_Part, frozen=True):
-    """Functions phi that bound the root of view sum (t, face); the constant is recomputed.
+    """Functions phi that bound the root of view sum (t, face); the checker recomputes the constant.
 
     Attributes
     ----------
     t : step
     face : number of the face, 0 to F-1, in the order of alpha
-    curves : phi of classes, in increasing order; the others have phi(s) = s
-    share : theta, 0..1: the share of the root that this cut bounds; the cuts of a view sum leave
-        1 less all their shares to alpha and beta
+    curves : phi of classes, in increasing order; all other classes have phi(s) = s
+    share : theta, 0..1: the share of the root that this cut bounds; alpha and beta bound the rest,
+        1 minus the shares of all cuts of the view sum
     """
 
     t: int
@@ -126,7 +126,8 @@ class EnvelopeCut(_Part, frozen=True):
     share: float
 
     def check(self, model: Model, field: str) -> None:
-        """Raises CertificateError if it has no view sum or class, or its constant takes too long.
+        """Raises CertificateError if the view sum or a class does not exist, or if computing the
+        constant would take too long.
 
         Parameters
         ----------
@@ -145,7 +146,7 @@ class EnvelopeCut(_Part, frozen=True):
         for k, curve in enumerate(self.curves):
             curve.check(f"{field}.curves[{k}]")
         if sum(sizes[curve.class_number] * len(curve.roots) for curve in self.curves) > MOST_WORK:
-            raise CertificateError(f"{field}.curves: too many roots for so many drones")
+            raise CertificateError(f"{field}.curves: too many roots for this number of drones")
 
     def valid(self, model: Model) -> Cut:
         """Returns the cut with the constant that makes it valid."""
@@ -159,16 +160,16 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     Attributes
     ----------
     type : `multipliers`
-    alpha : [T+1][F] >= 0, price of the root of a robot's pixels; a row per step from 0 to T with
-        one number per face: actors in order, the faces of each in order (for a box front, left,
-        back, right, top). One row [1][F] where pixels add up over time
-    beta : same shape, >= 0, price of the pixels, m/px^0.5; > 0 where alpha is less than the share
-        of the root that cuts leave (1 without cuts), at faces that count and can be seen
-    rows : rules of the scene that have a price
-    cuts : envelope cuts; none where pixels add up over time
+    alpha : [T+1][F] >= 0, price of the root of a robot's pixels; one row per step from 0 to T, with
+        one number per face: actors in order, the faces of each in order (for a box: front, left,
+        back, right, top). A single row [1][F] if pixels add up over time
+    beta : same shape, >= 0, price of the pixels, m/px^0.5; for faces that count and can be seen,
+        must be > 0 if alpha is less than the share of the root that cuts leave (1 without cuts)
+    rows : rows of the scene's rules that have a price
+    cuts : envelope cuts; empty if pixels add up over time
     decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
         most n" adds nu n to the bound and charges each user nu, "at least n" subtracts nu n from
-        the bound and credits each user with nu; for "at most 0" it is not used
+        the bound and credits each user with nu; it is ignored for "at most 0"
     views : [T+1][A] >= 0, price of a drone that sees a person, before its weight; only in scenes
         that count such drones
     """
@@ -181,7 +182,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     views: Table = ()
 
     def usable_cuts(self, model: Model, stop: Stop = never) -> list[tuple[Cut, float]]:
-        """Returns the cuts with the constants that make them valid, and their shares.
+        """Returns the cuts, each with the constant that makes it valid, and their shares.
 
         Raises
         ------
@@ -191,7 +192,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
             Between two cuts.
         """
         if self.cuts and model.problem.objective.over_time:
-            raise CertificateError("certificate.cuts: must be empty where pixels add up over time")
+            raise CertificateError("certificate.cuts: must be empty if pixels add up over time")
         found = []
         for n, cut in enumerate(self.cuts):
             stop.check()
@@ -201,7 +202,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
 
 
 class ReferencePixels(_Part, frozen=True, tag="reference", omit_defaults=True):
-    """Pixels at which marginal gains are taken; those of a plan give the online bound.
+    """Pixels at which marginal gains are taken; the pixels of a plan give the online bound.
 
     Attributes
     ----------
@@ -215,7 +216,9 @@ class ReferencePixels(_Part, frozen=True, tag="reference", omit_defaults=True):
 
 
 def tables_of(problem: Problem, values: FloatArray) -> tuple[Table, Table]:
-    """Returns values of view sums [Z] as tables of a file: for faces, and for counted people."""
+    """Returns values of view sums [Z] as two tables of a file: one for faces, one for counted
+    people.
+    """
     n = problem.returns.n_roots
     faces = _table(values[:n].reshape(problem.view_sum_steps, -1))
     if len(values) == n:
@@ -228,14 +231,14 @@ def _table(values: FloatArray) -> Table:
 
 
 class StepPrices(_Part, frozen=True, omit_defaults=True):
-    """Prices of some states at a step: credits of a class's robots for being there.
+    """Prices of some states at a step: credits that a class's robots receive for visiting them.
 
     Attributes
     ----------
     t : step
     robot_class : number of the class, from 0
     states : states with a new price
-    payments : the new price of each, in units of J; may be < 0
+    payments : the new price of each of these states, in units of J; may be < 0
     others : amount by which the prices of all other states of the class rise
     """
 
@@ -247,9 +250,9 @@ class StepPrices(_Part, frozen=True, omit_defaults=True):
 
 
 class StepConstant(_Part, frozen=True):
-    """A claim that no joint state that is left at a step has more reduced profit than this.
+    """A claim that no remaining joint state of a step has a larger reduced profit than this.
 
-    It replaces the sum of the constants of the step's faces, and is checked by search.
+    The constant replaces the sum of the constants of the step's faces, and is checked by a search.
 
     Attributes
     ----------
@@ -262,7 +265,7 @@ class StepConstant(_Part, frozen=True):
 
 
 class Stage(_Part, frozen=True, omit_defaults=True):
-    """A stage of a staged certificate; at its end further states are closed.
+    """A stage of a staged certificate; at its end, further states are closed.
 
     Attributes
     ----------
@@ -283,10 +286,10 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     ----------
     type : `staged`
     multipliers : multipliers before the first stage
-    target : J; plans that are not above it need not be bounded
+    target : J; only plans above it are bounded
     stages : in their order
-    paths_above : J >= target: at the end the joint paths of all robots in plans above it are
-        explored, and the bound is this number or the largest J among them; none: no paths are
+    paths_above : J >= target: at the end, the joint paths of all robots in plans above this number
+        are explored, and the bound is this number or the largest J among them; null: no paths are
         explored
     """
 
@@ -300,38 +303,38 @@ Certificate = Multipliers | ReferencePixels
 
 
 class _Claim(Document, frozen=True, kw_only=True):
-    """The claim of a file that proves a bound, and the scene that it belongs to."""
+    """The claim of a file that proves a bound, and the scene to which the claim belongs."""
 
     scene: str
-    digest: str  # of the problem
+    digest: str  # digest of the problem
     method: str
     classes: Classes = "alike"
     coverage_version: int | None = None
     instance: str | UnsetType = UNSET
     objective: Objective | UnsetType = UNSET
-    bound: float | None  # None: -infinity, there is no plan
+    bound: float | None  # None: -inf, there is no plan
 
     def problem_of(self, scene: Problem) -> Problem:
-        """Returns the problem that the bound is for: the scene, possibly with another objective.
+        """Returns the problem that the file bounds: the scene, possibly with another objective.
 
         Raises
         ------
         CertificateError
-            If the scene does not have the people whom the objective weighs.
+            If the objective names people who are not in the scene.
         """
         if isinstance(self.objective, UnsetType) or self.objective == scene.objective:
-            return scene  # the same object, by which its digest is known
+            return scene  # the same object, whose digest is cached
         try:
             return scene.replace(objective=self.objective)
         except ProblemError as error:
             raise CertificateError(f"objective: does not fit the scene; {error}") from error
 
     def of_instance(self, digest: str) -> Self:
-        """Returns the file with the digest of the instance that it was made from."""
+        """Returns the file with the digest of the instance from which it was computed."""
         return msgspec.structs.replace(self, instance=digest)
 
     def with_objective(self, objective: Objective) -> Self:
-        """Returns the file with the objective of its bound written into it."""
+        """Returns the file with the objective of its bound added."""
         return msgspec.structs.replace(self, objective=objective)
 
     @property
@@ -348,17 +351,18 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     format, version : kind and version of the file
     scene : name of the scene
     digest : digest of the problem; it depends on every number of the scene
-    method : name of the method that found the numbers; nothing depends on it
+    method : name of the method that found the numbers, for information only
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
         in the order of their first robots; `single`: each robot is a class
     coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
-        used; left out: not recorded, or coverage was not complete
-    objective : the complete objective of the bound; left out: the scene's. `digest` is
-        that of the scene with this objective
+        used; omitted: not recorded, or coverage was incomplete
+    objective : the complete objective of the bound; omitted: the scene's objective. `digest` is the
+        digest of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
-    coverage : `optimistic` if a limit had cut short the coverage with which the bound was computed:
-        at the missing steps nothing hides anybody. The claim is checked on true coverage
+    coverage : `optimistic` if a limit interrupted the computation of coverage: the bound then
+        assumes that nothing hides anybody at the missing steps. The claim is checked on true
+        coverage
     certificate : the numbers that prove the bound
     """
 
@@ -371,12 +375,12 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
 
     @property
     def numbers(self) -> str:
-        """The word for the numbers that prove the bound."""
+        """The word for the numbers that prove the bound, for messages."""
         return "stages" if isinstance(self.certificate, Staged) else "multipliers"
 
     @property
     def proof(self) -> str:
-        """The kind of proof in words: numbers alone, or numbers and searches to repeat."""
+        """The kind of proof in words: numbers only, or numbers and searches to repeat."""
         if isinstance(self.certificate, ReferencePixels):
             return "reference pixels, no search"
         is_staged = isinstance(self.certificate, Staged)
@@ -384,12 +388,13 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
 
 
 class Branch(_Part, frozen=True, tag="branch"):
-    """A node of a proof: at most `robots` robots use the resource, or at least one more.
+    """A node of a proof that distinguishes two cases: at most `robots` robots use the resource, or
+    more.
 
     Attributes
     ----------
     type : `branch`
-    resource : the resource that is used
+    resource : the resource that the robots use
     robots : n, 0..R
     at_most : number of the node in which at most n robots use the resource
     at_least : number of the node in which at least n + 1 do
@@ -407,7 +412,7 @@ class Leaf(_Part, frozen=True, tag="leaf"):
     Attributes
     ----------
     type : `leaf`
-    certificate : its `decisions` has one number for each branch on the way from the root
+    certificate : the multipliers; `decisions` has one number per branch on the way from the root
     """
 
     certificate: Multipliers
@@ -421,16 +426,16 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     format, version : kind and version of the file
     scene : name of the scene
     digest : digest of the problem; it depends on every number of the scene
-    method : name of the method that found the numbers; nothing depends on it
+    method : name of the method that found the numbers, for information only
     classes : meaning of class numbers. `alike`: classes of robots that differ only in their start,
         in the order of their first robots; `single`: each robot is a class
     coverage_version : version of the formula for pixels; null: not recorded
     instance : SHA-256 of the instance that `export` writes for the problem, whose coverage was
-        used; left out: not recorded, or coverage was not complete
-    objective : the complete objective of the bound; left out: the scene's. `digest` is
-        that of the scene with this objective
+        used; omitted: not recorded, or coverage was incomplete
+    objective : the complete objective of the bound; omitted: the scene's objective. `digest` is the
+        digest of the scene with this objective
     bound : the claimed J that no plan exceeds; null: there is no plan
-    nodes : the first is the root; children come after their parent, and each has one
+    nodes : nodes of the tree; the first is the root, and each other node follows its only parent
     """
 
     older = SAMPLED
@@ -449,13 +454,13 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
         return f"multipliers{of_tree}, no search"
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:
-        """Yields the number and the content of each leaf, and the decisions on the way to it.
+        """Yields the number and the content of each leaf, with the decisions on the way to it.
 
         Raises
         ------
         CertificateError
-            If the nodes are not a tree: every node but the first must be the child of exactly
-            one branch before it.
+            If the nodes do not form a tree: every node except the first must be the child of
+            exactly one earlier branch.
         """
         parents = self._parents()
         for n, node in enumerate(self.nodes):
@@ -469,7 +474,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
         parents: list[tuple[int, Decision] | None] = [None] * len(self.nodes)
         for n, node in enumerate(self.nodes):
             if n and parents[n] is None:
-                raise CertificateError(f"nodes[{n}]: is the child of no branch before it")
+                raise CertificateError(f"nodes[{n}]: is not the child of an earlier branch")
             if isinstance(node, Leaf):
                 continue
             sides = (
@@ -478,7 +483,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
             )
             for child, decision in sides:
                 if not n < child < len(self.nodes) or parents[child] is not None:
-                    raise CertificateError(f"nodes[{n}]: {child} cannot be its child")
+                    raise CertificateError(f"nodes[{n}]: {child} cannot be a child of this node")
                 parents[child] = n, decision
         return parents
 

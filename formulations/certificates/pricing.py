@@ -1,4 +1,4 @@
-"""The bound that multipliers prove, and the bound of a tree of decisions.
+"""Computes the bound that multipliers prove, and the bound that a tree of decisions proves.
 
 Multipliers. For alpha, beta >= 0 and any non-negative c_1..c_N,
 
@@ -11,13 +11,13 @@ one (alpha, beta) per view sum (t, face) and a multiplier mu >= 0 per conflict r
     J <= sum w kappa + sum mu + sum_i max_path [ sum_t sum_f w (alpha sqrt(c) + beta c)
                                                  + rewards for moves - mu on rows used ].
 
-A share theta of a view sum's root may be bounded by an envelope cut instead (`envelope`):
-r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then only
-rho = 1 - sum theta is left for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
+Instead, a share theta of a view sum's root may be bounded by an envelope cut (`envelope`): r <=
+constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then only rho = 1 - sum
+theta remains for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
 
-Where the drones that see a person are counted, min(sum c_i, k) replaces the root, c_i is 0 or 1,
-and one number gamma replaces (alpha, beta): the part of w that each drone gets. Then kappa is
-k max(0, 1 - gamma) (`returns`), and there are no cuts, which exist only for roots.
+If the drones that see a person are counted, min(sum c_i, k) replaces the root, c_i is 0 or 1, and
+one number gamma replaces (alpha, beta): the share of w that each drone gets. Then kappa is k max(0,
+1 - gamma) (`returns`), and there are no cuts, which exist only for roots.
 
 Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows, too;
 with a multiplier nu >= 0 they add +nu k or -nu k, and a charge or a reward for each use.
@@ -27,13 +27,13 @@ Reference pixels z. By concavity of the root,
 
     sqrt(sum c_i) <= sqrt(z) + sum_i (sqrt(z + c_i) - sqrt(z)).
 
-A proof is a tree. A branch distinguishes two cases: at most k robots use a resource, or at least
-k + 1 do. Every plan is in one of them, so that the leaves together cover all plans. A leaf's
+A proof is a tree. A branch distinguishes two cases: at most k robots use a resource, or at least k
++ 1 do. Every plan belongs to one of the two, so the leaves together cover all plans. A leaf's
 multipliers bound the plans that obey the decisions on the way to it, and the largest bound of all
 leaves holds for all plans.
 
-Any non-negative numbers give a valid bound, whichever solver they came from. Pricing needs
-one plain sweep over the time-expanded graph and no solver.
+Any non-negative numbers give a valid bound, no matter which solver found them. Pricing needs one
+plain sweep over the time-expanded graph and no solver.
 """
 
 import math
@@ -68,12 +68,12 @@ UNIT_ROUNDOFF = 2.0**-53
 
 
 class Pricing(NamedTuple):
-    """The worth of a certificate."""
+    """The bound that a certificate or a proof proves, with its allowance for rounding."""
 
-    bound: float  # rigorous upper bound on J, rounding included
-    rounding: float  # the part of it that covers rounding errors
-    leaves: tuple[float, ...] = ()  # of a proof, the bounds of its leaves, in order
-    nodes: int = 0  # of the searches that it rests on; 0 without any
+    bound: float  # rigorous upper bound on J, including rounding
+    rounding: float  # the part of the bound that covers rounding errors
+    leaves: tuple[float, ...] = ()  # bounds of a proof's leaves, in order
+    nodes: int = 0  # nodes of the searches on which the bound rests; 0 if there are none
 
     @classmethod
     def of(
@@ -87,22 +87,23 @@ class Pricing(NamedTuple):
 
         Parameters
         ----------
-        decisions : the bound holds for plans that obey these, too
+        decisions : the bound holds for plans that obey these decisions
 
         Raises
         ------
         CertificateError
-            If a number is negative or not finite, an array has the wrong shape, or there is a row
-            that some plan does not obey.
+            If a number is negative or not finite, an array has the wrong shape, or some plan does
+            not obey one of the rows.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         prices = CertificatePrices.of(model, certificate, decisions, stop)
         total = prices.pixels.constant + prices.row_constant
         magnitude = prices.pixels.magnitude + prices.row_magnitude
         if not math.isfinite(magnitude):
-            raise CertificateError("certificate: multipliers too large, the bound is infinite")
-        # The same with all numbers counted as positive: the sum of absolute values along a path.
+            raise CertificateError("certificate: multipliers are too large, the bound is infinite")
+        # The same sum with all numbers counted as positive: the sum of absolute values along a
+        # path.
         sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in prices.costs]
         for number, robot_class in enumerate(model.classes):
             reward = prices.rewards(number)
@@ -111,12 +112,12 @@ class Pricing(NamedTuple):
                 for costs in (prices.costs, sizes)
             )
             best = [float(values[starts].max()) for starts in robot_class.starts]
-            if -math.inf in best:  # a robot without any path: there is no plan
+            if -math.inf in best:  # a robot has no path, so there is no plan
                 return cls(-math.inf, 0.0)
             total += exact_sum(best)
             magnitude += exact_sum(made_of[starts].max() for starts in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
-            raise CertificateError("certificate: too large, the bound is infinite")
+            raise CertificateError("certificate: numbers are too large, the bound is infinite")
         rounding = prices.rounding_factor * magnitude
         return cls(math.nextafter(total + rounding, math.inf), rounding)
 
@@ -132,14 +133,14 @@ class Pricing(NamedTuple):
 
         Parameters
         ----------
-        progress : called with the number of leaves that are done, and the total
+        progress : called with the number of leaves checked so far, and the total
 
         Raises
         ------
         CertificateError
-            If the nodes are not a tree, a resource does not exist, or a leaf is not valid.
+            If the nodes do not form a tree, a resource does not exist, or a leaf is not valid.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         _check_branches(model, proof)
         worst, bounds = cls(-math.inf, 0.0), []
@@ -158,12 +159,14 @@ class Pricing(NamedTuple):
 
 
 class CertificatePrices(NamedTuple):
-    """The prices that a certificate puts on pixels and resources, which make its bound."""
+    """The prices that a certificate puts on pixels and resources, from which its bound is
+    computed.
+    """
 
     model: Model
     pixels: "_PixelPrices"
-    row_constant: float  # of rows and decisions
-    row_magnitude: float  # sum of the absolute values that it is made of
+    row_constant: float  # constant of rows and decisions
+    row_magnitude: float  # sum of the absolute values of the constant's terms
     costs: list[tuple[Resource, float]]
 
     @classmethod
@@ -174,14 +177,14 @@ class CertificatePrices(NamedTuple):
         decisions: Sequence[Decision] = (),
         stop: Stop = never,
     ) -> "CertificatePrices":
-        """Returns the prices of a certificate; raises what `Pricing.of` does."""
+        """Returns the prices of a certificate; raises the same errors as `Pricing.of`."""
         if isinstance(certificate, Multipliers):
             pixels = _prices_by_multipliers(model, certificate, stop)
             return cls(model, pixels, *_resource_prices(model, certificate, decisions))
         return cls(model, _prices_by_reference(model, certificate), 0.0, 0.0, [])
 
     def rewards(self, number: int) -> FloatArray:
-        """Returns the rewards [T+1, S] of a robot of class `number` for being in a state."""
+        """Returns the rewards [T+1, S] of a robot of class `number` for visiting each state."""
         return _node_rewards(self.model, number, self.pixels)
 
     def charges(self, number: int) -> Charges:
@@ -195,8 +198,8 @@ class CertificatePrices(NamedTuple):
         Every number is a sum of at most `terms` terms, each the result of a few operations: the
         error is below gamma_n times the sum of absolute values (Higham, Accuracy and Stability of
         Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
-        pixels z are differences of roots up to sqrt(z + c); the constant holds w sqrt(z), so that
-        the terms that cancel are counted, too. A step adds a term for each face and each counted
+        pixels z are differences of roots up to sqrt(z + c); the constant contains w sqrt(z), so
+        terms that cancel are counted, too. A step adds a term for each face and each counted
         person, and up to four rewards for its move.
         """
         problem = self.model.problem
@@ -209,14 +212,15 @@ class CertificatePrices(NamedTuple):
 
 
 class _PixelPrices(NamedTuple):
-    """The prices at which a robot sells its pixels, and the constants that go with them."""
+    """The prices at which a robot sells its pixels, and the matching constants."""
 
     constant: float
-    constants: FloatArray  # [Z] the same by view sum
-    magnitude: float  # sum of the absolute values that the constant is made of
-    # Number of a class, view sums [n], pixels [n] -> what they bring, before weights [n].
+    constants: FloatArray  # [Z] the constants of view sums
+    magnitude: float  # sum of the absolute values of the constant's terms
+    # Given the number of a class, view sums [n] and pixels [n], returns their credits before
+    # weights [n].
     paid: Callable[[int, IntArray, FloatArray], FloatArray]
-    cuts: int = 0  # how many there are
+    cuts: int = 0  # number of cuts
 
 
 def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -> _PixelPrices:
@@ -225,19 +229,19 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
     weights, returns = model.problem.view_sum_weights, model.problem.returns
     cuts = certificate.usable_cuts(model, stop)
     if any(cut.view_sum >= returns.n_roots for cut, _ in cuts):
-        raise CertificateError("certificate.cuts: only roots of pixels have cuts")
+        raise CertificateError("certificate.cuts: cuts exist only for roots of pixels")
     rest = _left_by(cuts, len(alpha))
     needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
     if (beta[needed[needed < returns.n_roots]] == 0).any():
-        raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
+        raise CertificateError("certificate.beta: must be > 0 if alpha < 1")
     kappa = returns.kappas(alpha, beta, rest)[needed]
-    with np.errstate(over="ignore"):  # what is infinite is refused later
+    with np.errstate(over="ignore"):  # infinite values are rejected later
         terms = (weights[needed] * kappa).tolist()
     terms += [float(weights[cut.view_sum]) * share * cut.constant for cut, share in cuts]
     constants = np.zeros(len(weights))
     owners = np.array([*needed.tolist(), *(cut.view_sum for cut, _ in cuts)], dtype=np.int64)
     np.add.at(constants, owners, terms)
-    # The cuts' constants are made of norms of as many roots as there are robots.
+    # The cuts' constants consist of norms of as many roots as there are robots.
     made_of = [
         float(weights[cut.view_sum])
         * len(model.classes[number].robots)
@@ -264,7 +268,7 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
 
 
 def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
-    """Returns rho, the share of each root that cuts leave to alpha and beta, rounded up [Z]."""
+    """Returns rho [Z], the share of each root that cuts leave to alpha and beta, rounded up."""
     shares: dict[int, list[float]] = {}
     for cut, share in cuts:
         shares.setdefault(cut.view_sum, []).append(-share)
@@ -275,7 +279,7 @@ def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
 
 
 def _visible_view_sums(model: Model) -> FloatArray:
-    """Returns 1.0 for view sums that count and that some robot can see, 0.0 for others [Z]."""
+    """Returns 1.0 for view sums that count and that some robot can see, otherwise 0.0 [Z]."""
     visible = np.zeros(len(model.problem.view_sum_weights))
     for robot_class in model.classes:
         visible[model.coverage(robot_class).view_sums] = 1.0
@@ -286,7 +290,7 @@ def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPr
     pixels = _array(model, certificate.pixels, certificate.views, "certificate.pixels")
     values = model.problem.view_sum_weights * model.problem.returns.values(pixels)
     constant = exact_sum(values.tolist())
-    # Every gain is a difference of values that may be as large as the constant's.
+    # Every gain is a difference of values that may be as large as the constant's terms.
     gains = len(model.problem.robots)
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
 
@@ -297,10 +301,10 @@ def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPr
 
 
 def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray:
-    """Returns the rewards [T+1, S] of a robot of class `number` for being in a state."""
+    """Returns the rewards [T+1, S] of a robot of class `number` for visiting each state."""
     robot_class = model.classes[number]
     table = model.coverage(robot_class)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite values are rejected below
         paid = (
             prices.paid(number, table.view_sums, table.pixels)
             * model.problem.view_sum_weights[table.view_sums]
@@ -308,10 +312,10 @@ def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray
     rewards = np.zeros((model.problem.horizon + 1, robot_class.graph.n_states))
     with np.errstate(over="ignore"):
         rewards.reshape(-1)[table.nodes] = table.row_sums(paid)
-        # No path can have more: where this is finite, nothing in the sweep overflows.
+        # No path can have a larger sum: if this is finite, nothing in the sweep overflows.
         largest = float(rewards.max(axis=1).sum())
     if not (np.isfinite(paid).all() and math.isfinite(largest)):
-        raise CertificateError("certificate: too large, the bound is infinite")
+        raise CertificateError("certificate: numbers are too large, the bound is infinite")
     return rewards
 
 
@@ -320,8 +324,8 @@ def _array(model: Model, faces: Table, people: Table, field: str) -> FloatArray:
 
     Parameters
     ----------
-    people : numbers of counted people, from the field `views`
-    field : name of the field with the numbers of faces
+    people : the numbers for counted people, from the field `views`
+    field : name of the field with the numbers for faces
     """
     counted = model.problem.count_weights.shape
     return np.concatenate([
@@ -331,7 +335,7 @@ def _array(model: Model, faces: Table, people: Table, field: str) -> FloatArray:
 
 
 def _checked(values: Table, shape: tuple[int, int], field: str) -> FloatArray:
-    """Returns a table of one shape, row by row."""
+    """Checks the shape and the values of a table; returns all its numbers, row by row."""
     if len(values) != shape[0] or any(len(row) != shape[1] for row in values):
         raise CertificateError(f"{field}: must hold {shape[0]} rows of {shape[1]} numbers")
     array = np.array(values, dtype=np.float64).reshape(-1)
@@ -352,9 +356,9 @@ def _nothing(table: Table) -> Table:
 def _resource_prices(
     model: Model, certificate: Multipliers, decisions: Sequence[Decision]
 ) -> tuple[float, float, list[tuple[Resource, float]]]:
-    """Returns the costs: conflict rows at their multipliers, closed decisions at infinity.
+    """Returns the costs of resources: rows cost their multipliers, closed decisions infinity.
 
-    They are preceded by their constant and by the sum of its absolute values.
+    The constant of the rows and decisions, and the sum of its absolute values, are returned first.
     """
     _check_rows(model, certificate.rows)
     if len(certificate.decisions) != len(decisions):
@@ -377,7 +381,7 @@ def _resource_prices(
 
 
 def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
-    """Refuses rows that some allowed plan may break."""
+    """Rejects rows that an allowed plan may break."""
     for n, row in enumerate(rows):
         field = f"certificate.rows[{n}]"
         if not (math.isfinite(row.multiplier) and row.multiplier >= 0):
@@ -392,7 +396,7 @@ def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:
 
 
 def _check_branches(model: Model, proof: ProofFile) -> None:
-    """Refuses branches on resources that do not exist."""
+    """Rejects branches on resources that do not exist."""
     for n, node in enumerate(proof.nodes):
         if isinstance(node, Branch):
             if wrong := node.resource.why_absent(model):

@@ -1,4 +1,5 @@
-"""Resources: cells, swaps, moves and states that robots use at a step, and the prices of their use.
+"""Resources: the cells, swaps, moves and states that robots use at a step, and the prices of their
+use.
 
 Every rule between robots is a row "at most one robot uses this resource"; every decision of a
 branch-and-price tree is a row "at most k" or "at least k + 1 robots use this resource". The
@@ -33,7 +34,7 @@ class _Footprint(NamedTuple):
 class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Base of all resources."""
 
-    lasts: ClassVar[int] = 0  # steps: 1 where it is used by a move
+    lasts: ClassVar[int] = 0  # 1 if a move uses the resource, which takes one step; otherwise 0
     t: int
 
     def used_by(self, model: Model, path: PathCells) -> bool:
@@ -41,11 +42,13 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         raise NotImplementedError
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the part of the graph of class `number` that is the resource; maybe nothing."""
+        """Returns the part of the graph of class `number` that the resource covers; may be
+        empty.
+        """
         raise NotImplementedError
 
     def why_absent(self, model: Model) -> str:
-        """Returns why the problem has no such resource, in words; empty where it has it."""
+        """Returns the reason why the problem has no such resource; empty if it has it."""
         last = model.problem.horizon - self.lasts
         if not 0 <= self.t <= last:
             return f"t: must be 0..{last}, not {self.t}"
@@ -55,8 +58,10 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         return _wrong_cells(model.problem, getattr(self, "cells", ()))
 
     def why_shared(self, problem: Problem) -> str:
-        """Returns why two robots may use the resource at once; empty where a rule forbids it."""
-        return "must be cells, a swap or moves, of all drones"
+        """Returns the reason why two robots may use the resource at once; empty if a rule forbids
+        it.
+        """
+        return "must be cells, a swap or moves of all drones"
 
 
 class Cells(_Resource, frozen=True, tag="cells"):
@@ -66,7 +71,7 @@ class Cells(_Resource, frozen=True, tag="cells"):
     ----------
     type : `cells`
     t : step
-    cells : any of these is used
+    cells : a robot in any of these cells uses the resource
     robot_class : number of the class of robots, from 0; null: all robots
     """
 
@@ -79,28 +84,33 @@ class Cells(_Resource, frozen=True, tag="cells"):
         return is_about and path.cells[self.t] in self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the places of the cells; none for classes that the resource is not about."""
+        """Returns the places of the cells; empty for classes to which the resource does not
+        apply.
+        """
         if self.class_number not in (None, number):
             return _Footprint()
         return _Footprint(places=_places(model, number, self.cells))
 
     def why_shared(self, problem: Problem) -> str:
-        """Returns why two robots may be in the cells at once; empty where a rule forbids it."""
+        """Returns the reason why two robots may be in the cells at once; empty if a rule forbids
+        it.
+        """
         if self.class_number is not None:
-            return "must be cells, a swap or moves, of all drones"
+            return "must be cells, a swap or moves of all drones"
         at = problem.positions(self.cells)
         apart = not problem.rules.too_near(at[None] - at[:, None]).all()
         return "cells: two drones may be in these cells at once" if apart else ""
 
 
 class Swap(_Resource, frozen=True, tag="swap"):
-    """The resource that a robot uses by moving between these two cells, either way, from t on.
+    """The resource that a robot uses by moving between two cells, in either direction, from step t
+    on.
 
     Attributes
     ----------
     type : `swap`
     t : step at which the move begins
-    cells : its two ends
+    cells : the two cells
     """
 
     lasts: ClassVar[int] = 1
@@ -112,21 +122,24 @@ class Swap(_Resource, frozen=True, tag="swap"):
         return tail != head and {tail, head} == set(self.cells)
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the moves between the cells, both ways; none if one cell is out of reach."""
+        """Returns the moves between the cells in both directions; empty if one cell is out of
+        reach.
+        """
         if len(places := _places(model, number, self.cells)) < 2:
             return _Footprint()
         here, there = places
         return _Footprint(moves=((here, there), (there, here)))
 
     def why_shared(self, problem: Problem) -> str:
-        """Returns why two robots may swap the cells; empty where a rule forbids it."""
+        """Returns the reason why two robots may swap the cells; empty if a rule forbids it."""
         return "" if problem.rules.swap else "the scene has no swap rule"
 
 
 class Moves(_Resource, frozen=True, tag="moves"):
-    """The resource that a robot uses by one of these moves, from step t to t + 1.
+    """The resource that a robot uses by making one of these moves, from step t to t + 1.
 
-    A move goes from the first to the second of two cells; if they are the same, it stays there.
+    A move goes from the first to the second of two cells; if both are the same, the robot stays in
+    place.
 
     Attributes
     ----------
@@ -143,23 +156,25 @@ class Moves(_Resource, frozen=True, tag="moves"):
         return path.cells[self.t : self.t + 2] in self.moves
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the moves without those that are out of reach."""
+        """Returns the moves, except those that are out of reach."""
         robot_class = model.classes[number]
         ends = [[model.places.place_of(robot_class, cell) for cell in move] for move in self.moves]
         kept = [(tail, head) for tail, head in ends if tail is not None and head is not None]
         return _Footprint(moves=tuple(kept))
 
     def why_absent(self, model: Model) -> str:
-        """Returns why the problem has no such moves, in words; empty where it has them."""
+        """Returns the reason why the problem has no such moves; empty if it has them."""
         if not 0 < len(self.moves) <= MOST_MOVES:
             return f"moves: must be 1..{MOST_MOVES}, not {len(self.moves)}"
         if len(set(self.moves)) < len(self.moves):
-            return "moves: must differ"
+            return "moves: must be distinct"
         cells = tuple({cell for move in self.moves for cell in move})
         return super().why_absent(model) or _wrong_cells(model.problem, cells)
 
     def why_shared(self, problem: Problem) -> str:
-        """Returns why two robots may use these moves at once; empty where a rule forbids it."""
+        """Returns the reason why two robots may make these moves at once; empty if a rule forbids
+        it.
+        """
         tails, heads = (problem.positions([move[k] for move in self.moves]) for k in (0, 1))
         rows, columns = (tails[:, None], heads[:, None]), (tails[None], heads[None])
         apart = not problem.rules.moves_conflict(rows, columns).all()
@@ -187,13 +202,13 @@ class Visit(_Resource, frozen=True, tag="visit"):
         return path.states[self.t] == model.classes[self.class_number].graph.index(self.state)
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the state; none for other classes."""
+        """Returns the state; empty for other classes."""
         if self.class_number != number:
             return _Footprint()
         return _Footprint(states=(model.classes[number].graph.index(self.state),))
 
     def why_absent(self, model: Model) -> str:
-        """Returns why the class has no such state, in words; empty where it has it."""
+        """Returns the reason why the class has no such state; empty if it has it."""
         if wrong := super().why_absent(model):
             return wrong
         graph = model.classes[self.class_number].graph
@@ -203,12 +218,12 @@ class Visit(_Resource, frozen=True, tag="visit"):
         return (
             ""
             if inside and graph.window.covers(x, y)
-            else f"state: {tuple(self.state)} is none of the class's states"
+            else f"state: {tuple(self.state)} is not a state of the class"
         )
 
 
 class Move(_Resource, frozen=True, tag="move"):
-    """The resource that a robot of one class uses by moving from the first to the second cell.
+    """The resource that a robot of one class uses by moving from the first cell to the second.
 
     The move begins at step t and ends at t + 1.
 
@@ -216,7 +231,7 @@ class Move(_Resource, frozen=True, tag="move"):
     ----------
     type : `move`
     t : step at which the move begins
-    cells : from the first to the second
+    cells : the first and the second cell
     robot_class : number of the class of robots, from 0
     """
 
@@ -230,7 +245,7 @@ class Move(_Resource, frozen=True, tag="move"):
         return is_about and path.cells[self.t : self.t + 2] == self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
-        """Returns the move; none for other classes or if one cell is out of reach."""
+        """Returns the move; empty for other classes or if one cell is out of reach."""
         if self.class_number != number:
             return _Footprint()
         if len(places := _places(model, number, self.cells)) < 2:
@@ -243,7 +258,7 @@ Resource = Cells | Swap | Moves | Visit | Move
 
 
 def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]]) -> Charges:
-    """Returns the charges of resources with these costs for robots of class `number`."""
+    """Returns the charges for robots of class `number`, given the costs of resources."""
     places: defaultdict[tuple[int, int], float] = defaultdict(float)
     moves: defaultdict[tuple[int, int, int], float] = defaultdict(float)
     states: defaultdict[tuple[int, int], float] = defaultdict(float)
@@ -259,7 +274,9 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
 
 
 def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]:
-    """Returns the places of cells in the graph of class `number`; cells outside it are left out."""
+    """Returns the places of cells in the graph of class `number`, without cells outside the
+    graph.
+    """
     found = [model.places.place_of(model.classes[number], cell) for cell in cells]
     return tuple(place for place in found if place is not None)
 
@@ -269,4 +286,4 @@ def _wrong_cells(problem: Problem, cells: tuple[Cell, ...]) -> str:
     for x, y, layer in cells:
         if not (0 <= x < width and 0 <= y < depth and 0 <= layer < len(problem.layers)):
             return f"cells: ({x}, {y}, {layer}) is outside the map"
-    return "" if len(set(cells)) == len(cells) else "cells: must differ"
+    return "" if len(set(cells)) == len(cells) else "cells: must be distinct"

@@ -1,7 +1,7 @@
-"""A plain sweep: value iteration for checking, written to be read.
+"""A plain sweep: value iteration for checking certificates, written to be read.
 
-It goes backwards over the steps, move by move and turn by turn, and shares no code with the value
-iteration that planners and pricing use. Rewards for moves are taken from the objective's
+It proceeds backwards over the steps, move by move and turn by turn, and shares no code with the
+value iteration of planners and pricing. Rewards for moves are taken from the objective's
 definition.
 """
 
@@ -24,8 +24,8 @@ def plain_sweep(
 
     Parameters
     ----------
-    reward : [T+1, S] for being in a state; the objective's rewards for moves are added to it
-    charges : costs of places, states and moves, which are subtracted
+    reward : [T+1, S] reward for visiting each state; the objective's rewards for moves are added
+    charges : costs of places, states and moves, which are subtracted from the rewards
     """
     (first,) = deque(values_to_go(problem, robot_class, reward, charges), maxlen=1)
     return first
@@ -60,14 +60,14 @@ def values_so_far(
     charges: Charges,
     first: FloatArray,
 ) -> Iterator[FloatArray]:
-    """Yields the value of the best way into every state [S], from step 0 to step T.
+    """Yields the value of the best path into every state [S], from step 0 to step T.
 
-    The worth of the state itself is not included: the sum with `values_to_go` is the value of the
-    best path through the state.
+    The value excludes the reward of the state itself: the sum with `values_to_go` is the value of
+    the best path through the state.
 
     Parameters
     ----------
-    first : [S] the value with which paths begin in a state at step 0; -inf where none begins
+    first : [S] initial value of paths that begin in each state at step 0; -inf if none begins there
     problem, robot_class, reward, charges : as in `plain_sweep`
     """
     graph, objective = robot_class.graph, problem.objective
@@ -97,21 +97,20 @@ def _best_moves(
 
     Parameters
     ----------
-    value : [O, P] of being in a state at t + 1; at t, if `forwards`
-    turns : orientations to, or from, which a step can turn
+    value : [O, P] value of each state at t + 1, or at t if `forwards`
+    turns : orientations to which, or from which, a step can turn
     rewards, moves : as `_terms` returns them
-    forwards : True: for states at t + 1, the moves into them; False: for states at t, those out of
-        them
+    forwards : True: moves into states at t + 1; False: moves out of states at t
     """
     best, room = np.full(value.shape, -np.inf), np.empty(value.shape)
     open_ = np.flatnonzero((value > -np.inf).any(axis=0))
     if not len(open_):
         return best
-    # Moves to and from all other places are worth -inf: of a narrowed graph, that is most.
+    # Moves that do not begin or end at these places are worth -inf: in a narrowed graph, most are.
     first, last = int(open_[0]), int(open_[-1]) + 1
     turned = _plain_turns(turns, value[:, first:last], objective.keep_heading, graph.shape[1])
     for k, shift in enumerate(graph.shifts.tolist()):
-        # Of the places where a move does not lead over an end of the numbers of places.
+        # Among the places for which the move does not run off the range of place numbers.
         back = shift if forwards else -shift
         known = slice(max(first, -back), min(last, graph.n_places - back))
         if known.start >= known.stop:
@@ -126,7 +125,7 @@ def _best_moves(
             gained -= moves[t, k][tails]
         np.maximum(best[:, wanted], gained, out=best[:, wanted])
     if objective.stationarity:
-        # To stay is the first of the moves.
+        # The first move is to stay.
         stay = value + reward_of_staying(objective) - moves.get((t, 0), 0.0)
         best = np.maximum(best, stay)
     return best
@@ -138,12 +137,13 @@ def _terms(
     list[FloatArray], dict[int, FloatArray], dict[int, FloatArray],
     dict[tuple[int, int], FloatArray],
 ]:  # fmt: skip
-    """Returns rewards for moves and charges as arrays; closures near people are charges, too.
+    """Returns rewards for moves and charges as arrays; zones closed near people become charges,
+    too.
 
     Returns
     -------
-    The rewards of each move k [P], -inf from places where it is not open; the charges of places by
-    step [P], of states by step [O, P], and of moves by step and k [P], where they begin.
+    The rewards of each move k [P], -inf for places from which it is not open; the charges of places
+    by step [P], of states by step [O, P], and of moves by step and k [P], indexed by tail.
     """
     shape = (graph.n_orientations, graph.n_places)
     places, states = dict[int, FloatArray](), dict[int, FloatArray]()
@@ -161,7 +161,7 @@ def _terms(
 
 
 def reward_of_staying(objective: Objective) -> float:
-    """Returns the reward of the step that changes nothing, the largest of all."""
+    """Returns the reward of a step that changes nothing, which is the largest of all."""
     stay = objective.stationarity + objective.keep_cell
     return stay + (objective.keep_heading + objective.balanced)
 
@@ -178,9 +178,9 @@ def _turned_from(graph: TimeGraph) -> list[list[int]]:
 def _plain_turns(
     turns_of: Sequence[Sequence[int]], value: FloatArray, keep_heading: float, pitches: int
 ) -> FloatArray:
-    """Returns the best of the values [O, P] over the turns of one step, for each orientation.
+    """Returns, for each orientation, the best of the values [O, P] over the turns of one step.
 
-    The reward for keeping the heading is included.
+    The result includes the reward for keeping the heading.
 
     Parameters
     ----------
@@ -197,7 +197,9 @@ def _plain_turns(
 
 
 def _rewards(graph: TimeGraph, objective: Objective) -> list[FloatArray]:
-    """Returns the rewards of each move k [P], turns left aside; -inf where it is not open."""
+    """Returns the rewards of each move k [P], without those for turns; -inf if the move is not
+    open.
+    """
     rewards = []
     for shift, allowed in zip(graph.shifts, graph.allowed, strict=True):
         tails = np.flatnonzero(allowed)

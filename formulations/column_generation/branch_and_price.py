@@ -1,8 +1,10 @@
-"""Branch-and-price: proved optima; and its root alone, column generation: bounds.
+"""Branch-and-price, which proves optima, and column generation at its root alone, which gives
+bounds.
 
-A tree of decisions over relaxations (`tree`), the node of the largest bound first. A node is pruned
-where its bound is at most the incumbent's J. The tree with the multipliers of its leaves is the
-proof, whatever stopped the search: the leaves of an unfinished tree merely prove less.
+The method solves relaxations in a tree of decisions (`tree`), taking the node with the largest
+bound first. A node is pruned if its bound is at most the incumbent's J. The tree, with the
+multipliers of its leaves, is the proof, no matter why the search stopped: the leaves of an
+unfinished tree merely prove a weaker bound.
 
 Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuckey, BCP-MAPF).
 """
@@ -21,7 +23,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
 
-# With no states left to be narrowed down there are neither stages nor trials.
+# If no states may be narrowed down, there are neither stages nor trials.
 _SEARCHLESS = replace(DEFAULTS, search=replace(DEFAULTS.search, most_states=0))
 
 
@@ -38,14 +40,14 @@ def column_generation(
 
     Parameters
     ----------
-    solve_root : `Root.solve`, or `Root.solve_aggregated` to leave robots of a class together
-    parameters : that guide the search; whatever they are, the bound holds
+    solve_root : `Root.solve`, or `Root.solve_aggregated` to keep the robots of a class together
+    parameters : parameters of the search; they do not affect the validity of the bound
 
     Returns
     -------
     CertifiedResult
-        The best certificate found, also where a limit stopped it. A negative bound proves
-        that there is no plan, since J >= 0.
+        The best certificate found, even if a limit stopped the search. A negative bound proves that
+        no plan exists, since J >= 0.
     """
     search = _begun(problem, stop, report, parameters)
     if isinstance(search, Limit):
@@ -80,8 +82,8 @@ def branch_and_price(
 ) -> CertifiedResult:
     """Returns the best plan, and the proof that none is better by more than the relative gap.
 
-    At a limit, the best plan and the bound so far, with their proof. The parameters guide the
-    search; whatever they are, the bound holds.
+    At a limit, returns the best plan and the bound so far, with its proof. The parameters of the
+    search do not affect the validity of the bound.
     """
     search = _begun(problem, stop, report, parameters)
     if isinstance(search, Limit):
@@ -113,17 +115,20 @@ def searchless(
     report: Report = silent,
     gap: float = OPTIMALITY,
 ) -> CertifiedResult:
-    """Returns the best plan as branch-and-price does, with a proof that needs no search.
+    """Returns the best plan by branch-and-price, with a proof that can be checked without a search.
 
-    It is a tree of decisions with multipliers at its leaves: there are no step envelopes, no paths
-    of all robots are tried, and plans are not recombined. Such trees take longer to be found, and
-    grow large where many robots have much to choose; `independent.cocap_check` takes them.
+    The proof is a tree of decisions with multipliers at its leaves: there are no step envelopes,
+    the joint paths of all robots are not explored, and plans are not recombined. Such trees take
+    longer to find, and grow large if many robots have many choices; `independent.cocap_check`
+    checks them.
     """
     return branch_and_price(problem, stop, start, report, gap, _SEARCHLESS)
 
 
 def _begun(problem: Problem, stop: Stop, report: Report, parameters: Parameters) -> Search | Limit:
-    """Returns a search with the plan of robots that hover; the limit if one was reached before."""
+    """Returns a search that starts from the plan in which all robots hover, or the limit if one was
+    reached.
+    """
     model = compiled(problem)
     try:
         model.prepare_all(stop)

@@ -1,9 +1,9 @@
 """The parameters of column generation and branch-and-price: every number that guides the search.
 
-None of them decides whether a bound holds: that is the certificate's, whose tolerances are its own.
-They decide how fast bound and plan come near. Rounding guards of a formula stay beside the formula.
-The defaults were tuned on the built-in scenes; where one scene decided, its name is given. Each
-docstring gives the units and the meanings that the reference lists.
+None of them affects whether a bound is valid: that depends on the certificate, which has its own
+tolerances. They determine how fast bound and plan converge. Rounding guards of a formula stay
+beside the formula. The defaults were tuned on the built-in scenes; if one scene was decisive, its
+name is given. Each docstring gives the units and the meanings that the reference lists.
 """
 
 from collections.abc import Iterator
@@ -103,7 +103,7 @@ class RelaxationParameters(Section):
 
 @dataclass(frozen=True)
 class RootParameters(Section):
-    """The root: its first mixture, and what is tried before the tree.
+    """The root: its first mixture, and the methods that are tried before the tree.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class RootParameters(Section):
 
 @dataclass(frozen=True)
 class LargeRootParameters(Section):
-    """The root of very many robots, without masters: whose turn it is, and moves over known arcs.
+    """The root of very many robots, without masters: the order of turns, and moves over known arcs.
 
     Moves are those of a large neighbourhood search (Shaw 1998).
 
@@ -208,7 +208,7 @@ class LargeRootParameters(Section):
 
 @dataclass(frozen=True)
 class TreeParameters(Section):
-    """The nodes below the root: when they are branched on, and diving.
+    """The nodes below the root: when to branch on them, and diving.
 
     Attributes
     ----------
@@ -246,7 +246,7 @@ class TreeParameters(Section):
 
 @dataclass(frozen=True)
 class EnvelopeParameters(Section):
-    """Step envelopes: rounds, and how long the search of a step may take.
+    """Step envelopes: their rounds, and limits on the search of a step.
 
     Attributes
     ----------
@@ -333,7 +333,7 @@ class EnvelopeParameters(Section):
 
 @dataclass(frozen=True)
 class ListParameters(Section):
-    """The lists of states that step envelopes are searched among: their lengths and their slack.
+    """The lists of states to which step envelopes are restricted: their lengths and their slack.
 
     Attributes
     ----------
@@ -395,7 +395,7 @@ class ListParameters(Section):
 
 @dataclass(frozen=True)
 class TrialParameters(Section):
-    """Trials of the paths of all robots together: when they are made, and of how many nodes.
+    """Trials of the paths of all robots together: when they are made, and with how many nodes.
 
     Attributes
     ----------

@@ -39,22 +39,22 @@ class Search:
 
     Attributes
     ----------
-    report : told about every iteration
+    report : called with the progress at every iteration
     incumbent : the best plan so far
-    columns : number of columns generated in all
-    spare : proves the lowest bound besides that of the relaxation that is pursued: by step
-        envelopes, or of a relaxation that was given up
+    columns : total number of columns generated
+    spare : file with the lowest bound from other sources than the current relaxation: from step
+        envelopes, or from an abandoned relaxation
     lowest : the lowest bound that was reported
-    parameters : that guide the search
-    recombination : of the plans that local search has found
+    parameters : parameters of the search
+    recombination : recombines the plans that local search has found
     pricer : prices multipliers for the model
     local_search : improves plans of the model
-    allowance : best responses that it may still ask for
-    rng : of local search
+    allowance : remaining best responses of local search
+    rng : random generator of local search
     largest : [C, Z] largest root of the pixels of one robot, px^0.5/m
-    weights : [Z] of view sums
-    alone : the multipliers, priced, of the bound in which every robot is alone
-    scale : that bound every robot is alone, if it is positive and finite; 1 if it is not
+    weights : [Z] weights of view sums
+    alone : the priced multipliers of the bound `alone`
+    scale : the bound `alone`, if it is positive and finite, otherwise 1
     """
 
     model: Model
@@ -68,7 +68,9 @@ class Search:
     parameters: Parameters = DEFAULTS
 
     def __post_init__(self) -> None:
-        """Compiles the parts of the model that pricing needs, and prices; raises LimitReached."""
+        """Compiles the parts of the model that pricing needs, and prices `alone`; raises
+        LimitReached.
+        """
         self._nodes, self._told = 0, 0.0
         self.recombination = Recombination(self.parameters.recombination)
         self.pricer = Pricer(self.model, self.stop)
@@ -89,13 +91,14 @@ class Search:
 
     @property
     def value(self) -> float:
-        """J of the incumbent; -inf without one."""
+        """J of the incumbent; -inf if there is none."""
         return -np.inf if self.incumbent is None else self.incumbent.value
 
     def cutoff(self, gap: float) -> float:
-        """Returns the bound at which a node is pruned: it holds no better plan, or none at all.
+        """Returns the bound at or below which a node is pruned: it contains no better plan, or no
+        plan at all.
 
-        J >= 0, so that a bound clearly below 0 proves that there is no plan.
+        J >= 0, so a bound clearly below 0 proves that no plan exists.
         """
         if self.incumbent is None:
             return -self.parameters.search.infeasible * self.scale
@@ -107,16 +110,20 @@ class Search:
             self.incumbent = candidate
 
     def offer_spare(self, file: CertificateFile) -> None:
-        """Keeps a file that proves a bound besides that of the relaxation, if it is the lowest."""
+        """Keeps a file that proves a bound independently of the relaxation, if its bound is the
+        lowest.
+        """
         if self.spare is None or file.proved < self.spare.proved:
             self.spare = file
 
     def is_proved(self, cutoff: float) -> bool:
-        """Returns True if the spare file proves at most a cutoff, of all plans."""
+        """Returns True if the spare file proves a bound for all plans that is at most the
+        cutoff.
+        """
         return self.spare is not None and self.spare.proved <= cutoff
 
     def use_start(self, start: Plan | None) -> str:
-        """Offers a plan to begin with; returns why it is rejected, if it is."""
+        """Offers an initial plan; returns the reason if it is rejected."""
         plan, message = checked_start(self.model.problem, start)
         self.offer(Incumbent.of_plan(self.model, plan))
         return message
@@ -126,7 +133,7 @@ class Search:
 
         Parameters
         ----------
-        bound : largest of the nodes that are open; with the incumbent's J it bounds all plans
+        bound : largest bound of the open nodes; its maximum with the incumbent's J bounds all plans
         """
         bound = max(bound, self.value)
         if self.spare is not None:
@@ -136,36 +143,37 @@ class Search:
         return Snapshot(self.value, bound, self._told, self.columns, nodes)
 
     def report_again(self) -> None:
-        """Reports that the search goes on, if nothing was reported for a while."""
+        """Reports that the search continues, if there has been no report for a while."""
         if self.clock.seconds - self._told > self.parameters.search.report_seconds:
             self.report(self.snapshot(np.inf, self._nodes))
 
     def look_for_plans(self, mixture: Mixture) -> None:
-        """Offers the plan that local search makes of a mixture."""
+        """Offers the plan that local search makes from a mixture."""
         self.offer(self.local_search.from_mixture(mixture, self.incumbent))
 
     def search_for_plans(
         self, mixture: Mixture, duals: Duals, most_in_vain: int | None = None
     ) -> None:
-        """Offers the plans that a mixture and its prices lead to, from the incumbent on.
+        """Offers the plans to which a mixture and its prices lead, starting from the incumbent.
 
         Parameters
         ----------
-        mixture : whose columns are put together
-        duals : whose prices say which states are worth a look
-        most_in_vain : plans taken up without a better one; None: as the parameters say
+        mixture : mixture whose columns are combined
+        duals : multipliers whose prices indicate promising states
+        most_in_vain : number of plans without an improvement after which the search stops; None: as
+            set in the parameters
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         model, plan = self.model, self.incumbent
         if plan is None or len(plan.columns) < 2:
             return
 
         def tell(columns: Sequence[Column]) -> None:
-            # All that a search ends with obeys the rules: it keeps to charges.
+            # All results of the search obey the rules, since it respects closures.
             self.recombination.add(Incumbent(model, tuple(columns)))
             self.report_again()
 
@@ -181,14 +189,15 @@ class Search:
             self.offer(Incumbent.of(model, columns_of(better)))
 
     def narrowing(self, duals: Duals) -> Narrowing | None:
-        """Returns where better plans can be, by multipliers.
+        """Returns, from multipliers, the states that better plans may visit.
 
-        None without an incumbent, where pixels add up over time, or with too many states.
+        Returns None if there is no incumbent, if pixels add up over time, or if there are too many
+        states.
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         model = self.model
         states = sum(robot_class.graph.n_states for robot_class in model.classes)
@@ -207,14 +216,15 @@ class Search:
 
     @property
     def can_recombine(self) -> bool:
-        """True if several plans were found, and joint states decide J."""
+        """True if several plans have been found and joint states determine J."""
         return self.recombination.applies_to(self.model)
 
     @contextmanager
     def rounding_at_a_limit(self, mixture: Callable[[], Mixture]) -> Iterator[None]:
-        """Offers the plan of the mixture so far where a limit ends what is done within.
+        """Offers a plan rounded from the current mixture if a limit ends the enclosed work.
 
-        It takes 0.8 s on field-large, where there would be only drones that hover otherwise.
+        This takes 0.8 s on `field-large`, where otherwise the only plan would be that all drones
+        hover.
         """
         try:
             yield
@@ -223,7 +233,7 @@ class Search:
             raise
 
     def recombine(self, narrowing: Narrowing) -> None:
-        """Offers the best plan along the states of plans that were found; raises LimitReached."""
+        """Offers the best plan along the states of the plans found so far; raises LimitReached."""
         before = -np.inf
         while self.incumbent is not None and self.value > before and self.can_recombine:
             before, plan = self.value, self.incumbent
@@ -234,14 +244,16 @@ class Search:
                 self.recombination.add(self.incumbent)
 
     def allow_responses(self, times: int = 1) -> None:
-        """Allows local search what belongs to an iteration of a relaxation, or several times it."""
+        """Allows local search the responses of one iteration of a relaxation, or a multiple of
+        them.
+        """
         each = len(
             self.model.problem.robots
         ) / 2 + self.parameters.search.responses_per_class * len(self.model.classes)
         self.allowance.left = max(self.allowance.left, 0.0) + times * each
 
     def perturb(self) -> None:
-        """Offers the plan that local search finds from a perturbation of the incumbent."""
+        """Offers the plan that local search finds from a perturbed incumbent."""
         if self.incumbent is not None:
             self.offer(self.local_search.perturbed(self.incumbent))
 
@@ -249,7 +261,8 @@ class Search:
         """Returns the same search with every robot as a class of its own."""
         model = self.model.disaggregated()
         incumbent = None if self.incumbent is None else self.incumbent.in_model(model)
-        # Robots of one class share their states; so what was tried need not hold of single ones.
+        # Robots of one class share their states, so failed trials for a class need not fail for
+        # single robots.
         kept = self.columns, self.spare, self.lowest, self.parameters
         search = Search(model, self.stop, self.report, self.clock, incumbent, *kept)
         search.recombination.values.update(self.recombination.values)
@@ -267,9 +280,10 @@ class Search:
 
         Parameters
         ----------
-        limit : that ended the search, if one did; it does not count if all was proved before
-        gap : relative gap that was asked for
-        message : why the start was rejected, if it was
+        limit : the limit that ended the search, if any; it is ignored if the proof was complete
+            before
+        gap : requested relative gap
+        message : the reason why the start was rejected, if it was
         """
         if self.spare is not None and self.spare.proved < file.proved:
             file = msgspec.structs.replace(self.spare, method=file.method)
@@ -294,7 +308,7 @@ class Search:
 
 
 def _staged_statistics(file: CertificateFile) -> dict[str, float]:
-    """Returns the number of stages of a certificate, and the J above which all plans were tried."""
+    """Returns a certificate's number of stages, and the J above which all plans were explored."""
     staged = file.certificate
     if not isinstance(staged, Staged):
         return {}

@@ -1,8 +1,8 @@
-"""An audit: does an instance say of a scene what is true of it?
+"""An audit: checks that an instance describes its scene correctly.
 
-All facts but coverage are found anew and compared. Of coverage, chosen states are: those of plans,
-those with the largest numbers of pixels, and some that are drawn at random from all that drones
-reach, which also finds numbers that are missing. Each must be inside its enclosure.
+All facts except coverage are recomputed and compared. Coverage is checked for selected states:
+those of plans, those with the most pixels, and some that are drawn at random from all states that
+drones reach, which also finds missing numbers. Each number must be inside its enclosure.
 """
 
 import heapq
@@ -21,29 +21,29 @@ from cocap_opt.formulations.independent.scene_facts import Facts, Kind, Place, T
 if TYPE_CHECKING:
     from cocap_opt.formulations.independent.enclosures import Enclosures
 
-# An enclosure that is wider than both, a share of its upper end and px/m2, is left undecided. The
-# numbers of cones have other units, and are small.
+# An enclosure that is wider than both limits, a share of its upper end and a number of px/m2, is
+# left undecided. The numbers of cones have other units, and are small.
 NARROW, LITTLE, LITTLE_IN_CONE = 1e-6, 1e-4, 1e-12
 
-_ROUNDED = 1e-14  # share of a weight
-_AT_ONCE = 100  # states, after which progress is told
+_ROUNDED = 1e-14  # relative rounding error of a weight
+_AT_ONCE = 100  # states between two progress reports
 Progress = Callable[[int, int], None]
-Key = tuple[int, int, Place, Turned]  # kind of the scene, step, place, orientation
+Key = tuple[int, int, Place, Turned]  # kind in the scene, step, place, orientation
 Interval = tuple[float, float]  # lower and upper end
-Path = Sequence[Sequence[int]]  # states x, y, layer, heading, tilt at the steps 0..T
+Path = Sequence[Sequence[int]]  # states x, y, layer, heading, tilt at steps 0..T
 
 
 @dataclass
 class CoverageAudit:
-    """The findings on the numbers of chosen states.
+    """The findings on the numbers of selected states.
 
     Attributes
     ----------
-    states, numbers : that were looked at; of the latter those that are 0 on both sides are none
-    undecided : numbers inside an enclosure that is too wide to say anything
-    wide_share, wide_pixels : of the widest enclosure of the others, as a share of its upper end
-        where that is `LITTLE / NARROW` or more, and in px/m2
-    differences : numbers outside of their enclosures
+    states, numbers : how many were checked; numbers that are 0 on both sides are not counted
+    undecided : how many numbers are inside an enclosure that is too wide to be conclusive
+    wide_share, wide_pixels : width of the widest other enclosure, relative to its upper end if that
+        is at least `LITTLE / NARROW`, and in px/m2
+    differences : numbers outside their enclosures
     """
 
     states: int = 0
@@ -56,17 +56,17 @@ class CoverageAudit:
 
 @dataclass
 class Audit:
-    """The findings on an instance: all that it says otherwise than its scene.
+    """The findings on an instance: everything in which it differs from its scene.
 
     Attributes
     ----------
-    places, moves, unsure : numbers of what was compared, and of places and moves so near to the
-        least distance to a person that either answer is taken
-    reached : states at steps that count which drones reach
-    sights : of these, those that see anything by the instance
-    differences : lines, each of which says both values
-    coverage : None if it was not asked for
-    rewards : between which numbers J of each plan lies, by the scene alone
+    places, moves, unsure : number of places and moves that were compared, and of those so close to
+        the minimum distance from a person that either answer is accepted
+    reached : number of states that drones reach at steps that count
+    sights : number of these that, by the instance, see anything
+    differences : lines, each of which gives both values
+    coverage : None if it was not requested
+    rewards : an interval that contains J of each plan, by the scene alone
     """
 
     places: int
@@ -84,8 +84,8 @@ class Auditor:
 
     Parameters
     ----------
-    problem : of the scene's JSON file
-    scene : its facts
+    problem : the content of the scene's JSON file
+    scene : the facts of the scene
     """
 
     def __init__(self, problem: dict[str, Any], scene: Facts, instance: Instance) -> None:
@@ -94,16 +94,18 @@ class Auditor:
         self._kind_of = {i: k for k, kind in enumerate(scene.kinds) for i in kind.drones}
 
     def facts(self) -> Audit:
-        """Returns the audit of all but coverage."""
+        """Returns the audit of all facts except coverage."""
         found = [*of_facts(self._scene, self._instance.facts)]
         sights, known = 0, set[Key]()
         for sight in self._instance.sights():
             sights += 1
             key = self._key(sight)
             if key is None:
-                continue  # a kind without drones, of which the facts tell
+                continue  # a kind without drones, which the comparison of facts reports
             if key in known:
-                found.append(f"{told_state(*key[1:])}: scene once, instance twice")
+                found.append(
+                    f"{told_state(*key[1:])}: given once by the scene, twice by the instance"
+                )
             known.add(key)
             kind = self._scene.kinds[key[0]]
             found += of_sight(sight, self._scene, kind, self._first_step)
@@ -121,7 +123,7 @@ class Auditor:
         return self._kind_of[drones[0]], sight.step, sight.place, sight.turned
 
     def _reached_by_step(self) -> list[list[int]]:
-        """Returns the number of states that count, for each kind and step."""
+        """Returns the number of reached states that count, for each kind and step."""
         return [
             [
                 sum(map(len, step.values())) if t >= self._first_step else 0
@@ -137,22 +139,22 @@ class Auditor:
         seed: int,
         progress: Progress = lambda done, total: None,
     ) -> CoverageAudit:
-        """Returns the audit of what states see.
+        """Returns the audit of the views of states.
 
         Parameters
         ----------
-        plans : paths of all drones, whose states are looked at
-        views : number of states with the largest numbers of pixels, and of states that are drawn,
-            that are looked at too; inf: all states
-        seed : of the draws
-        progress : told now and then how many states are done, and of how many
+        plans : plans whose states are checked, as paths of all drones
+        views : number of states with the most pixels, and number of states drawn at random, that
+            are checked, too; inf: all states
+        seed : seed of the random draws
+        progress : called now and then with the number of states checked so far, and the total
 
         Raises
         ------
         ImportError
             If python-flint is not installed.
         UnknownError
-            If the scene has something that enclosures do not know.
+            If the scene has a feature that enclosures do not support.
         """
         chosen: dict[Key, None] = {
             (self._kind_of[i], t, (x, y, layer), (heading, tilt)): None
@@ -184,11 +186,11 @@ class Auditor:
         return Enclosures(self._problem)
 
     def reward(self, paths: Sequence[Path]) -> Interval:
-        """Returns an enclosure of J of a plan, by the scene alone: no number is the instance's.
+        """Returns an enclosure of J of a plan, computed from the scene alone.
 
         Parameters
         ----------
-        paths : of all drones
+        paths : paths of all drones
         """
         sums: dict[int, Interval] = {}
         total = (0.0, 0.0)
@@ -203,12 +205,13 @@ class Auditor:
         for group, ends in sums.items():
             weight, cameras = self._scene.weights.get(group, (0.0, 0))
             low, high = (min(end, cameras) if cameras else math.sqrt(end) for end in ends)
-            # The weight is a product, which may be rounded otherwise; that is more than a root may.
+            # The weight is a product, which may have been rounded differently; this exceeds the
+            # rounding error of a root.
             total = _added(total, (weight * low * (1 - _ROUNDED), weight * high * (1 + _ROUNDED)))
         return total
 
     def _of_move(self, tail: Sequence[int], head: Sequence[int]) -> Interval:
-        """Returns an enclosure of the rewards for a move."""
+        """Returns an enclosure of the reward for a move."""
         objective, found = self._problem["objective"], (0.0, 0.0)
         for name, is_earned in (
             ("stationarity", [*tail] == [*head]), ("keep_cell", [*tail[:3]] == [*head[:3]]),
@@ -227,7 +230,7 @@ class Auditor:
                         yield from ((k, t, place, turned) for turned in orientations)
 
     def _largest(self, views: int) -> list[Key]:
-        """Returns the states with the largest numbers of pixels of a face."""
+        """Returns the states with the most pixels of a face."""
         rows, faces = self._scene.single["rows of groups"], self._scene.single["faces"]
         candidates = (
             (max((a for g, a in sight.amounts.items() if g < rows * faces), default=0.0), key)
@@ -237,7 +240,7 @@ class Auditor:
         return [key for _, key in heapq.nlargest(views, candidates)]
 
     def _drawn(self, views: int, draws: random.Random) -> list[Key]:
-        """Returns some of all states that drones reach at steps that count."""
+        """Returns a random sample of the states that drones reach at steps that count."""
         of_step = [
             ((k, t), count)
             for k, steps in enumerate(self._reached_by_step()) for t, count in enumerate(steps)
@@ -259,7 +262,7 @@ class Auditor:
         return found
 
     def _ends(self, robot: dict[str, Any], t: int, state: Sequence[int]) -> dict[int, Interval]:
-        """Returns enclosures of all that a state adds to groups; others are surely 0."""
+        """Returns enclosures of the amounts that a state adds to groups; others are certainly 0."""
         single = self._scene.single
         rows, faces, people = (
             single[name] for name in ("rows of groups", "faces", "people who count")
@@ -271,7 +274,7 @@ class Auditor:
         return ends | {rows * faces + t * people + j: end for j, end in seen.people.items()}
 
     def _look(self, audit: CoverageAudit, key: Key, amounts: dict[int, float]) -> None:
-        """Looks at all numbers of a state at a step."""
+        """Checks all numbers of a state at a step."""
         k, t, place, turned = key
         kind: Kind = self._scene.kinds[k]
         robot = self._problem["robots"][kind.drones[0]]

@@ -1,31 +1,33 @@
 #!/usr/bin/env python3
-"""cocap-check: what a plan, a certificate or a proof says of J, by whole numbers alone.
+"""cocap-check: computes what a plan, a certificate or a proof proves about J, by integer
+arithmetic.
 
     python cocap_check.py INSTANCE [PLAN or CERTIFICATE or PROOF]...
 
-An instance says who can fly where, what is seen from there, and what that is worth. J of a plan is
+An instance says who can fly where, what is seen from there, and how much that is worth. J of a plan
+is
 
-    sum over groups of  weight * sqrt(sum of all that is seen of the group)  + rewards for moves,
+    sum over groups of weight * sqrt(sum of all views of the group) + rewards for moves,
 
 or weight * min(number of drones, k) for groups that count drones. The answers are "J of this plan
-is at least a" and "no plan has more than b". Where b < 0 the answer is "no plan exists", since
-instances with a weight or a reward below 0 are refused, so that no J is below 0. Numbers of files
-are taken as the doubles that they are, and then all is integers and fractions: quantities are
-multiples of 2^-64, rounded up where an upper bound is wanted and down where a lower one is; roots
-are integer roots. What is not known is refused.
+is at least a" and "no plan has more than b". If b < 0, the answer is "no plan exists", since
+instances with a negative weight or reward are rejected, so J is never negative. Numbers in files
+are read as exact doubles, and all computations use integers and fractions: quantities are multiples
+of 2^-64, rounded up for upper bounds and down for lower bounds; roots are integer roots. Unknown
+content is rejected.
 
-Why no plan has more than b. For any alpha, beta >= 0 and what drones i see, c_i >= 0,
+Why no plan has more than b. For any alpha, beta >= 0 and views c_i >= 0 of drones i,
 
     sqrt(sum c_i) <= alpha sum sqrt(c_i) + beta sum c_i + (rest - alpha)^2 / (4 beta),   rest = 1,
 
-since rest r <= alpha r + beta r^2 + (rest - alpha)^2 / (4 beta) for every r >= 0; min(sum c_i, k)
-<= gamma sum c_i + k max(0, rest - gamma), where each c_i is 0 or 1. Part of a root may be bounded
-by cuts instead, rest is what they leave. At most one drone may use what a row names, by the rules:
-its multiplier is added once, and taken from each path that uses it. So J is at most the constants
-plus each drone's best path, which one sweep from the last step to the first finds. A proof is a
-tree: at each branch at most n drones use something, or at least n + 1; every plan goes one way.
-Staged certificates close states that no better plan visits, and bound each step as a whole:
-`Staged` and `Search` say why.
+since rest r <= alpha r + beta r^2 + (rest - alpha)^2 / (4 beta) for every r >= 0; and min(sum c_i,
+k) <= gamma sum c_i + k max(0, rest - gamma) if each c_i is 0 or 1. Part of a root may be bounded by
+cuts instead; rest is the remaining share. By the rules, at most one drone may use the resource of a
+row: the row's multiplier is added once, and subtracted from each path that uses the resource. So J
+is at most the constants plus the value of each drone's best path, which one sweep from the last
+step to the first finds. A proof is a tree: at each branch, either at most n drones use a resource,
+or at least n + 1; every plan belongs to one of the two. Staged certificates close states that no
+better plan visits, and bound each step as a whole: `Staged` and `Search` explain why.
 """
 
 import contextlib
@@ -43,7 +45,7 @@ from typing import Any
 BITS = 64
 ONE = 1 << BITS
 
-# Of certificates and proofs; those that nothing depends on are let pass.
+# Fields of certificates and proofs; fields on which nothing depends are ignored.
 FIELDS = {
     "format", "version", "scene", "digest", "method", "classes", "coverage_version", "instance",
     "objective", "bound", "coverage", "certificate", "nodes",
@@ -57,28 +59,30 @@ VERSIONS = {
     "cocap-opt certificate": (4, 5, 6, 7), "cocap-opt proof": (3, 4, 5, 6),
     "cocap-opt plan": (2, 3, 4),
 }  # fmt: skip
-ROUNDED = 1 - Fraction(1, 10**9)  # of a plan's reward, which is a sum of doubles
-# What reading damaged files may raise.
+ROUNDED = 1 - Fraction(1, 10**9)  # tolerance for a plan's reward, which is a sum of doubles
+# Errors that damaged files may raise.
 DAMAGED = (
     OSError, RecursionError, MemoryError, ArithmeticError, ValueError, TypeError, LookupError,
     AttributeError,
 )  # fmt: skip
-MOST_CORNERS = 1_000_000  # of a cut that are looked at
-MOST_BRANCHES, TRIES = 1_000_000, 40  # of the searches of a file; of prices at a branch
-MOST_FOUND = 500_000  # ways that a search keeps, which take some hundred bytes each
+MOST_CORNERS = 1_000_000  # limit on corners of a cut that are examined
+# limit on branches of the searches of a file; tries of prices at a branch
+MOST_BRANCHES, TRIES = 1_000_000, 40
+MOST_FOUND = 500_000  # limit on the ways that a search keeps, of some hundred bytes each
 
 Number = int | Fraction
 Ints = tuple[int, ...]
-Spec = dict[str, Any]  # an object of a file of JSON
-Flown = tuple[Ints, Ints, list[Fraction], list[Fraction]]  # cells and positions (m), tail and head
-Decisions = tuple[tuple[Spec, int, int], ...]  # resource, 1 for at most and -1 for at least, n
-Gains = dict[int, list[tuple[int, int, int, float, float]]]  # of each state's views
-# What drones of a class pay for places, moves and states at a step; None: they are closed.
+Spec = dict[str, Any]  # an object of a JSON file
+# cells and positions (m), of tail and head
+Flown = tuple[Ints, Ints, list[Fraction], list[Fraction]]
+Decisions = tuple[tuple[Spec, int, int], ...]  # resource, 1 for "at most" or -1 for "at least", n
+Gains = dict[int, list[tuple[int, int, int, float, float]]]  # the views of each state
+# Charges of a class's drones for places, moves and states at a step; None: closed.
 Charged = tuple[dict[Ints, int | None], dict[Ints, int | None], dict[Ints, int | None]]
 
 
 class Refused(Exception):  # noqa: N818
-    """A file says something that is not so, or that this checker does not know."""
+    """A file is wrong or has content that this checker does not know."""
 
 
 def up(value: Number) -> int:
@@ -104,14 +108,14 @@ def root_up(value: int) -> int:
 
 
 def require(condition: object, message: str) -> None:
-    """Refuses what is not so."""
+    """Raises Refused if the condition does not hold."""
     if not condition:
         raise Refused(message)
 
 
 @contextlib.contextmanager
 def within(place: str) -> Iterator[None]:
-    """Puts the place of an item before the reason why it is refused."""
+    """Prefixes the reason of a rejection with the place of the item."""
     try:
         yield
     except (Refused, *DAMAGED) as error:
@@ -121,16 +125,17 @@ def within(place: str) -> Iterator[None]:
 # -- instances ------------------------------------------------------------------------------------
 
 
-# The words of each kind of line, before its colon and after it, where there may be any number of
-# them: w is a whole number, b 0 or 1, x a hexadecimal number, t text; WANTED has the others.
+# The words of each kind of line, before its colon and after it (any number of them): w is a whole
+# number, b 0 or 1, x a hexadecimal number, t text; WANTED describes the others.
 LINES = {
     "digest": ("t", ""), "coverage": ("w", ""), "horizon": ("w", ""), "groups": ("www", ""),
     "rewards": ("xxxx", ""), "rules": ("bbxx", ""), "weight": ("wxw", ""), "kind": ("", ""),
     "orientation": ("ww", "w"), "place": ("wwwwxxx", "m"), "closed": ("www", ""),
     "sees": ("www", "v"), "class": ("w", "w"), "drone": ("w", "s"),
 }  # fmt: skip
-HEAD = ("digest", "coverage", "horizon", "groups", "rewards", "rules")  # lines that are there once
-MAY_END_EARLY = {"weight", "closed"}  # without their last word
+# lines that occur exactly once
+HEAD = ("digest", "coverage", "horizon", "groups", "rewards", "rules")
+MAY_END_EARLY = {"weight", "closed"}  # may be given without their last word
 PARENTS = {
     "orientation": "kind", "place": "kind", "closed": "kind", "sees": "kind", "drone": "class",
 }  # fmt: skip
@@ -142,7 +147,9 @@ WANTED = {
 
 
 def parse(kind: str, word: str) -> Any:
-    """Returns the value of a word of an instance; a ValueError or OverflowError says it is none."""
+    """Returns the value of a word of an instance; raises ValueError or OverflowError if it has
+    none.
+    """
     if kind == "x":
         return exact(word)
     if kind == "v":
@@ -159,7 +166,7 @@ def parse(kind: str, word: str) -> Any:
 
 
 def parsed(name: str, kinds: str, words: list[str], noun: str) -> list[Any]:
-    """Returns the values of the words of a line; the message names the word that is wrong."""
+    """Returns the values of the words of a line; an error names the wrong word."""
     values: list[Any] = []
     for kind, word in zip(kinds, words, strict=False):
         try:
@@ -173,26 +180,29 @@ def parsed(name: str, kinds: str, words: list[str], noun: str) -> list[Any]:
 
 
 class Kind:
-    """Drones that fly and see alike: orientations, places, moves, and what is seen from there."""
+    """Drones that fly and see alike: their orientations, places, moves and views."""
 
     def __init__(self) -> None:
         self.headings: list[Ints] = []  # (heading, pitch) of each orientation
-        self.turns: list[list[int]] = []  # of each, the orientations a step later
-        self.cells: list[Ints] = []  # (x, y, layer among all) of each place
-        self.layers: list[int] = []  # of each place, among those of its drones
+        self.turns: list[list[int]] = []  # for each orientation, the orientations one step later
+        self.cells: list[Ints] = []  # (x, y, layer among all heights) of each place
+        self.layers: list[int] = []  # layer of each place among the heights of its drones
         self.at: list[list[Fraction]] = []  # m
-        self.moves: list[list[tuple[int, bool]]] = []  # place a step later; dx + dy = 0
+        # places one step later, and True if dx + dy = 0
+        self.moves: list[list[tuple[int, bool]]] = []
         self.closed: dict[Ints, None] = {}  # (t, place) and (t, tail, head)
         self.sees: dict[Ints, list[tuple[int, Fraction]]] = {}  # (t, place, orientation)
 
     @functools.cached_property
     def place_of(self) -> dict[Ints, int]:
-        """The place of each cell, once all is read."""
+        """The place of each cell; available once the file has been read."""
         return {cell: p for p, cell in enumerate(self.cells)}
 
     @functools.cached_property
     def states(self) -> dict[Ints, Ints]:
-        """Place and orientation of each state (x, y, layer, heading, pitch), once all is read."""
+        """Place and orientation of each state (x, y, layer, heading, pitch); available once the
+        file has been read.
+        """
         places = enumerate(zip(self.cells, self.layers, strict=True))
         return {
             (*cell[:2], layer, *turn): (p, o)
@@ -202,14 +212,16 @@ class Kind:
 
 
 class Misplaced(Exception):  # noqa: N818
-    """A line of an instance does not fit the others: the nth of a word, in a kind if it has one."""
+    """A line of an instance contradicts others: the nth line of a word, in a kind if it belongs to
+    one.
+    """
 
     def __init__(self, message: str, word: str, nth: int, kind: int | None) -> None:
         super().__init__(message, word, nth, kind)
         self.message, self.word, self.nth, self.kind = message, word, nth, kind
 
     def told(self, lines: list[list[str]]) -> str:
-        """Returns the message with the number of the line."""
+        """Returns the message, with the number of the line."""
         numbered = [(n, words[0]) for n, words in enumerate(lines, 1) if words]
         first = 0
         if self.kind is not None:
@@ -219,27 +231,30 @@ class Misplaced(Exception):  # noqa: N818
 
 
 def fits(condition: object, word: str, message: str, nth: int = 0, kind: int | None = None) -> None:
-    """Refuses the nth line of a word, of those of a kind, if something is not so."""
+    """Raises Misplaced for the nth line of a word, in a kind if given, if the condition does not
+    hold.
+    """
     if not condition:
         raise Misplaced(message, word, nth, kind)
 
 
 class Instance:
-    """An instance, read whole or refused."""
+    """An instance, read and checked as a whole."""
 
     def __init__(self, text: str) -> None:
         self.sha256 = hashlib.sha256(text.encode()).hexdigest()
         lines = [line.split() for line in text.splitlines()]
         require(lines and lines[0] == ["cocap-instance", "1"], "line 1: must be cocap-instance 1")
         self.head: dict[str, list[Any]] = {}
-        self.weights: dict[int, Fraction] = {}  # of groups; others weigh nothing
+        self.weights: dict[int, Fraction] = {}  # weights of groups; all other groups weigh nothing
         self.caps: dict[int, int] = {}  # k of groups that count drones
         self.kinds: list[Kind] = []
-        self.classes: list[int] = []  # the kind of each
-        self.goals: list[set[int] | None] = []  # of each class, the places at the last step
-        self.members: list[list[int]] = []  # of each class, its drones
-        self.starts: dict[int, list[Ints]] = {}  # of each drone, (place, orientation)
-        require(lines[-1] == ["end"], f"line {len(lines)}: must be end, as the last line is")
+        self.classes: list[int] = []  # the kind of each class
+        # for each class, the allowed places at the last step
+        self.goals: list[set[int] | None] = []
+        self.members: list[list[int]] = []  # for each class, its drones
+        self.starts: dict[int, list[Ints]] = {}  # for each drone, its possible (place, orientation)
+        require(lines[-1] == ["end"], f"line {len(lines)}: the last line must be `end`")
         for number, words in enumerate(lines[1:-1], 2):
             try:
                 require(words, "must not be empty")
@@ -247,7 +262,7 @@ class Instance:
             except Refused as error:
                 raise Refused(f"line {number}: {error}") from error
         for name in HEAD:
-            require(name in self.head, f"must have a line {name}")
+            require(name in self.head, f"must contain a line {name}")
         (self.digest,), (self.coverage,), (self.horizon,) = (self.head[name] for name in HEAD[:3])
         self.rows, self.faces, self.people = self.head["groups"]
         self.rewards: list[Fraction] = self.head["rewards"]
@@ -261,8 +276,8 @@ class Instance:
             raise Refused(error.told(lines)) from error
 
     def _read(self, word: str, *rest: str) -> None:
-        """Reads a line, which begins with a word."""
-        if word == "scene":  # nothing depends on its name
+        """Reads a line, given its first word."""
+        if word == "scene":  # nothing depends on the scene's name
             return
         known = ", ".join(LINES)
         words = f"must begin with a known word, not {word!r:.40}; known are scene, {known}"
@@ -270,7 +285,7 @@ class Instance:
         kinds, kind_after = LINES[word]
         middle = rest.index(":") if ":" in rest else len(rest)
         has_colon = middle < len(rest)
-        require(kind_after or not has_colon, f"{word}: must have no colon")
+        require(kind_after or not has_colon, f"{word}: must not have a colon")
         sizes = {len(kinds), len(kinds) - (word in MAY_END_EARLY)}
         wanted = " or ".join(map(str, sorted(sizes))) if kinds else "nothing after it"
         noun = "word" if kinds == "t" else "number"
@@ -279,7 +294,7 @@ class Instance:
         require(middle in sizes, f"{word}: must have {words}{before}, not {middle}")
         parent = PARENTS.get(word, "")
         has_parent = not parent or (self.kinds if parent == "kind" else self.classes)
-        require(has_parent, f"{word}: must come after a line {parent}")
+        require(has_parent, f"{word}: must follow a line {parent}")
         values = parsed(word, kinds, [*rest[:middle]], noun)
         after_colon = rest[middle + 1 :]
         after = parsed(word, kind_after * len(after_colon), [*after_colon], "word after the colon")
@@ -323,7 +338,7 @@ class Instance:
             self.starts[drone] = after
 
     def _check(self) -> None:
-        """Refuses lines that do not fit each other."""
+        """Rejects lines that contradict each other."""
         steps, n_groups = range(self.horizon + 1), self.n_roots + (self.horizon + 1) * self.people
         fits(self.horizon >= 1, "horizon", f"must be at least 1, not {self.horizon}")
         fits(
@@ -365,7 +380,7 @@ class Instance:
                 nth += 1
 
     def _check_kind(self, number: int, kind: Kind) -> None:
-        """Refuses lines of a kind that do not fit each other."""
+        """Rejects lines of a kind that contradict each other."""
         n_places, n_turns, horizon = len(kind.moves), len(kind.turns), self.horizon
         known = f"must name places below {n_places}"
         turns = f"must name orientations below {n_turns}"
@@ -374,14 +389,20 @@ class Instance:
         for n, (cell, layer) in enumerate(zip(kind.cells, kind.layers, strict=True)):
             heads = [head for head, _ in kind.moves[n]]
             fits(all(head < n_places for head in heads), "place", known, n, number)
-            fits(len({*heads}) == len(heads), "place", "must name a move once", n, number)
+            fits(len({*heads}) == len(heads), "place", "must name each move only once", n, number)
             key = *cell[:2], layer
             is_new = cell not in cells and key not in states
             fits(is_new, "place", "must have a cell that no other place has", n, number)
             cells.add(cell)
             states.add(key)
             is_there = self.where.setdefault(cell, kind.at[n]) == kind.at[n]
-            fits(is_there, "place", "must be where other kinds have this cell", n, number)
+            fits(
+                is_there,
+                "place",
+                ("must have the position that other kinds give for this cell"),
+                n,
+                number,
+            )
         for n, (heading, after) in enumerate(zip(kind.headings, kind.turns, strict=True)):
             is_new = heading not in kind.headings[:n]
             fits(is_new, "orientation", "must be given once in a kind", n, number)
@@ -395,7 +416,13 @@ class Instance:
             fits(t <= horizon, "sees", late, n, number)
             fits(place < n_places, "sees", known, n, number)
             fits(turn < n_turns, "sees", turns, n, number)
-            fits(len(dict(views)) == len(views), "sees", "must name a group once", n, number)
+            fits(
+                len(dict(views)) == len(views),
+                "sees",
+                ("must name each group only once"),
+                n,
+                number,
+            )
             for group, amount in views:
                 counts = group >= self.n_roots
                 first, width = (self.n_roots, self.people) if counts else (0, self.faces)
@@ -405,7 +432,7 @@ class Instance:
                 fits(amount == 1 or not counts, "sees", counted, n, number)
 
     def near(self, before: list[Fraction], after: list[Fraction]) -> bool:
-        """True if two drones break the separation while one sees the other from before to after."""
+        """True if two drones violate the separation, or one sees the other, between two moments."""
         aside, above = self.far[0] - Fraction(1, 10**6), self.far[1] - Fraction(1, 10**6)
         way = [b - a for a, b in zip(before, after, strict=True)]
         low, high = Fraction(0), Fraction(1)
@@ -427,9 +454,10 @@ class Instance:
         return sum((before[k] + low * way[k]) ** 2 for k in range(axes)) < aside**2
 
     def conflict(self, a: Flown, b: Flown) -> bool:
-        """True if two drones may not make two moves, or be at two places, at the same step.
+        """True if two drones may not make two moves, or occupy two places, at the same step.
 
-        Each is (tail cell, head cell, tail at, head at); of a place both ends are the same.
+        Each argument is (tail cell, head cell, tail position, head position); both ends of a place
+        are the same.
         """
         if self.vertex and (a[0] == b[0] or a[1] == b[1]):
             return True
@@ -442,26 +470,30 @@ class Instance:
         return self.near(before, after)
 
     def value(self, group: int, amount: int, root: Callable[[int], int]) -> int:
-        """Returns the worth of an amount of a group, before its weight, by a root that rounds."""
+        """Returns the worth of an amount of a group before its weight, using a root that rounds up
+        or down.
+        """
         return min(amount, self.caps[group] * ONE) if group in self.caps else root(amount)
 
 
 def exact(word: str) -> Fraction:
-    """Returns the exact value of a hexadecimal number; ValueError or OverflowError: it is none."""
+    """Returns the exact value of a hexadecimal number; raises ValueError or OverflowError if it is
+    not one.
+    """
     if not word.lstrip("-").startswith("0x"):
         raise ValueError(word)
     return Fraction(float.fromhex(word))
 
 
 def digits(word: str) -> int:
-    """Returns the whole number that digits spell; a ValueError says that it is none."""
+    """Returns the whole number that digits spell; raises ValueError if they do not spell one."""
     if not (word.isascii() and word.isdecimal()):
         raise ValueError(word)
     return int(word)
 
 
 def number_of(value: object, field: str = "") -> Fraction:
-    """Returns the exact value of a number in a file of JSON, which is that of a double."""
+    """Returns the exact value of a number in a JSON file, which is read as a double."""
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
         return Fraction(value)
     raise Refused(f"{field}must be a finite number, not {value!r:.40}")
@@ -471,11 +503,11 @@ def number_of(value: object, field: str = "") -> Fraction:
 
 
 def value_of_plan(instance: Instance, plan: Spec) -> int:
-    """Returns J of a plan, rounded down; refuses plans that break a rule."""
+    """Returns J of a plan, rounded down; rejects plans that break a rule."""
     only(plan, PLAN_FIELDS)
     only(plan["plan"], {"paths"})
     paths = plan["plan"]["paths"]
-    require(len(paths) == len(instance.starts), "plan: must have one path for each drone")
+    require(len(paths) == len(instance.starts), "plan: must contain one path per drone")
     seen: dict[int, Fraction] = {}
     total, flown = Fraction(0), []
     for number, k in enumerate(instance.classes):
@@ -484,18 +516,20 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
         for drone in instance.members[number]:
             named, name = [tuple(map(whole, state)) for state in paths[drone]], f"drone {drone}"
             require(len(named) == instance.horizon + 1, f"{name}: wrong number of steps")
-            require(states.keys() >= {*named}, f"{name}: is somewhere where it cannot be")
+            require(states.keys() >= {*named}, f"{name}: is in a state that does not exist")
             path = [states[state] for state in named]
-            require(path[0] in instance.starts[drone], f"{name}: does not start where it may")
-            require(goal is None or path[-1][0] in goal, f"{name}: does not reach its goal")
+            require(
+                path[0] in instance.starts[drone], (f"{name}: does not begin at an allowed start")
+            )
+            require(goal is None or path[-1][0] in goal, f"{name}: does not end at its goal")
             for t, (p, o) in enumerate(path):
-                require((t, p) not in kind.closed, f"{name}: is at a closed place")
+                require((t, p) not in kind.closed, f"{name}: is in a closed place")
                 for group, amount in kind.sees.get((t, p, o), ()):
                     seen[group] = seen.get(group, Fraction(0)) + amount
             for t, ((p, o), (q, n)) in enumerate(itertools.pairwise(path)):
                 moves, is_closed = dict(kind.moves[p]), (t, p, q) in kind.closed
                 ok = q in moves and n in kind.turns[o] and not is_closed
-                require(ok, f"{name}: cannot move as it does from step {t}")
+                require(ok, f"{name}: cannot make its move from step {t}")
                 still, cell, heading, even = instance.rewards
                 total += still * ((p, o) == (q, n)) + cell * (p == q) + even * moves[q]
                 total += heading * (kind.headings[o][0] == kind.headings[n][0])
@@ -515,21 +549,21 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
 
 
 def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], int]) -> int:
-    """Returns by how much a root, rounded up, exceeds payments at most: it does at breakpoints.
+    """Returns the largest excess of a root, rounded up, over payments, which occurs at breakpoints.
 
-    Drones are placed one by one. A way to place some ends if another shows as many pixels for no
-    more. A root gains the less, the more is seen: a way ends, too, if what each later drone would
-    gain now does not bring it above the best.
+    Drones are placed one by one. A partial placement is dropped if another one has as many pixels
+    for no more payment. A root gains less the more is seen already, so a partial placement is
+    dropped, too, if the gains that later drones would have now cannot bring it above the best one.
 
     Parameters
     ----------
-    drones : of each its breakpoints, pixels and payment; there is one of (0, 0), too
+    drones : for each drone, its breakpoints as (pixels, payment), including (0, 0)
     """
-    best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each way
+    best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each partial placement
     for number, points in enumerate(drones, 1):
         ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
         looked_at += len(ways)
-        require(looked_at <= MOST_CORNERS, "it takes too long to find its constant")
+        require(looked_at <= MOST_CORNERS, "computing its constant takes too long")
         lowest, kept, later = math.inf, [], drones[number:]
         for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
             if paid < lowest:
@@ -545,17 +579,20 @@ def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], in
 
 
 class Cut:
-    """Functions phi of the root that a drone has of a group: root of all <= constant + sum phi."""
+    """Functions phi of the root that a drone has of a group: root of the sum <= constant + sum of
+    phi.
+    """
 
     def __init__(self, instance: Instance, spec: Spec, members: list[list[int]]) -> None:
         only(spec, {"t", "face", "curves", "share"})
         self.share = number_of(spec["share"], "share: ")
         require(0 <= self.share <= 1, "share: must be 0..1")
         t, face = whole(spec["t"], "t: "), whole(spec["face"], "face: ")
-        require(instance.rows > 1, "must not be where pixels add up over time")
+        require(instance.rows > 1, "must not be given if pixels add up over time")
         require(0 <= t < instance.rows, f"t: must be 0..{instance.rows - 1}")
         require(0 <= face < instance.faces, f"face: must be 0..{instance.faces - 1}")
-        self.group, self.worth = t * instance.faces + face, 0  # of its share, once that is known
+        # worth of its share, once that is known
+        self.group, self.worth = t * instance.faces + face, 0
         self.curves: dict[int, list[tuple[Fraction, Fraction]]] = {}
         for position, curve in enumerate(spec["curves"]):
             with within(f"curves[{position}]"):
@@ -573,17 +610,19 @@ class Cut:
         ], root_up)  # fmt: skip
 
     def _take_curve(self, curve: Spec, classes: int) -> None:
-        """Takes the breakpoints of a class."""
+        """Reads the breakpoints of a class."""
         only(curve, {"robot_class", "roots", "values"})
         roots, values = (
             [number_of(v, f"{name}: ") for v in curve[name]] for name in ("roots", "values")
         )
         number = whole(curve["robot_class"], "robot_class: ")
         require(0 <= number < classes, f"robot_class: must be 0..{classes - 1}")
-        require(number not in self.curves, f"robot_class: {number} is there twice")
+        require(number not in self.curves, f"robot_class: {number} is given twice")
         rising = all(a < b for a, b in itertools.pairwise([Fraction(0), *roots]))
-        require(rising and roots, "roots: must rise from 0")
-        require(len(roots) == len(values), f"values: must be {len(roots)}, as many as roots")
+        require(rising and roots, "roots: must increase from 0")
+        require(
+            len(roots) == len(values), (f"values: must contain {len(roots)} numbers, one per root")
+        )
         require(min(values) >= 0, "values: must be >= 0")
         self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
 
@@ -592,7 +631,7 @@ class Cut:
         if number not in self.lines:
             return low + 1
         steepest, unit, points = self.lines[number]
-        x = low * unit  # in units of 1 / (unit 2^64), as the breakpoints
+        x = low * unit  # in units of 1 / (unit 2^64), like the breakpoints
         for (r, v), (s, u) in itertools.pairwise(points):
             if x <= s:
                 return -(-(v * (s - r) + (x - r) * (u - v)) // ((s - r) * unit)) + steepest
@@ -601,14 +640,14 @@ class Cut:
 
 
 def whole(value: object, field: str = "") -> int:
-    """Returns a whole number; refuses all else, booleans included."""
+    """Returns a whole number; rejects everything else, including booleans."""
     if type(value) is not int:
         raise Refused(f"{field}must be a whole number, not {value!r:.40}")
     return value
 
 
 def only(spec: object, names: set[str]) -> None:
-    """Refuses fields that are not known."""
+    """Rejects unknown fields."""
     if not isinstance(spec, dict):
         raise Refused(f"must be an object, not {spec!r:.40}")
     unknown = [name for name in spec if name not in names | {"type"}]
@@ -616,12 +655,12 @@ def only(spec: object, names: set[str]) -> None:
 
 
 class Bound:
-    """The bound that multipliers prove of the plans that obey some decisions."""
+    """The bound that multipliers prove for the plans that obey some decisions."""
 
     def __init__(self, instance: Instance, single: bool) -> None:
         self.instance, self.members = instance, instance.members
         self.classes = [*enumerate(instance.classes)]
-        if single:  # every drone is a class of its own
+        if single:  # every drone forms its own class
             of = {d: n for n, drones in enumerate(instance.members) for d in drones}
             self.classes = [(of[d], instance.classes[of[d]]) for d in range(len(of))]
             self.members = [[d] for d in range(len(of))]
@@ -631,17 +670,20 @@ class Bound:
                 for key, views in kind.sees.items()
             }
             for kind in instance.kinds
-        ]  # groups with what is seen and its root, both rounded up
-        self.prices: dict[int, tuple[int, int, list[Cut]]] = {}  # of alpha and beta, and cuts
-        self.gained: dict[int, tuple[Fraction, int, int]] = {}  # at reference pixels
+        ]  # groups, each with its views and their roots, both rounded up
+        # prices by alpha and beta, and cuts
+        self.prices: dict[int, tuple[int, int, list[Cut]]] = {}
+        self.gained: dict[int, tuple[Fraction, int, int]] = {}  # gains at reference pixels
         self.visible = {g for kind in instance.kinds for v in kind.sees.values() for g, _ in v}
-        # Of the multipliers in use: constants of groups and of rows (with their steps), charges.
+        # Of the current multipliers: constants of groups and of rows (with their steps), charges.
         self.constants: dict[int, int] = {}
         self.row_constants: list[tuple[int, int]] = []
         self.charged: Charged = ({}, {}, {})
 
     def of(self, numbers: Spec, decisions: Decisions = ()) -> int | None:
-        """Returns the most J of any plan that obeys the decisions, rounded up; None: no plan."""
+        """Returns an upper bound on J of plans that obey the decisions, rounded up; None: no
+        plan.
+        """
         if numbers.get("type") == "reference":
             return self._of_reference(numbers)
         self.take(numbers)
@@ -657,7 +699,7 @@ class Bound:
         return self._with_paths(total)
 
     def take(self, numbers: Spec) -> None:
-        """Takes multipliers: credits for views, constants, and charges of rows."""
+        """Reads multipliers: credits for views, constants, and charges of rows."""
         instance = self.instance
         only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
         require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")
@@ -681,7 +723,7 @@ class Bound:
             if group >= instance.n_roots:
                 constant += up(weight * instance.caps[group] * open_)
             elif open_:
-                require(b > 0, "certificate: beta must be > 0 where alpha is too small")
+                require(b > 0, "certificate: beta must be > 0 if alpha is too small")
                 constant += up(weight * open_ * open_ / (4 * b))
             for cut in by_group.get(group, ()):
                 cut.worth = up(weight * cut.share)
@@ -694,7 +736,7 @@ class Bound:
                 self._take_row(row)
 
     def _take_row(self, row: Spec) -> None:
-        """Takes the multiplier of a row, which at most one drone can use."""
+        """Reads the multiplier of a row, whose resource at most one drone can use."""
         only(row, {"resource", "multiplier"})
         multiplier = number_of(row["multiplier"], "multiplier: ")
         require(multiplier >= 0, "multiplier: must be >= 0")
@@ -703,7 +745,9 @@ class Bound:
         self._charge(row["resource"], down(multiplier))
 
     def _with_paths(self, total: int) -> int | None:
-        """Returns a constant and each drone's best path together; None where one has none."""
+        """Returns a constant plus the values of each drone's best path; None if a drone has no
+        path.
+        """
         instance = self.instance
         for number in range(len(self.classes)):
             value = self.sweep(number)[0]
@@ -715,7 +759,7 @@ class Bound:
         return total
 
     def _of_reference(self, numbers: Spec) -> int | None:
-        """Returns the bound by gains beyond what is seen somewhere, which only shrink."""
+        """Returns the bound by gains beyond reference pixels; gains shrink as more is seen."""
         i = self.instance
         only(numbers, {"pixels", "views"})
         seen = self._table(numbers, "pixels")
@@ -727,7 +771,9 @@ class Bound:
         return self._with_paths(total)
 
     def _table(self, numbers: Spec, name: str) -> list[Fraction]:
-        """Returns the numbers of all groups: of faces, then of people, who have none in beta."""
+        """Returns the numbers of all groups: those of faces, then those of people, who have none in
+        beta.
+        """
         i = self.instance
         values = self._numbers(numbers[name], f"{name}: ", i.rows, i.faces)
         people = numbers.get("views", ())
@@ -749,7 +795,7 @@ class Bound:
         return values
 
     def paid(self, number: int, views: list[tuple[int, int, int]]) -> int:
-        """Returns the payment to a drone of a class for a view, rounded up."""
+        """Returns the credit of a drone of a class for a view, rounded up."""
         total, instance = 0, self.instance
         for group, amount, root in views:
             if group in self.gained:
@@ -768,7 +814,7 @@ class Bound:
         return total
 
     def sweep(self, number: int) -> list[dict[Ints, int]]:
-        """Returns the most that a path from each state on brings, from each step on."""
+        """Returns the value of the best path from each state on, at each step."""
         of_class, k = self.classes[number]
         kind = self.instance.kinds[k]
         still, cell, heading, even = map(up, self.instance.rewards)
@@ -820,10 +866,10 @@ class Bound:
     # -- resources --------------------------------------------------------------------------
 
     def _users(self, resource: Spec) -> tuple[int, list[Any]]:
-        """Returns moves (tail, head) of cells, or single cells, that use a resource, and more."""
+        """Returns the cells, or the moves (tail, head), that use a resource, and further fields."""
         kind, t = str(resource.get("type")), whole(resource.get("t"), "t: ")
         lasts = kind in ("swap", "moves", "move")
-        require(0 <= t <= self.instance.horizon - lasts, "resource: there is no such step")
+        require(0 <= t <= self.instance.horizon - lasts, "resource: t is not a step of the scene")
         known = {
             "cells": {"cells", "robot_class"},
             "swap": {"cells"},
@@ -831,7 +877,7 @@ class Bound:
             "move": {"cells", "robot_class"},
             "visit": {"state", "robot_class"},
         }
-        require(kind in known, f"resource: what is {kind!r}?")
+        require(kind in known, f"resource: unknown type {kind!r}")
         only(resource, known[kind] | {"t"})
         if kind == "visit":
             return t, [tuple(resource["state"])]
@@ -840,11 +886,11 @@ class Bound:
         cells = [cell_of(cell) for cell in resource["cells"]]
         if kind == "cells":
             return t, cells
-        require(len(cells) == 2, "resource: must have two cells")
+        require(len(cells) == 2, "resource: must contain two cells")
         return t, [(cells[0], cells[1])] + ([(cells[1], cells[0])] if kind == "swap" else [])
 
     def _charge(self, resource: Spec, charge: int | None) -> None:
-        """Charges a resource's users in each class; None closes it."""
+        """Charges the users of a resource in each class; None closes the resource."""
         charged = self.charged
         t, users = self._users(resource)
         only_class = resource.get("robot_class")
@@ -870,28 +916,28 @@ class Bound:
                     part[full] = None if charge is None or before is None else before + charge
 
     def _require_row(self, resource: Spec) -> None:
-        """Refuses a row whose users do not all conflict, but for those out of all drones' reach."""
+        """Rejects a row unless all its users conflict, apart from users that no drone can reach."""
         require(
             resource.get("robot_class") is None and resource.get("type") != "visit",
-            "row: must be of all drones",
+            "row: must apply to all drones",
         )
         kind, (_, users) = resource["type"], self._users(resource)
         require(kind in ("cells", "swap", "moves"), "resource: must be cells, a swap or moves")
         if kind == "swap":
-            require(self.instance.swap, "resource: there is no swap rule")
+            require(self.instance.swap, "resource: the scene has no swap rule")
             return
         ends = [(u, u) if kind == "cells" else u for u in dict.fromkeys(users)]
         where = self.instance.where
         moves = [(a, b, where[a], where[b]) for a, b in ends if a in where and b in where]
         for a, b in itertools.combinations_with_replacement(moves, 2):
-            require(self.instance.conflict(a, b), "resource: two drones may use this at once")
+            require(self.instance.conflict(a, b), "resource: two drones may use it at once")
 
 
 # -- staged certificates --------------------------------------------------------------------------
 
 
 class TooLong(Exception):  # noqa: N818
-    """A search takes more branches, or finds more, than it may; its claim may hold all the same."""
+    """A search exceeds its limit of branches or of results; the claim may still hold."""
 
 
 class _Mixture:
@@ -919,7 +965,7 @@ class _Mixture:
         self.values = [value - share * pay for value, pay in zip(self.values, pays, strict=True)]
 
     def move(self, picks: list[int], step: float) -> None:
-        """Moves it towards other states."""
+        """Moves the mixture towards other states."""
         rest = 1 - step
         self.shares = {x: rest * share for x, share in self.shares.items()}
         self.amounts = {g: rest * amount for g, amount in self.amounts.items()}
@@ -931,18 +977,20 @@ class _Mixture:
 
 
 class Search:
-    """All ways to place the drones of a step, one by one, each condition above 0 to the end.
+    """A search of all placements of the drones of a step, one by one, that keep each condition
+    above 0.
 
-    A condition is a constant, less a payment for each drone's state, for some conditions more by
-    what the groups are worth together. At a branch, what is seen so far is z, and c_i more gain
+    A condition is a constant, less a payment for each drone's state; some conditions add the worth
+    of all groups. At a branch with z seen so far, further views c_i gain
 
         phi(z + sum c_i) - phi(z) <= alpha sum gain(c_i) + beta sum c_i + kappa
 
-    of each group, by the inequality of the top: the left side is concave in the sum, and 0 at 0. A
-    sum of conditions with shares >= 0 is above 0 where each is. So if the best states for it, one
-    for each drone left, and one of a cell, do not bring it above 0, the branch ends; and a state
-    that does not with the best others is dropped. Which alpha, beta and shares are tried is a
-    matter of luck and of doubles. What they prove is found by whole numbers.
+    of each group, by the inequality at the top of this file: the left-hand side is concave in the
+    sum, and 0 at 0. If all conditions are above 0, so is their sum with shares >= 0. Therefore a
+    branch ends if the best states for the sum, one for each remaining drone and at most one per
+    cell, do not bring it above 0; and a state is dropped if it does not bring the sum above 0
+    together with the best others. The alpha, beta and shares to try are found heuristically, in
+    doubles. The bounds that follow from them are computed in whole numbers.
     """
 
     def __init__(
@@ -953,7 +1001,7 @@ class Search:
         near: Callable[[int, int], bool],
     ) -> None:
         self.instance, self.near, self.counts = instance, near, counts
-        self.numbers = [number for number, _, _ in states]  # class of each
+        self.numbers = [number for number, _, _ in states]  # class of each state
         self.cells = [cell for _, cell, _ in states]
         self.views = [[v for v in views if v[0] in instance.weights] for _, _, views in states]
         self.most: dict[int, int] = {}
@@ -968,17 +1016,19 @@ class Search:
         self.pays: list[list[int]] = []
         self.rows: list[tuple[float, ...]] = []
         self.found: list[tuple[int, ...]] = []
-        self.tries = 0  # of prices at a branch; none where all ways are wanted
+        self.tries = 0  # tries of prices at a branch; 0 if all placements are to be found
 
     def run(
         self, conditions: list[tuple[int, bool, list[int]]], left: int, tries: int = 0,
         among: list[int] | None = None,
     ) -> int:  # fmt: skip
-        """Finds all ways that meet the conditions; returns how many branches are left of some."""
+        """Finds all placements that meet the conditions; returns how many of the allowed branches
+        remain.
+        """
         self.gaining = [gaining for _, gaining, _ in conditions]
         self.pays = [pays for _, _, pays in conditions]
         floats = [[pay / ONE for pay in pays] for pays in self.pays if tries]
-        self.rows = [*zip(*floats, strict=True)]  # of each state, what it pays, as doubles
+        self.rows = [*zip(*floats, strict=True)]  # payments of each state, in doubles
         self.found, self.left, self.tries = [], left, tries
         cands = [*range(len(self.numbers))] if among is None else among
         constants = [constant for constant, _, _ in conditions]
@@ -986,7 +1036,7 @@ class Search:
         return self.left
 
     def worth(self, chosen: Ints) -> int:
-        """Returns the worth of the groups together, rounded up."""
+        """Returns the worth of all groups together, rounded up."""
         seen: dict[int, int] = {}
         for g, c in itertools.chain.from_iterable(self.views[x] for x in chosen):
             seen[g] = seen.get(g, 0) + c
@@ -994,9 +1044,9 @@ class Search:
         return sum((weight[g] * phi(g, c, root_up) >> BITS) + 1 for g, c in seen.items())
 
     def _gain(self, g: int, c: int, seen: int, before: int) -> tuple[int, int, int, float, float]:
-        """Returns a view's group, gain and amount, and the two last as doubles.
+        """Returns a view's group, gain and amount, and the latter two also as doubles.
 
-        What is seen of the group is worth at least `before`, weight left out.
+        The views of the group so far are worth at least `before`, before the weight.
         """
         if g in self.instance.caps:
             gain = self.instance.value(g, seen + c, root_up) - before
@@ -1008,7 +1058,9 @@ class Search:
     def _picks(
         self, worth: dict[int, Any], counts: list[int]
     ) -> tuple[Any, dict[int, Any], list[int]] | None:
-        """Returns the most that the drones left add, the last of each class, and the states."""
+        """Returns the most that the remaining drones can add, the last pick of each class, and the
+        states.
+        """
         total, last, picks = 0, {}, []
         order = sorted(worth, key=worth.__getitem__, reverse=True)
         for k, count in enumerate(counts):
@@ -1058,7 +1110,7 @@ class Search:
             {x: high[x] for x in others}, [count * (k > number) for k, count in enumerate(counts)]
         )
         while order and rest is not None:
-            x = order.pop()  # the best first; those before it are not taken any more
+            x = order.pop()  # best first; states before it are not taken again
             if constants[0] + counts[number] * high[x] + rest[0] <= 0:
                 break
             left = [*(order if after[number] else ()), *others]
@@ -1085,7 +1137,7 @@ class Search:
     def _kept(
         self, constant: int, worth: dict[int, int], counts: list[int], cands: list[int]
     ) -> list[int]:
-        """Returns the states that, with the best others, bring a sum above 0."""
+        """Returns the states whose sum with the best others is above 0."""
         best = self._picks(worth, counts)
         if best is None or constant + best[0] <= 0:
             return []
@@ -1100,9 +1152,9 @@ class Search:
         self, seen: dict[int, int], constants: list[int], counts: list[int], cands: list[int],
         gains: Gains, above: dict[int, float],
     ) -> tuple[list[int], dict[int, float]]:  # fmt: skip
-        """Drops states by prices that are tried; returns the others, and the mixture of states.
+        """Drops states by trial prices; returns the remaining states and the mixture.
 
-        The mixture is moved towards the best states of each try (conditional gradients).
+        Each try moves the mixture towards its best states (conditional gradients).
         """
         high = {x: sum(e[3] for e in gains[x]) - self.rows[x][0] for x in cands}
         begun = self._picks(high, counts)
@@ -1157,7 +1209,9 @@ class Search:
     def _slopes(
         self, seen: dict[int, float], mixture: "_Mixture"
     ) -> tuple[tuple[dict[int, tuple[float, float]], float], list[float]]:
-        """Returns alpha and weighted beta of groups, their kappas, and the mixture's values."""
+        """Returns alpha and weighted beta of groups, their kappas, and the values of the
+        mixture.
+        """
         slopes, kappas, worth = {}, 0.0, 0.0
         for g, gain in mixture.gains.items():
             before, weight, cap = seen.get(g, 0.0), self.weight[g] / ONE, self.instance.caps.get(g)
@@ -1186,7 +1240,7 @@ class Search:
         self, seen: dict[int, int], constants: list[int], counts: list[int], cands: list[int],
         gains: Gains, prices: tuple[dict[int, tuple[float, float]], list[float]],
     ) -> list[int]:  # fmt: skip
-        """Returns the states that prices leave, by whole numbers; these are multiples of 2^-30."""
+        """Returns the states that remain at given prices, computed in multiples of 2^-30."""
         parts = [int(part * 2**30) for part in prices[1]]
         gaining = sum(part for part, g in zip(parts, self.gaining, strict=True) if g)
         slopes, kappas = {}, 0
@@ -1218,29 +1272,30 @@ class Search:
 
 
 class Staged:
-    """The bound of a staged certificate: J of any plan is at most the target, or this.
+    """The bound of a staged certificate: J of any plan is at most the target, or this bound.
 
-    Take a plan of J > target. At each step t it obeys, for its states x and their prices,
+    Take a plan with J > target. At each step t, its states x and their prices obey
 
         F_t(x) <= K_t + sum of prices,
 
-    where F_t is what the groups of the step are worth. So J <= B, the sum of all K_t, of the rows'
-    multipliers, and of each drone's best path at these prices, less charges. What a drone's best
-    path through a state lacks to its best path, its slack, is lost; so is K_t + prices - F_t. So a
-    state of slack >= B - target is closed, and at each step
+    where F_t is the worth of the groups at the step. So J <= B, the sum of all K_t, of the rows'
+    multipliers, and of each drone's best path at these prices, less charges. The slack of a state
+    is the difference between a drone's best path and its best path through the state. The plan
+    loses the slack of its states, and K_t + prices - F_t at each step. So a state with slack >= B -
+    target is closed, and at each step
 
         sum of slacks + K_t + sum of prices - F_t(x) < B - target.                             (*)
 
-    A stage sets new prices and constants: a search shows that no joint state of states that are
-    left, without conflict, and by (*), has more than K_t. At the end all that is left may be
-    explored, step by step, above a higher target.
+    A stage sets new prices and constants: a search shows that no joint state of remaining states
+    that is free of conflicts and obeys (*) has more than K_t. At the end, all remaining joint
+    states may be explored, step by step, above a higher target.
     """
 
     def __init__(self, bound: Bound, numbers: Spec, budget: int) -> None:
         self.bound, self.instance, self.left = bound, bound.instance, budget
         i, horizon = self.instance, self.instance.horizon
         only(numbers, {"multipliers", "target", "stages", "paths_above"})
-        require(i.rows > 1, "staged: there are none where pixels add up over time")
+        require(i.rows > 1, "staged: not allowed if pixels add up over time")
         bound.take(numbers["multipliers"])
         self.target = up(number_of(numbers["target"], "target: "))
         self.constants = [0] * (horizon + 1)
@@ -1249,9 +1304,9 @@ class Staged:
             self.constants[step] += constant
         self.rows = sum(value for _, value in bound.row_constants)
         classes = range(len(bound.classes))
-        self.known: dict[tuple[Ints, Ints], bool] = {}  # pairs of moves in conflict
-        # Of each class and step: prices of states that are left, and their moves with rewards less
-        # charges; the most that a path brings from there on; slacks, as of the last closing.
+        self.known: dict[tuple[Ints, Ints], bool] = {}  # whether pairs of moves are in conflict
+        # For each class and step: the prices of remaining states; their moves, with rewards less
+        # charges; the value of the best path from there on; and slacks, as of the last closing.
         self.prices: list[list[dict[Ints, int]]] = []
         self.moves: list[list[dict[Ints, dict[Ints, int]]]] = [[] for _ in classes]
         self.to_go = [bound.sweep(number) for number in classes]
@@ -1275,7 +1330,7 @@ class Staged:
     # -- closing ----------------------------------------------------------------------------
 
     def _successors(self, number: int, t: int, state: Ints) -> dict[Ints, int]:
-        """Returns the moves of a state to those after it, with rewards less charges."""
+        """Returns the successors of a state, with rewards less charges of the moves."""
         kind = self.instance.kinds[self.bound.classes[number][1]]
         still, cell, heading, even = map(up, self.instance.rewards)
         charges, after, (p, o) = self.bound.charged[1], self.to_go[number][t + 1], state
@@ -1291,12 +1346,12 @@ class Staged:
         return found
 
     def _charge(self, number: int, t: int, state: Ints) -> int:
-        """Returns the charge of rows for a state."""
+        """Returns the charge that rows put on a state."""
         places, _, states = self.bound.charged
         return (places.get((number, t, state[0])) or 0) + (states.get((number, t, *state)) or 0)
 
     def _sweep(self) -> None:
-        """Finds the worth of paths from each state that is left on, at the present prices."""
+        """Computes the value of the best path from each remaining state, at the current prices."""
         for number, prices in enumerate(self.prices):
             after: dict[Ints, int] = {}
             for t in range(self.instance.horizon, -1, -1):
@@ -1312,7 +1367,7 @@ class Staged:
                 self.to_go[number][t] = after = here
 
     def _close(self) -> None:
-        """Closes the states whose slack is too large, and finds B, `total`."""
+        """Closes states whose slack is too large, and computes B, `total`."""
         horizon, begun = self.instance.horizon, self._begin()
         room = self.total - self.target
         for number, so_far in enumerate(begun):
@@ -1332,7 +1387,7 @@ class Staged:
                 moves.append(ways)
                 so_far = after
             self.slack[number], self.moves[number] = slack, moves
-        self._sweep()  # from some of what is left no path leads on
+        self._sweep()  # from some of the remaining states, no path continues
         self._begin()
         for number, steps in enumerate(self.to_go):
             for t, reach in enumerate(steps):
@@ -1345,7 +1400,9 @@ class Staged:
         self.room = self.total - self.target
 
     def _begin(self) -> list[dict[Ints, int]]:
-        """Finds B, `total`; returns, of each class and start, its drone's best path, negated."""
+        """Computes B, `total`; returns, for each class and start, the negated value of its best
+        path.
+        """
         begun, self.total, is_open = [], sum(self.constants) + self.rows, True
         for number, to_go in enumerate(self.to_go):
             first: dict[Ints, int] = {}
@@ -1364,7 +1421,7 @@ class Staged:
     # -- stages -----------------------------------------------------------------------------
 
     def _stage(self, stage: Spec) -> None:
-        """Takes new prices and constants, once they are proved, and closes states."""
+        """Takes new prices and constants after checking them, and closes states."""
         only(stage, {"payments", "constants"})
         priced: set[int] = set()
         for step in stage.get("payments", ()):
@@ -1391,8 +1448,8 @@ class Staged:
         for step in stage.get("constants", ()):
             only(step, {"t", "constant"})
             t, claim = whole(step["t"], "t: "), up(number_of(step["constant"], "constant: "))
-            require(0 <= t <= self.instance.horizon, "there is no such step")
-            claim += abs(claim) >> 44  # room for the rounding of whoever made it
+            require(0 <= t <= self.instance.horizon, "t is not a step of the scene")
+            claim += abs(claim) >> 44  # allows for rounding by the producer of the file
             if t in priced or claim < self.constants[t]:
                 self.constants[t] = self._highest(t, claim)
             priced.discard(t)
@@ -1401,14 +1458,16 @@ class Staged:
         self._close()
 
     def _highest(self, t: int, claim: int) -> int:
-        """Returns a constant that no joint state exceeds: the claim, or more if it is too low."""
+        """Returns a constant that no joint state exceeds: the claim, or a larger one if the claim
+        is too low.
+        """
         states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
         search = self._search(t, states, [len(drones) for drones in self.bound.members])
         constant, prices = self.closed[t]
         now = [self.prices[k][t][s] for k, s in states]
         slack = [self.slack[k][t][s] for k, s in states]
         before = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
-        # More than the claim, obeying (*), and what earlier constants and slacks alone leave.
+        # Joint states above the claim that obey (*), and those within earlier constants and slacks.
         conditions = [
             (-claim, True, now), (self.room - constant, True, before), (self.room, False, slack),
         ]  # fmt: skip
@@ -1423,7 +1482,7 @@ class Staged:
     def _search(
         self, t: int, states: list[tuple[int, Ints]], counts: list[int], of: list[int] | None = None
     ) -> Search:
-        """Returns the search among some states (class, state) of a step."""
+        """Returns a search over some states (class, state) of a step."""
         kinds, listed = [k for _, k in self.bound.classes], []
         for number, (p, o) in states:
             k = kinds[number if of is None else of[number]]
@@ -1449,16 +1508,16 @@ class Staged:
     # -- paths ------------------------------------------------------------------------------
 
     def _explore(self, above: int) -> None:
-        """Explores all plans above a target that are left, from joint state to joint state.
+        """Explores all remaining plans above a target, from joint state to joint state.
 
-        A plan whose steps up to t are worth F is worth at most F, the later constants and rows, and
-        what each drone's states bring later at the present prices. Where starts are chosen and
-        nothing is seen from them, the joint states of step 1 come first, and then any starts that
-        lead there.
+        A plan that has collected F up to step t is worth at most the sum of F, the later constants
+        and rows, and the value that each drone's state can still bring at the current prices. If
+        starts are free and nothing is seen from them, the joint states of step 1 come first, and
+        then any starts that lead to them.
         """
         i = self.instance
         require(above >= self.target, "paths_above: must not be below the target")
-        require(not any(i.rewards), "paths_above: moves are rewarded")
+        require(not any(i.rewards), "paths_above: not allowed if moves are rewarded")
         before, self.target = self.total, above
         self._close()
         of = [number for number, drones in enumerate(self.bound.members) for _ in drones]
@@ -1496,9 +1555,11 @@ class Staged:
         self, t: int, of: list[int], above: int, ways: dict[Any, Any],
         starts: list[dict[Ints, int]] | None = None,
     ) -> dict[Any, int]:  # fmt: skip
-        """Returns the joint states of a step that are reached, each with the most it is worth.
+        """Returns the joint states that are reached at a step, each with the largest value of a way
+        to it.
 
-        With starts, it is step 1, and those count to which some of them lead.
+        If `starts` are given, the step is 1, and only joint states that some starts lead to are
+        returned.
         """
         reached: dict[Any, int] = {}
         rest = sum(self.constants[t + 1 :]) + sum(
@@ -1536,7 +1597,7 @@ class Staged:
                 elif t and self._is_forbidden(of, team, heads):
                     continue
                 worth = value + search.worth(found)
-                # Drones of one class may change places.
+                # Drones of one class may be exchanged.
                 order = sorted(zip(of, heads, strict=True))
                 key = tuple(s for _, s in order)
                 reached[key] = max(worth, reached.get(key, worth))
@@ -1545,7 +1606,7 @@ class Staged:
     def _has_start(
         self, of: list[int], starts: list[dict[Ints, int]], heads: Any, before: Any = ()
     ) -> bool:
-        """True if there are starts from which the drones get to these states without a conflict."""
+        """True if the drones can reach these states from some starts without a conflict."""
         if len(before) == len(heads):
             return True
         robot = len(before)
@@ -1563,7 +1624,7 @@ class Staged:
         return False
 
     def _is_forbidden(self, of: list[int], tails: Any, heads: Any) -> bool:
-        """True if two drones break a rule on the way."""
+        """True if two drones break a rule on the way between two steps."""
         cells = [self.instance.kinds[self.bound.classes[number][1]].cells for number in of]
         moves = [(cell[a[0]], cell[b[0]]) for cell, a, b in zip(cells, tails, heads, strict=True)]
         return any(self._conflict(a, b) for a, b in itertools.combinations(moves, 2))
@@ -1574,16 +1635,20 @@ class Staged:
 
 def cell_of(cell: Any) -> Ints:
     """Returns a cell (x, y, layer)."""
-    require(isinstance(cell, list) and len(cell) in (2, 3), "resource: no cell")
+    require(
+        isinstance(cell, list) and len(cell) in (2, 3),
+        ("resource: must contain cells (x, y, layer)"),
+    )
     return tuple(cell) if len(cell) == 3 else (*cell, 0)
 
 
 def bound_of_file(
     instance: Instance, file: Spec, branches: int | None = None
 ) -> tuple[int | None, bool]:
-    """Returns the bound of a certificate or a proof, rounded up, and if a search is left out.
+    """Returns the bound of a certificate or a proof, rounded up, and True if a search was left out.
 
-    The bound is None where there is no plan. Searches have so many branches at most.
+    The bound is None if there is no plan. All searches together may use the given number of
+    branches.
     """
     only(file, FIELDS)
     require(file.get("classes", "alike") in ("alike", "single"), "classes: must be alike or single")
@@ -1603,7 +1668,7 @@ def bound_of_file(
     met: set[int] = set()
     while todo:
         number, decisions = todo.pop()
-        require(0 <= whole(number) < len(nodes), "nodes: no such node")
+        require(0 <= whole(number) < len(nodes), "nodes: names a node that does not exist")
         require(number not in met, "nodes: a node has two parents")
         met.add(number)
         node = nodes[number]
@@ -1625,24 +1690,26 @@ def bound_of_file(
 
 
 def told(value: int, rounding: int) -> str:
-    """Returns a number in units of 2^-64 as decimals, rounded up or down."""
+    """Returns a number in units of 2^-64 in decimals, rounded up or down."""
     scaled = -(-value * 10**6 >> BITS) if rounding > 0 else value * 10**6 >> BITS
     sign, scaled = "-" * (scaled < 0), abs(scaled)
     return f"{sign}{scaled // 10**6}.{scaled % 10**6:06d}"
 
 
 def kind_of(instance: Instance, document: Any) -> str:
-    """Returns the kind of a file; refuses one that is not known, or not of this instance."""
+    """Returns the kind of a file; rejects an unknown kind, or a file that does not belong to this
+    instance.
+    """
     require(isinstance(document, dict), "must be a JSON object")
     kind = str(document.get("format"))
     require(kind in VERSIONS, f"format: must be one of {', '.join(VERSIONS)}, not {kind!r:.40}")
     versions, version = VERSIONS[kind], whole(document.get("version"), "version: ")
     among = ", ".join(map(str, versions))
     require(version in versions, f"version: must be one of {among}, not {version}")
-    require(document.get("digest") == instance.digest, "digest: the file is of another scene")
+    require(document.get("digest") == instance.digest, "digest: the file belongs to another scene")
     made_of = document.get("instance", instance.sha256)
     is_it = made_of == instance.sha256
-    require(is_it, f"instance: the file is of the one of sha256 {made_of!r:.80}")
+    require(is_it, f"instance: the file belongs to the instance with sha256 {made_of!r:.80}")
     version = document.get("coverage_version")
     is_it = version in (None, instance.coverage)
     require(is_it, f"coverage_version: must be the instance's {instance.coverage}, not {version}")
@@ -1650,17 +1717,17 @@ def kind_of(instance: Instance, document: Any) -> str:
 
 
 def answer(instance: Instance, document: Spec, branches: int | None = None) -> tuple[str, bool]:
-    """Returns the statement that a file proves, and if a part of its claim is not checked."""
+    """Returns the statement that a file proves, and True if part of its claim is not checked."""
     if kind_of(instance, document) == "cocap-opt plan":
         value = value_of_plan(instance, document)
         reward = number_of(document["reward"], "reward: ")
-        require(value >= down(reward * ROUNDED), "reward: claims more than the plan has")
+        require(value >= down(reward * ROUNDED), "reward: claims more than the plan's J")
         return f"J of this plan is at least {told(value, -1)}", False
     bound, is_part = bound_of_file(instance, document, branches)
     says = what_holds(bound)
     if is_part:
         return (
-            f"{says}, by its multipliers; its claim rests on a search that is too long here",
+            f"{says}, by its multipliers; its claim rests on a search that takes too long here",
             True,
         )
     claim = document["bound"]
@@ -1672,9 +1739,9 @@ def answer(instance: Instance, document: Spec, branches: int | None = None) -> t
 
 
 def what_holds(bound: int | None) -> str:
-    """Returns the statement of a bound on all plans; None: a drone has no path.
+    """Returns the statement that a bound makes about all plans; None: a drone has no path.
 
-    Weights and rewards of an instance are never negative, and so is no J.
+    J is never negative, since weights and rewards of an instance are not.
     """
     if bound is None:
         return "no plan exists: a drone has no path left"
@@ -1687,7 +1754,7 @@ def what_holds(bound: int | None) -> str:
 
 
 class WrongCall(Exception):  # noqa: N818
-    """Names of files are missing, or their order or kind is not what the command reads."""
+    """The command line lacks a file, or names files of the wrong kind or in the wrong order."""
 
 
 HELP = """\
@@ -1724,7 +1791,7 @@ Example: {name} bottleneck.instance plan.json proof.json
 
 
 def number_of_branches(word: str = "") -> int:
-    """Returns the number behind --branches."""
+    """Returns the number that follows --branches."""
     if not (word.isdecimal() and word.isascii() and len(word) < 19 and int(word)):
         raise WrongCall(f"--branches: must be a whole number > 0, not {word or 'nothing'}")
     return int(word)
@@ -1737,32 +1804,32 @@ def content_of(name: str) -> bytes:
             return file.read()
     except FileNotFoundError as error:
         raise WrongCall(f"{name}: no such file") from error
-    except (OSError, ValueError) as error:  # ValueError: the name has a NUL
+    except (OSError, ValueError) as error:  # ValueError: the name contains a NUL
         words = getattr(error, "strerror", None) or error
         raise WrongCall(f"{name}: cannot be read: {words}") from error
 
 
 def require_kinds(names: list[str], contents: list[bytes]) -> None:
-    """Refuses a call whose first file is no instance, or whose others are no JSON."""
+    """Raises WrongCall unless the first file is an instance and all others are JSON."""
     for number, (name, content) in enumerate(zip(names, contents, strict=True)):
         is_instance = content.startswith(b"cocap-instance")
         if number and is_instance:
-            raise WrongCall(f"{name}: is an instance; name one only, and first")
+            raise WrongCall(f"{name}: is an instance; name only one, as the first file")
         if not number and not is_instance:
             found = noun_of(content)
             words = f"is {found}; name the .instance first" if found else (
-                "is no instance; write one with cocap-opt export SCENE -o scene.instance"
+                "is not an instance; write one with cocap-opt export SCENE -o scene.instance"
             )  # fmt: skip
             raise WrongCall(f"{name}: {words}")
         if number and not content.strip():
             raise WrongCall(f"{name}: is empty")
         if number and content.lstrip()[:1] not in b"{[":
-            words = "is no JSON; name plans, certificates and proofs of cocap-opt"
+            words = "is not JSON; name plans, certificates and proofs of cocap-opt"
             raise WrongCall(f"{name}: {words}")
 
 
 def noun_of(content: bytes) -> str:
-    """Returns a noun for a file of JSON; empty if it is none of those that are checked."""
+    """Returns a noun for a JSON file; empty if it is not a kind that is checked."""
     try:
         kind = json.loads(content)["format"]
     except DAMAGED:
@@ -1771,7 +1838,7 @@ def noun_of(content: bytes) -> str:
 
 
 def read_json(content: bytes) -> Any:
-    """Returns the value of a file of JSON, whose objects have no field twice."""
+    """Returns the value of a JSON file; rejects objects that contain a field twice."""
     try:
         return json.loads(
             content.decode(), parse_constant=no_constant, object_pairs_hook=without_twins
@@ -1780,16 +1847,16 @@ def read_json(content: bytes) -> Any:
         where = f"line {error.lineno}, column {error.colno}"
         raise Refused(f"{where}: must be JSON; the file is damaged or cut off") from error
     except RecursionError as error:
-        raise Refused("must not be nested so deeply") from error
+        raise Refused("is nested too deeply") from error
 
 
 def main(arguments: list[str]) -> int:
-    """Reads the files and prints what they prove.
+    """Reads the files and prints the statements that they prove.
 
     Returns
     -------
-    0 if all that they claim holds, 1 if one is refused, 2 for a wrong call, 3 if a claim rests on a
-    search that takes too long here
+    0 if all claims hold, 1 if a file is rejected, 2 for a wrong command line, 3 if a claim rests on
+    a search that takes too long here
     """
     say = functools.partial(print, flush=True)
     command = "python cocap_check.py" if sys.argv[0].endswith(".py") else "cocap-check"
@@ -1804,10 +1871,10 @@ def main(arguments: list[str]) -> int:
             arguments = arguments[:at] + arguments[at + 2 :]
         options = [name for name in arguments if name.startswith("-")]
         if options:
-            words = f"no such option; a file of that name is ./{options[0]}"
+            words = f"no such option; to name a file like that, write ./{options[0]}"
             raise WrongCall(f"{options[0]}: {words}")
         if not arguments:
-            raise WrongCall(f"INSTANCE: name a file; {command} --help says more")
+            raise WrongCall(f"INSTANCE: name a file; see {command} --help")
         contents = [*map(content_of, arguments)]
         require_kinds(arguments, contents)
     except WrongCall as error:
@@ -1832,7 +1899,7 @@ def main(arguments: list[str]) -> int:
 
 
 def reason_of(error: BaseException) -> str:
-    """Returns why a file is refused, in words."""
+    """Returns the reason why a file is rejected, in words."""
     if isinstance(error, KeyError) and isinstance(error.args[0], str):
         return f"must have the field {error}"
     if isinstance(error, UnicodeDecodeError):
@@ -1841,18 +1908,18 @@ def reason_of(error: BaseException) -> str:
 
 
 def without_twins(pairs: list[tuple[str, Any]]) -> Spec:
-    """Returns an object of a file; refuses a field that is there twice."""
-    require(len(dict(pairs)) == len(pairs), "a field is there twice")
+    """Returns an object of a file; rejects an object that contains a field twice."""
+    require(len(dict(pairs)) == len(pairs), "a field is given twice")
     return dict(pairs)
 
 
 def no_constant(name: str) -> None:
-    """Refuses NaN and infinity, which are no numbers of JSON."""
+    """Rejects NaN and infinity, which are not JSON numbers."""
     raise Refused(f"must hold finite numbers only, not {name}")
 
 
 def run() -> None:
-    """Runs as a command."""
+    """Runs the command."""
     sys.exit(main(sys.argv[1:]))
 
 

@@ -1,4 +1,4 @@
-"""Differences between the facts of a scene and those of an instance, each told in one line."""
+"""Describes the differences between the facts of a scene and those of an instance, one per line."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -7,12 +7,12 @@ from typing import Any
 from cocap_opt.formulations.independent.instance_facts import Sight
 from cocap_opt.formulations.independent.scene_facts import Facts, Kind, Place
 
-_ROUNDING = 1e-14  # share of a weight, which is a product of a few numbers
-_METRES = 1e-9  # m, by which positions may be rounded otherwise
+_ROUNDING = 1e-14  # relative rounding error of a weight, which is a product of a few numbers
+_METRES = 1e-9  # m, rounding error of positions
 
 
 def of_facts(scene: Facts, instance: Facts) -> Iterator[str]:
-    """Yields the differences between facts, as lines that say both values."""
+    """Yields the differences between facts, as lines that give both values."""
     for name, value in scene.single.items():
         theirs = instance.single.get(name)
         if value != theirs:
@@ -43,7 +43,7 @@ def _weights(scene: Facts, instance: Facts) -> Iterator[str]:
     for group in sorted({*scene.weights} | {*instance.weights}):
         ours, theirs = (facts.weights.get(group, (0.0, 0)) for facts in (scene, instance))
         if ours[1] != theirs[1] or not math.isclose(ours[0], theirs[0], rel_tol=_ROUNDING):
-            yield _told(f"group {group}: weight, and most drones that count", ours, theirs)
+            yield _told(f"group {group}: weight, and cap of drones that count", ours, theirs)
 
 
 def _of_kind(drones: str, ours: Kind, theirs: Kind) -> Iterator[str]:
@@ -65,12 +65,13 @@ def _of_kind(drones: str, ours: Kind, theirs: Kind) -> Iterator[str]:
 
 
 def of_sight(sight: Sight, scene: Facts, kind: Kind, first_step: int) -> Iterator[str]:
-    """Yields what is wrong with a state that an instance says sees something, pixels aside.
+    """Yields the errors of a state that, by the instance, sees something, except errors in its
+    pixels.
 
     Parameters
     ----------
-    scene, kind : the facts of the scene, and of its drones of the sight's kind
-    first_step : whose views count first
+    scene, kind : the facts of the scene, and those of the sight's kind of drones
+    first_step : first step whose views count
     """
     state = told_state(sight.step, sight.place, sight.turned)
     if not first_step <= sight.step <= scene.single["horizon"]:
@@ -90,7 +91,7 @@ def of_sight(sight: Sight, scene: Facts, kind: Kind, first_step: int) -> Iterato
 
 
 def told_state(step: int, place: Place, turned: tuple[int, int]) -> str:
-    """Returns the words for a state at a step."""
+    """Returns a text that identifies a state at a step."""
     return f"step {step}, state x, y, layer, heading, tilt {(*place, *turned)}"
 
 
@@ -113,7 +114,7 @@ def _list(drones: Iterable[int]) -> str:
 
 
 def _plain(value: Any) -> str:
-    """Returns a value in words."""
+    """Returns a value as text."""
     if isinstance(value, str):
         return value
     if value is None:

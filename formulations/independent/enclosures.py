@@ -1,16 +1,18 @@
-"""Enclosures: coverage in interval arithmetic (Arb, by python-flint), from a scene's JSON alone.
+"""Enclosures: bounds on coverage by interval arithmetic (Arb, through python-flint), from a scene's
+JSON alone.
 
-A number of pixels is the image of what is visible of a face. What is visible is what no shadow of
-a body holds, and all bodies here are upright prisms above convex ground plans: columns of the map,
-people, and meshes of that kind. Two sets of points of a face are made, one that surely is visible
-and one that holds all that may be; every decision that rounding, or the margins of coverage, leave
-open falls so that this stays true. The pixels of the first are less than those of the program, if
-it is right, and those of the second are more. No decision is guessed: one that is open makes the
-enclosure wide.
+The pixels of a face are the area of the image of its visible part. A part is visible if no body's
+shadow contains it, and all bodies here are upright prisms above convex ground plans: columns of the
+map, people, and meshes of that kind. Two sets of points of a face are computed: one that is
+certainly visible, and one that contains every point that may be visible; every decision left open
+by rounding or by the margins of coverage is taken such that this remains true. If the program is
+correct, its pixels lie between those of the two sets. No decision is guessed: an open one widens
+the enclosure.
 
-Points of a triangle are weights of its corners, in fractions. A plane cuts it where an affine
-function is 0, of which an enclosure is known at the corners: its lower ends there make a function
-that is nowhere more than the true one, its upper ends one that is nowhere less.
+Points of a triangle are represented by weights of its corners, in fractions. A plane cuts the
+triangle where an affine function is 0, whose values at the corners are known up to enclosures: the
+lower ends define a function that is nowhere above the true one, the upper ends one that is nowhere
+below it.
 """
 
 import math
@@ -25,36 +27,36 @@ from flint import arb, ctx, fmpq
 from cocap_opt.formulations.independent.scene_facts import Point, Prism, UnknownError
 
 Interval = tuple[float, float]  # lower and upper end
-Weights = tuple[fmpq, fmpq, fmpq]  # of the corners of a triangle: a point of it
-Vector = tuple[arb, arb, arb]  # m, or of unit length
+Weights = tuple[fmpq, fmpq, fmpq]  # weights of the corners of a triangle, which define a point
+Vector = tuple[arb, arb, arb]  # in m, or of unit length
 State = tuple[int, int, int, int, int]  # x, y, layer, heading, tilt
 
 _PRECISION = 96  # bits
-_ROUNDED = 1e-12  # m, by which coordinates of the program may be rounded, near the origin
-_UNITS = 8 * 2.0**-52  # the same as a share of the largest coordinate
-# The margins of coverage (m): shadows are that much wider, cuts that are less deep are none, a face
-# that is nowhere deeper behind a plane lies in it, and is not seen by an eye that is no farther
-# before it.
+_ROUNDED = 1e-12  # m, rounding of the program's coordinates near the origin
+_UNITS = 8 * 2.0**-52  # the same, relative to the largest coordinate
+# The margins of coverage (m): shadows are wider by this much; cuts that are less deep are ignored;
+# a face that lies behind a plane by no more than this lies in the plane, and an eye in front of a
+# face by no more than this does not see it.
 _OVERLAP, _GRAZED, _FLUSH, _IN_ITS_PLANE = 1e-11, 1e-10, 1e-6, 1e-9
-_EDGE_OF_CONE = 1e-9  # rad, by which a person may be beyond the edge of a cone
-_SHARE = 1e-9  # by which the share of a person who counts may be too small
-_CLEAR = 1e-6  # m, by which quick tests in doubles must be clear
-_SCALE = 64  # bits after the point, of the ends of affine functions
-_MOST_OPEN = 3  # planes that may or may not be turned to an eye
+_EDGE_OF_CONE = 1e-9  # rad, by which a person may be outside a cone
+_SHARE = 1e-9  # tolerance for the visible share at which a person counts
+_CLEAR = 1e-6  # m, margin of quick tests in doubles
+_SCALE = 64  # bits after the binary point of the ends of affine functions
+_MOST_OPEN = 3  # planes for which it is open whether they face an eye
 _NOTHING: Interval = (0.0, 0.0)
-_PARTS = {  # how a side of a box is cut into two triangles
+_PARTS = {  # how a side of a box is divided into two triangles
     0: ((0, 1, 2), (2, 3, 0)), 1: ((1, 2, 3), (3, 0, 1)),
 }  # fmt: skip
-_CUTS = (0, 1, 1, 0, 1)  # of the four sides and the top
+_CUTS = (0, 1, 1, 0, 1)  # for the four sides and the top
 
 
 class Columns(NamedTuple):
-    """The enclosures of all that a state sees at a step; what is not there is surely 0.
+    """The enclosures of everything that a state sees at a step; missing entries are certainly 0.
 
     Attributes
     ----------
     faces : px/m2 of each face
-    people : drones, 0 or 1, of each person; empty where people do not count
+    people : drones, 0 or 1, of each person; empty if people are not counted
     """
 
     faces: dict[int, Interval]
@@ -66,10 +68,11 @@ class _Body(NamedTuple):
 
     Attributes
     ----------
-    normals, offsets : of its planes n . p <= o, unit vectors and m
-    pairs : of planes that share an edge
-    plan : corners x, y of the ground plan (m), rounded
-    borders : the number of planes, the first, that it has however columns are put together
+    normals, offsets : its planes n . p <= o, with unit vectors n and offsets o in m
+    pairs : pairs of planes that share an edge
+    plan : corners x, y of the ground plan in m, rounded
+    borders : number of planes, at the beginning of the list, that do not depend on how columns are
+        merged
     """
 
     normals: list[Vector]
@@ -95,18 +98,19 @@ class _Body(NamedTuple):
             normals.append((across[0] / length, across[1] / length, zero))
             offsets.append((across[0] * x + across[1] * y) / length)
             pairs.append((first + k, first + (k + 1) % n))
-        borders = 1 if low is None else len(normals)  # the side of a column may be one of a part
+        # the side of a column may be only a part of a plane
+        borders = 1 if low is None else len(normals)
         corners = [(float(x), float(y)) for x, y in plan]
         return cls(normals, offsets, pairs, corners, borders)
 
 
 class _Half(NamedTuple):
-    """A half-space of a shadow: points p with normal . (p - eye) + more <= 0 are in it.
+    """A half-space of a shadow, with the points p for which normal . (p - eye) + more <= 0.
 
     Attributes
     ----------
-    is_plane : it is a plane of the body, which hides nothing of a face that lies in it
-    is_border : and one that the body has however columns are put together
+    is_plane : True if it is a plane of the body, which hides nothing of a face in that plane
+    is_border : True if the plane does not depend on how columns are merged
     """
 
     normal: Vector
@@ -116,12 +120,13 @@ class _Half(NamedTuple):
 
 
 class _Shadow(NamedTuple):
-    """The shadow of a body from an eye.
+    """The shadow that a body casts from an eye.
 
     Attributes
     ----------
-    wide : shadows that together hold all that may be hidden, each as its half-spaces
-    narrow : the half-spaces of one that holds only what surely is hidden; None: nothing may be
+    wide : shadows that together contain all points that may be hidden, each as its half-spaces
+    narrow : the half-spaces of a shadow that contains only points that are certainly hidden; None:
+        no such shadow
     plan : ground plan of the body
     """
 
@@ -131,7 +136,7 @@ class _Shadow(NamedTuple):
 
     @classmethod
     def of(cls, body: _Body, eye: Vector, rounded: arb) -> "_Shadow":
-        """Returns the shadow of a body, whose planes and whose eye are known up to rounding."""
+        """Returns the shadow of a body, with planes and eye known up to rounding."""
         away = [
             _dot(normal, eye) - offset + rounded
             for normal, offset in zip(body.normals, body.offsets, strict=True)
@@ -183,7 +188,7 @@ class _Face(NamedTuple):
 
     Attributes
     ----------
-    corners : m
+    corners : corners, in m
     normal : unit vector, outward
     area : m2
     """
@@ -194,7 +199,7 @@ class _Face(NamedTuple):
 
     @property
     def triangles(self) -> list[tuple[int, int, int]]:
-        """The numbers of the corners of triangles that make it up."""
+        """The corner numbers of the triangles that make up the face."""
         return [(0, k, k + 1) for k in range(1, len(self.corners) - 1)]
 
 
@@ -203,8 +208,8 @@ class _SeenFrom(NamedTuple):
 
     Attributes
     ----------
-    faces, rounded : corners of each face (m), the latter in doubles
-    middle, radius : of a sphere around them, in doubles
+    faces, rounded : corners of each face in m, as enclosures and as doubles
+    middle, radius : sphere that contains the corners, in doubles
     """
 
     faces: list[list[Vector]]
@@ -218,12 +223,12 @@ class Enclosures:
 
     Parameters
     ----------
-    problem : of a scene's JSON file
+    problem : the content of a scene's JSON file
 
     Raises
     ------
     UnknownError
-        If it has meshes that are not upright prisms above convex plans; the message says so.
+        If the scene has meshes that are not upright prisms above convex plans.
     """
 
     def __init__(self, problem: dict[str, Any]) -> None:
@@ -250,11 +255,11 @@ class Enclosures:
         self._visible = lru_cache(4096)(self._visible_parts)
 
     def seen(self, robot: dict[str, Any], t: int, state: State) -> Columns:
-        """Returns the enclosures of all that a drone sees in a state at a step.
+        """Returns the enclosures of everything that a drone sees in a state at a step.
 
         Parameters
         ----------
-        robot : of the scene's JSON
+        robot : the drone's entry in the scene's JSON
         """
         with ctx.workprec(_PRECISION):
             eye = self._eye(robot, state)
@@ -276,7 +281,7 @@ class Enclosures:
             return Columns(faces, people)
 
     def _eye(self, robot: dict[str, Any], state: State) -> Point:
-        """Returns where a drone is (m), as doubles have it."""
+        """Returns the position of a drone in m, in doubles."""
         (x, y, layer, *_), edge, origin = state, self._map["resolution"], self._map["origin"]
         datum, lift = ((self._map[name] or {}) for name in ("datum", "lift"))
         zero = (datum[x][y] if datum else 0.0) + (lift[x][y] if lift else 0.0)
@@ -311,7 +316,9 @@ class Enclosures:
     def _of_person(
         self, lens: "_Lens", t: int, eye: Point, j: int
     ) -> tuple[dict[int, Interval], Interval | None]:
-        """Returns pixels of a person's faces, and if it counts as seen; None: nobody counts."""
+        """Returns the pixels of a person's faces, and whether the person counts as seen; None:
+        nobody is counted.
+        """
         faces, _ = self.person(j, t)
         found = dict[int, Interval]()
         angles = [0.0, 0.0]
@@ -337,7 +344,9 @@ class Enclosures:
     def _measured(
         self, visible: "_Visible", inside: "_Inside", measure: Any, most: arb
     ) -> tuple[arb, arb]:
-        """Returns the least and the largest measure of what is visible of a face in the image."""
+        """Returns the smallest and the largest measure of the visible part of a face in the
+        image.
+        """
         least = largest = arb(0)
         sure = visible.sure if visible.is_sure else ()
         for piece in sure:
@@ -356,7 +365,7 @@ class Enclosures:
     def _counts(
         self, at_least: float, angles: list[float], faces: list[_Face], relative: list[list[Vector]]
     ) -> Interval:
-        """Returns an enclosure of 1 if a person counts as seen, and of 0 if not."""
+        """Returns an enclosure of 1 if a person counts as seen, otherwise of 0."""
         if angles[1] == 0:
             return _NOTHING
         whole = [0.0, 0.0]
@@ -391,14 +400,14 @@ class Enclosures:
         off = self._rounded
         return [(u - x + off, v - y + off, w - z + off) for u, v, w in face.corners]
 
-    # -- what hides them ---------------------------------------------------------------------
+    # -- what hides people -------------------------------------------------------------------------
 
     def _shadows(self, eye: Point) -> dict[int, _Shadow]:
-        """Returns a dictionary that keeps the shadows of fixed bodies from an eye."""
+        """Returns a cache for the shadows that fixed bodies cast from an eye."""
         return {}
 
     def _visible_parts(self, j: int, t: int, eye: Point) -> "list[_Visible | None]":
-        """Returns the visible parts of each face of a person; None: surely none."""
+        """Returns the visible parts of each face of a person; None: certainly not visible."""
         faces, _ = self.person(j, t)
         relative = self._seen_from(j, t, eye).faces
         hull = _Hull.of(eye, [corner for corners in relative for corner in corners])
@@ -423,7 +432,7 @@ class Enclosures:
     # -- cones -------------------------------------------------------------------------------
 
     def _in_cone(self, robot: dict[str, Any], t: int, eye: Point, state: State) -> Columns:
-        """Returns the enclosures of a cone, which has no image and looks through everything."""
+        """Returns the enclosures for a cone, which has no image and sees through everything."""
         sine, cosine = arb.sin_cos_pi_fmpq(fmpq(2 * state[3], robot["motion"]["headings"]))
         half, off = arb(robot["camera"]["opening"]) / 2 + arb(_EDGE_OF_CONE), self._rounded
         x, y, z = (arb(value) - off for value in eye)
@@ -460,8 +469,9 @@ class _Visible(NamedTuple):
 
     Attributes
     ----------
-    sure, possible : parts that surely are visible, and that together hold all that may be
-    is_sure : the face surely is turned to the eye
+    sure, possible : parts that are certainly visible, and parts that together contain everything
+        that may be visible
+    is_sure : True if the face is certainly turned to the eye
     """
 
     sure: list[_Piece]
@@ -470,7 +480,7 @@ class _Visible(NamedTuple):
 
     @classmethod
     def of(cls, face: _Face, corners: list[Vector], shadows: list[_Shadow]) -> "_Visible | None":
-        """Returns the visible parts of a face; None: surely none.
+        """Returns the visible parts of a face; None: certainly not visible.
 
         Parameters
         ----------
@@ -501,9 +511,9 @@ _CORNERS: tuple[Weights, ...] = tuple(
 
 
 def _lower_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] | None:
-    """Returns lower ends of the excess of corners over half-spaces, in units of 2^-64 m.
+    """Returns lower bounds on the excess of corners over half-spaces, in units of 2^-64 m.
 
-    None: the face lies in a plane of the body, which surely hides nothing of it.
+    None: the face lies in a plane of the body, which certainly hides nothing of it.
     """
     found = []
     for half in halves:
@@ -515,7 +525,7 @@ def _lower_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] |
 
 
 def _upper_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] | None:
-    """Returns upper ends of the same, with the least cut added.
+    """Returns upper bounds on the excess of corners over half-spaces, with the smallest cut added.
 
     None: the face may lie in a plane of the body.
     """
@@ -534,11 +544,11 @@ def _excess(half: _Half, corners: list[Vector]) -> list[arb]:
 
 
 def _outside(piece: _Piece, ends: list[list[int]]) -> list[_Piece]:
-    """Returns the parts of a piece that are outside of a shadow.
+    """Returns the parts of a piece that are outside a shadow.
 
     Parameters
     ----------
-    ends : for each half-space what the corners of the face exceed it by
+    ends : for each half-space, the excess of each corner of the face over it
     """
     values = [[end[k] for k in piece.corners] for end in ends]
     if any(min(value) > 0 for value in values):
@@ -551,20 +561,20 @@ def _outside(piece: _Piece, ends: list[list[int]]) -> list[_Piece]:
         if max(excess) <= 0:
             continue
         if min(excess) >= 0:
-            return [piece]  # nothing is left in the shadow
+            return [piece]  # nothing remains in the shadow
         outer.append(_Piece(piece.corners, _cut(rest, excess)))
         rest = _cut(rest, [-x for x in excess])
     return outer
 
 
 def _at(point: Weights, values: Sequence[int]) -> fmpq:
-    """Returns an affine function at a point, which has these values at the corners."""
+    """Returns the value of an affine function at a point, given its values at the corners."""
     found: fmpq = point[0] * values[0] + point[1] * values[1] + point[2] * values[2]
     return found
 
 
 def _cut(points: list[Weights], values: list[fmpq]) -> list[Weights]:
-    """Returns the part of a convex polygon where an affine function is at least 0."""
+    """Returns the part of a convex polygon in which an affine function is at least 0."""
     found = list[Weights]()
     for k, (point, value) in enumerate(zip(points, values, strict=True)):
         before, last = points[k - 1], values[k - 1]
@@ -578,14 +588,14 @@ def _cut(points: list[Weights], values: list[fmpq]) -> list[Weights]:
 
 
 class _Lens(NamedTuple):
-    """A pinhole camera that looks in a direction.
+    """A pinhole camera in a given direction.
 
     Attributes
     ----------
     axes : right, up and forward unit vectors
-    slopes : of the sides of the image, across and upright
-    focal, image : px, and px^2 of the whole image
-    walls : normals of the planes through its sides, inward, in doubles
+    slopes : slopes of the image's sides, horizontal and vertical
+    focal, image : focal length in px, and area of the whole image in px^2
+    walls : inward normals of the planes through the image's sides, in doubles
     """
 
     axes: tuple[Vector, Vector, Vector]
@@ -609,13 +619,15 @@ class _Lens(NamedTuple):
         return cls(axes, slopes, focal, width * height, walls)
 
     def sides(self, point: Vector) -> list[arb]:
-        """Returns the distances, up to scale, of a camera's point from the sides of the image."""
+        """Returns the distances, up to scale, of a point in camera coordinates from the image's
+        sides.
+        """
         u, v, depth = point
         across, upright = self.slopes[0] * depth, self.slopes[1] * depth
         return [across - u, across + u, upright - v, upright + v]
 
     def may_see(self, points: list[Point], radius: float = 0.0) -> bool:
-        """Returns False if spheres around points are clearly outside of the image.
+        """Returns False if spheres around points are clearly outside the image.
 
         Parameters
         ----------
@@ -631,7 +643,7 @@ class _Lens(NamedTuple):
         return True
 
     def inside(self, corners: list[Vector]) -> "_Inside":
-        """Returns a face, relative to the eye, as the camera has it."""
+        """Returns a face, given relative to the eye, in camera coordinates."""
         right, up, ahead = self.axes
         points = [
             (_dot(corner, right), _dot(corner, up), _dot(corner, ahead)) for corner in corners
@@ -644,7 +656,7 @@ class _Lens(NamedTuple):
         )
 
     def area(self, inside: "_Inside", piece: _Piece, points: list[Weights]) -> arb | None:
-        """Returns the area (px) of the image of a part of a face; None: it has no bound."""
+        """Returns the area (px) of the image of a part of a face; None: unbounded."""
         image = []
         for u, v, depth in inside.placed(piece, points):
             if not depth > 0:
@@ -658,7 +670,7 @@ class _Lens(NamedTuple):
         return doubled / 2
 
     def angle(self, inside: "_Inside", piece: _Piece, points: list[Weights]) -> arb | None:
-        """Returns the solid angle (sr) of a part of a face; None: it has no bound."""
+        """Returns the solid angle (sr) of a part of a face; None: unbounded."""
         first, *others = inside.placed(piece, points)
         found = arb(0)
         for second, third in pairwise(others):
@@ -667,12 +679,12 @@ class _Lens(NamedTuple):
 
 
 class _Inside(NamedTuple):
-    """A face as a camera has it.
+    """A face in camera coordinates.
 
     Attributes
     ----------
-    corners : right, up and forward (m)
-    lower, upper : ends of their distances from each side of the image, in units of 2^-64 m
+    corners : coordinates right, up and forward, in m
+    lower, upper : bounds on the corners' distances from each side of the image, in units of 2^-64 m
     """
 
     corners: list[Vector]
@@ -680,7 +692,7 @@ class _Inside(NamedTuple):
     upper: list[list[int]]
 
     def cut(self, piece: _Piece, sure: bool) -> list[Weights]:
-        """Returns the part of a piece that surely is in the image, or that may be."""
+        """Returns the part of a piece that is certainly, or possibly, in the image."""
         points = piece.points
         for side in self.lower if sure else self.upper:
             values = [side[k] for k in piece.corners]
@@ -692,7 +704,7 @@ class _Inside(NamedTuple):
         return points
 
     def placed(self, piece: _Piece, points: list[Weights]) -> Iterator[Vector]:
-        """Yields points of a piece, right, up and forward (m)."""
+        """Yields points of a piece as coordinates right, up and forward, in m."""
         a, b, c = (self.corners[k] for k in piece.corners)
         for point in points:
             x, y, z = map(arb, point)
@@ -701,7 +713,7 @@ class _Inside(NamedTuple):
 
 
 class _Hull(NamedTuple):
-    """All ways from an eye to a person as seen from above, in doubles."""
+    """The hull of an eye and a person, seen from above, in doubles."""
 
     points: list[tuple[float, float]]
     low: tuple[float, float]
@@ -710,14 +722,14 @@ class _Hull(NamedTuple):
 
     @classmethod
     def of(cls, eye: Point, corners: list[Vector]) -> "_Hull":
-        """Returns the hull of an eye, and of corners relative to it."""
+        """Returns the hull of an eye and of corners relative to it."""
         points = [eye[:2], *{(eye[0] + float(u), eye[1] + float(v)) for u, v, _ in corners}]
         hull = _convex(points)
         across, along = zip(*points, strict=True)
         return cls(hull, (min(across), min(along)), (max(across), max(along)), _across(hull))
 
     def meets(self, plan: list[tuple[float, float]]) -> bool:
-        """Returns False if a convex plan clearly is beside all ways."""
+        """Returns False if a convex plan is clearly outside the hull."""
         for k in (0, 1):
             if min(p[k] for p in plan) > self.high[k] + _CLEAR:
                 return False
@@ -732,7 +744,7 @@ class _Hull(NamedTuple):
 
 
 def _across(plan: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Returns unit vectors across the edges of a plan."""
+    """Returns unit vectors perpendicular to the edges of a plan."""
     found = []
     for k, (x, y) in enumerate(plan):
         u, v = plan[k - 1]
@@ -763,7 +775,7 @@ def _convex(points: Iterable[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
 
 
 def _columns(height_map: dict[str, Any]) -> Iterator[_Body]:
-    """Yields the columns of a map, those of one height that make up rectangles as one."""
+    """Yields the columns of a map, merging columns of equal height that form a rectangle."""
     heights, (ox, oy) = height_map["heights"], map(arb, height_map["origin"])
     edge, (width, depth) = arb(height_map["resolution"]), (len(heights), len(heights[0]))
     lowest = min(map(min, heights))
@@ -788,7 +800,7 @@ def _columns(height_map: dict[str, Any]) -> Iterator[_Body]:
 
 
 def _solid(mesh: dict[str, Any]) -> _Body:
-    """Returns a mesh as a body, if it is an upright prism above a convex plan."""
+    """Returns a mesh as a body, if the mesh is an upright prism above a convex plan."""
     prism = Prism.of(mesh, "meshes")
     area = sum(abs(_area(triangle)) for triangle in prism.triangles)
     hull = _convex(point for triangle in prism.triangles for point in triangle)
@@ -796,7 +808,7 @@ def _solid(mesh: dict[str, Any]) -> _Body:
         (_area([hull[0], hull[k], hull[k + 1]]) for k in range(1, len(hull) - 1)), Fraction(0)
     )
     if whole != area:
-        raise UnknownError("meshes whose ground plans are not convex, which rays see past")
+        raise UnknownError("meshes with ground plans that are not convex")
     plan = [(arb(fmpq(*x.as_integer_ratio())), arb(fmpq(*y.as_integer_ratio()))) for x, y in hull]
     return _Body.above(plan, arb(prism.low), arb(prism.high))
 
@@ -807,7 +819,7 @@ def _area(plan: Sequence[tuple[Any, Any]]) -> Any:
 
 
 def _plan(shape: dict[str, Any]) -> list[tuple[arb, arb]]:
-    """Returns the ground plan of a person around the foot point, who looks along x."""
+    """Returns the ground plan of a person around the foot point, facing along x."""
     if shape["type"] == "prism":
         n = shape["sides"]
         corner = arb(shape["apothem"]) / arb.cos_pi_fmpq(fmpq(1, n))
@@ -832,19 +844,19 @@ def _plain_faces(shape: dict[str, Any]) -> list[list[Vector]]:
 
 
 def _solid_angle(a: Sequence[arb], b: Sequence[arb], c: Sequence[arb]) -> arb:
-    """Returns the solid angle of a triangle from the origin, with a sign (Van Oosterom)."""
+    """Returns the signed solid angle of a triangle, seen from the origin (Van Oosterom)."""
     la, lb, lc = (_dot(x, x).sqrt() for x in (a, b, c))
     over = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
     return 2 * arb.atan2(_dot(a, _cross(b, c)), over)
 
 
 def _ball(radius: float) -> arb:
-    """Returns a number of which only this is known: it is no farther from 0."""
+    """Returns an enclosure of all numbers with at most this absolute value."""
     return arb(0, radius)
 
 
 def _floor(value: arb) -> int:
-    """Returns a whole number of units of 2^-64 that is no more than a value."""
+    """Returns the largest multiple of 2^-64 that is not above a value, in units of 2^-64."""
     digits, exponent = value.lower().man_exp()
     shift = int(exponent) + _SCALE
     return int(digits) << shift if shift >= 0 else int(digits) >> -shift

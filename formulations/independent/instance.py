@@ -1,8 +1,8 @@
 """Instances: scenes as text, in exact numbers and without geometry.
 
-The format is in docs/reference/instances.md. Numbers are hexadecimal floating-point numbers, which
-say each bit of a double: a checker adds and multiplies them without rounding. What no drone can
-reach is left out.
+The format is described in docs/reference/instances.md. Numbers are hexadecimal floating-point
+numbers, which give each bit of a double: a checker adds and multiplies them without rounding.
+Places that no drone can reach are left out.
 """
 
 import hashlib
@@ -26,15 +26,15 @@ def instance_of(model: Model, progress: Progress = tell_nobody) -> str:
 
     Parameters
     ----------
-    model : of the problem, whose coverage is computed if it is not there
-    progress : told how far that is
+    model : model of the problem; missing coverage is computed
+    progress : called with the progress of that computation
     """
     model.prepare_all(progress=progress)
     return "\n".join(_lines(model)) + "\n"
 
 
 def instance_digest(model: Model) -> str:
-    """Returns the SHA-256 of a problem's instance, by which certificates name it."""
+    """Returns the SHA-256 of a problem's instance, which certificates record."""
     return hashlib.sha256(instance_of(model).encode()).hexdigest()
 
 
@@ -59,7 +59,8 @@ def _lines(model: Model) -> Iterator[str]:
         most = "" if group < n_roots else f" {int(problem.returns.caps[group - n_roots])}"
         yield f"weight {group} {_exact(weights[group])}{most}"
     kinds: dict[Sight, int] = {}
-    numbers: list[dict[int, int]] = []  # of each kind's places, by those in the graph
+    # for each kind: number of each place, by its number in the graph
+    numbers: list[dict[int, int]] = []
     for number, robot_class in enumerate(model.classes):
         if robot_class.sight not in kinds:
             kinds[robot_class.sight] = len(numbers)
@@ -75,7 +76,7 @@ def _lines(model: Model) -> Iterator[str]:
 
 
 def _kind(model: Model, number: int, places: IntArray, number_of: dict[int, int]) -> Iterator[str]:
-    """Yields orientations, places, moves and views of the drones of a class and of all alike."""
+    """Yields the orientations, places, moves and views of all drones of the same kind."""
     robot_class = model.classes[number]
     graph = robot_class.graph
     yield "kind"
@@ -118,7 +119,7 @@ def _kind(model: Model, number: int, places: IntArray, number_of: dict[int, int]
 
 
 def _class(robot_class: RobotClass, kind: int, number_of: dict[int, int]) -> Iterator[str]:
-    """Yields a class with its goal, and where its drones may start."""
+    """Yields a class with its goal, and the possible starts of its drones."""
     graph, goal = robot_class.graph, ""
     if robot_class.goal is not None:
         known = np.array([*number_of], dtype=np.int64)
@@ -133,5 +134,5 @@ def _class(robot_class: RobotClass, kind: int, number_of: dict[int, int]) -> Ite
 
 
 def _exact(value: float) -> str:
-    """Returns a number as it is, bit for bit."""
+    """Returns the exact value of a number, bit for bit."""
     return float(value).hex()

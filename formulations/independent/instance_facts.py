@@ -1,4 +1,4 @@
-"""The facts of an instance, read from its text, in the form that `scene_facts` finds them in."""
+"""Reads the facts of an instance from its text, in the form that `scene_facts` uses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -8,22 +8,22 @@ from cocap_opt.formulations.independent.scene_facts import Facts, Kind, Place, P
 
 
 class FormatError(ValueError):
-    """A text is not an instance; the message names the line."""
+    """The text is not an instance; the message names the line."""
 
 
 class Sight(NamedTuple):
-    """All that an instance says is seen by a state at a step."""
+    """Everything that, by the instance, a state sees at a step."""
 
     kind: int
     step: int
     place: Place
     turned: Turned
-    amounts: dict[int, float]  # of groups, px/m2 or 1 drone
+    amounts: dict[int, float]  # amount of each group, in px/m2 or 1 drone
 
 
 @dataclass
 class _KindRead:
-    """A kind, as it is read; places and orientations have numbers."""
+    """A kind while it is read; places and orientations are numbers."""
 
     orientations: list[tuple[Turned, list[int]]] = field(default_factory=list)
     places: list[tuple[Place, Position, list[str]]] = field(default_factory=list)
@@ -34,12 +34,12 @@ class _KindRead:
 
 @dataclass
 class Instance:
-    """An instance: its facts, and what is seen.
+    """An instance: its facts, and its views.
 
     Attributes
     ----------
-    digest : of the scene, as the instance names it
-    facts : all but what is seen
+    digest : digest of the scene, as recorded in the instance
+    facts : all facts except the views
     """
 
     digest: str
@@ -47,7 +47,7 @@ class Instance:
     _kinds: list[_KindRead]
 
     def sights(self) -> Iterator[Sight]:
-        """Yields what states see, as it is written: kind by kind."""
+        """Yields the views of states in the order of the file: kind by kind."""
         for number, kind in enumerate(self._kinds):
             for t, q, o, text in kind.sees:
                 amounts = dict(_entry(part) for part in text.split())
@@ -81,7 +81,7 @@ def read_instance(text: str) -> Instance:
 
 
 class _Reader:
-    """Takes up lines one by one, and puts an instance together."""
+    """Processes lines one by one and assembles an instance."""
 
     def __init__(self) -> None:
         self._single: dict[str, object] = {}
@@ -93,7 +93,7 @@ class _Reader:
         self._ended = False
 
     def read(self, line: str) -> None:
-        """Takes up a line."""
+        """Processes a line."""
         word, _, rest = line.partition(" ")
         head, colon, tail = rest.partition(":")
         at = head.split()
@@ -127,11 +127,11 @@ class _Reader:
     def _new(self, known: dict[int, tuple[float, int]] | dict[int, tuple[int, list[str]]],
              key: int, value: object, noun: str) -> None:  # fmt: skip
         if key in known:
-            raise ValueError(f"{noun} {key} is there twice")
+            raise ValueError(f"{noun} {key} is given twice")
         known[key] = value  # type: ignore[assignment]
 
     def _read_of_kind(self, word: str, at: list[str], tail: str, head: str) -> None:
-        """Takes up a line of the last kind."""
+        """Processes a line that belongs to the last kind."""
         kind = self._kinds[-1]
         if word == "orientation":
             kind.orientations.append(((int(at[0]), int(at[1])), [*map(int, tail.split())]))
@@ -144,12 +144,12 @@ class _Reader:
         elif word == "sees":
             kind.sees.append((int(at[0]), int(at[1]), int(at[2]), tail))
         else:
-            raise ValueError(f"the word {word!r} is not known")
+            raise ValueError(f"unknown word {word!r}")
 
     def instance(self) -> Instance:
-        """Returns the instance of all lines."""
+        """Returns the instance that all lines define."""
         if not self._ended:
-            raise ValueError("there is no line end")
+            raise ValueError("the line `end` is missing")
         starts: dict[int, set[tuple[int, ...]]] = {
             i: {
                 (*self._kinds[kind].places[q][0], *self._kinds[kind].orientations[o][0])
@@ -169,11 +169,11 @@ class _Reader:
 
 
 def _kind(read: _KindRead) -> Kind:
-    """Returns a kind; numbers become places and orientations."""
+    """Returns a kind with places and orientations in place of numbers."""
     places = [place for place, _, _ in read.places]
     orientations = [at for at, _ in read.orientations]
     if len({*places}) < len(places) or len({*orientations}) < len(orientations):
-        raise ValueError("a place or an orientation of a kind is there twice")
+        raise ValueError("a kind contains a place or an orientation twice")
     return Kind(
         tuple(sorted(read.drones)),
         {place: position for place, position, _ in read.places},

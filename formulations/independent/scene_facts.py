@@ -1,11 +1,12 @@
-"""A second exporter: the facts of a scene that an instance must have, from its JSON alone.
+"""A second exporter: computes the facts of a scene that an instance must contain, from the scene's
+JSON alone.
 
-Places, moves, turns, closed places, starts, goals, weights, rewards and rules are found anew, by
-networkx and plain loops. Nothing is shared with the exporter, nor with what planners fly by: the
-input is the dictionary that `json` makes of a scene's file. What is seen is in `enclosures`.
+Places, moves, turns, closed places, starts, goals, weights, rewards and rules are recomputed with
+networkx and plain loops. No code is shared with the exporter or with planners: the input is the
+dictionary that `json` makes of a scene's file. Views are checked by `enclosures`.
 
-Of meshes, as matter or as no-fly zones, upright prisms are known: a level top, a level bottom, and
-vertical sides. Others are refused.
+Meshes, whether solid or no-fly zones, must be upright prisms: with a level top, a level bottom, and
+vertical sides. Others are rejected.
 """
 
 import math
@@ -25,18 +26,20 @@ Turned = tuple[int, int]  # heading and tilt
 Point = tuple[float, float, float]  # m
 
 _FACES = {"cuboid": 5, "triangulated-cuboid": 10}
-_TOUCH = Fraction(1, 10**6)  # of a cell, by which a solid must reach into it
-_TOLERANCE = 1e-6  # m, by which drones may be closer than a least distance
-_STRAIN = 1e-9  # share of a stride by which a move may exceed it
-_UNSURE = 1e-9  # m; a distance that decides by less is left undecided
+_TOUCH = Fraction(1, 10**6)  # share of a cell by which a solid must reach into it
+_TOLERANCE = 1e-6  # m, by which drones may be closer than a minimum distance
+_STRAIN = 1e-9  # relative to the stride: tolerance for the length of a move
+_UNSURE = 1e-9  # m; a comparison of distances within this tolerance is left undecided
 
 
 class UnknownError(ValueError):
-    """The scene has something that the second exporter does not know."""
+    """The scene has a feature that the second exporter does not support."""
 
 
 class Position(NamedTuple):
-    """The layer of a place among all flight heights, and m from the map's first cell."""
+    """Position of a place: its layer among all flight heights, and its offset in m from the map's
+    first cell.
+    """
 
     layer: int
     x: float
@@ -46,17 +49,17 @@ class Position(NamedTuple):
 
 @dataclass(frozen=True)
 class Kind:
-    """Drones that fly and see alike, as far as any of them gets until the last step.
+    """Drones that fly and see alike, with everything that any of them reaches until the last step.
 
     Attributes
     ----------
-    drones : their numbers
-    places : where each place is
-    moves : tail, head, and True if it is balanced
-    turns : from one orientation to another
+    drones : numbers of the drones
+    places : position of each place
+    moves : tail and head of each move, and True if the move is balanced
+    turns : pairs of orientations, from the first to the second
     closed_places, closed_moves : (step, place) and (step, tail, head) that people close
-    unsure : those of both that are too close to the least distance to be decided here
-    reached : for each step, the places that drones reach, by the orientations that they have there
+    unsure : places and moves so close to the minimum distance that they are left undecided
+    reached : for each step, the places that drones reach, by orientation
     """
 
     drones: tuple[int, ...]
@@ -75,10 +78,10 @@ class Facts:
 
     Attributes
     ----------
-    single : by their names those that are one value each
-    weights : weight, and most drones that count (0: pixels), of each group that weighs anything
+    single : facts that consist of one value, by name
+    weights : weight and cap of drones that count (0: pixels), of each group with a weight
     kinds : drones that fly and see alike
-    starts, goals : of each drone; None: it ends anywhere
+    starts, goals : starts and goal of each drone; None: it may end anywhere
     """
 
     single: dict[str, Any]
@@ -93,12 +96,12 @@ def facts_of_scene(problem: dict[str, Any]) -> Facts:
 
     Parameters
     ----------
-    problem : of its JSON file
+    problem : the content of its JSON file
 
     Raises
     ------
     UnknownError
-        If it has something that is not known here; it says what.
+        If the scene has a feature that is not supported here; the message names it.
     """
     objective, rules, robots = problem["objective"], problem["rules"], problem["robots"]
     views = objective["views"]
@@ -144,7 +147,7 @@ def _faces(shape: dict[str, Any]) -> int:
 
 
 def _weights(problem: dict[str, Any], faces: list[int], rows: int) -> dict[int, tuple[float, int]]:
-    """Returns the weight of each group, and the most drones that count in it."""
+    """Returns the weight of each group, and the cap of drones that count for it."""
     objective, steps, people = problem["objective"], problem["horizon"] + 1, problem["actors"]
     chances = {take["name"]: take["probability"] for take in problem["takes"]}
     found: dict[int, tuple[float, int]] = {}
@@ -180,7 +183,7 @@ class Prism(NamedTuple):
 
     @classmethod
     def of(cls, mesh: dict[str, Any], noun: str) -> "Prism":
-        """Returns a mesh as a prism, if it is one."""
+        """Returns a mesh as a prism; raises UnknownError if it is not one."""
         corners = mesh["vertices"]
         used = {int(k) for triangle in mesh["triangles"] for k in triangle}
         levels = sorted({corners[k][2] for k in used})
@@ -202,7 +205,7 @@ class Prism(NamedTuple):
         return cls(levels[0], levels[1], tops)
 
     def cells(self, height_map: dict[str, Any]) -> Iterator[tuple[int, int]]:
-        """Yields the cells of the map that it reaches into."""
+        """Yields the cells of the map into which the prism reaches."""
         edge, origin = Fraction(height_map["resolution"]), [*map(Fraction, height_map["origin"])]
         sizes = len(height_map["heights"]), len(height_map["heights"][0])
         found = set[tuple[int, int]]()
@@ -222,13 +225,13 @@ class Prism(NamedTuple):
 
 
 def _doubled_area(plan: _Triangle) -> Fraction:
-    """Returns twice the area of a triangle, less than 0 if it is clockwise."""
+    """Returns twice the signed area of a triangle, negative if it is clockwise."""
     (ax, ay), (bx, by), (cx, cy) = plan
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 def _overlaps(plan: _Triangle, cell: tuple[int, int]) -> bool:
-    """Returns True if a triangle, in cells, reaches into a cell by more than it may touch it."""
+    """Returns True if a triangle, in cells, reaches into a cell by more than the tolerance."""
     polygon = plan
     for axis, sign in product((0, 1), (1, -1)):
         wall = cell[axis] + _TOUCH if sign > 0 else cell[axis] + 1 - _TOUCH
@@ -251,7 +254,7 @@ def _overlaps(plan: _Triangle, cell: tuple[int, int]) -> bool:
 
 
 class _Ground:
-    """The map, and what is solid or closed above each of its cells.
+    """The map, and the solids and closed zones above each of its cells.
 
     Attributes
     ----------
@@ -289,7 +292,7 @@ class _Ground:
         return height + float(datum[x][y] + lift[x][y])
 
     def position(self, cell: tuple[int, int], height: float) -> Point:
-        """Returns where a drone is (m) that flies at a height above a cell."""
+        """Returns the position (m) of a drone at a flight height above a cell."""
         (x, y), origin = cell, self._map["origin"]
         return (
             origin[0] + (x + 0.5) * self.edge, origin[1] + (y + 0.5) * self.edge,
@@ -297,7 +300,9 @@ class _Ground:
         )  # fmt: skip
 
     def is_empty(self, cell: tuple[int, int], low: float, high: float) -> bool:
-        """Returns True if a cell has no solid matter at altitudes low..high, nor touches them."""
+        """Returns True if a cell has no solid matter that reaches into or touches altitudes
+        low..high.
+        """
         x, y = cell
         spans = self._matter.get(cell, ())
         return self._map["heights"][x][y] < low and not _meets(spans, low, high)
@@ -319,8 +324,8 @@ def _meets(spans: Iterable[tuple[float, float]], low: float, high: float) -> boo
 class _Near:
     """The places and moves that are too close to people.
 
-    A drone is too close if, at some moment, it is less than a distance from the middle of a person
-    as seen from above, and less than another one above or below it.
+    A drone is too close if, at some moment, its horizontal distance from the middle of a person is
+    below one limit, and its vertical distance from the person below another.
     """
 
     def __init__(self, problem: dict[str, Any]) -> None:
@@ -332,9 +337,9 @@ class _Near:
         return bool(self._aside)
 
     def of(self, t: int, tail: Point, head: Point | None = None) -> bool | None:
-        """Returns True if a place at a step, or a move from then on, is too close to anybody.
+        """Returns True if a place at a step, or a move from that step on, is too close to a person.
 
-        None: it is not decided, as the distance is nearly the least.
+        None: undecided, as the distance is almost equal to the minimum.
         """
         found = [self._to(actor, t, tail, head) for actor in self._people]
         return True if True in found else None if None in found else False
@@ -363,7 +368,7 @@ class _Near:
 
 
 def _passes(before: Point, after: Point, aside: float, above: float) -> bool:
-    """Returns True if on a straight way there is a moment at which both distances are less."""
+    """Returns True if at some moment of a straight move both distances are below their limits."""
     (x, y, z), (dx, dy, dz) = before, (b - a for a, b in zip(before, after, strict=True))
     first, last = 0.0, 1.0
     square, slope = dx * dx + dy * dy, x * dx + y * dy
@@ -397,7 +402,7 @@ class _Flights:
         self.starts = {i: self._starts_of(problem["robots"][i]["start"]) for i in drones}
 
     def kind(self) -> Kind:
-        """Returns the kind, with all that its drones reach until the last step."""
+        """Returns the kind, with everything that its drones reach until the last step."""
         turns = self._turns()
         starts = {start for i in self._drones for start in self.starts[i]}
         space = self._grown({(x, y, layer) for x, y, layer, *_ in starts})
@@ -438,7 +443,7 @@ class _Flights:
         return self._ground.position(place[:2], self._motion["layers"][place[2]])
 
     def _near_at(self, t: int, tail: Place, head: Place | None = None) -> bool:
-        """Returns True if people close a place at a step, or a move from then on."""
+        """Returns True if people close a place at a step, or a move from that step on."""
         key = (t, tail) if head is None else (t, tail, head)
         if key not in self._answers:
             end = None if head is None else self._point(head)
@@ -458,7 +463,7 @@ class _Flights:
         return at_places, of_moves
 
     def _is_free(self, place: Place) -> bool:
-        """Returns True if a drone may be in a place, people aside."""
+        """Returns True if a drone may be in a place, regardless of people."""
         x, y, _ = place
         if not (0 <= x < self._ground.sizes[0] and 0 <= y < self._ground.sizes[1]):
             return False
@@ -467,7 +472,7 @@ class _Flights:
         return ground.is_empty(cell, at - gap, at + gap) and ground.is_open(cell, at, at)
 
     def _starts_of(self, start: Any) -> set[tuple[int, ...]]:
-        """Returns the states x, y, layer, heading, tilt in one of which a drone starts."""
+        """Returns the possible start states x, y, layer, heading, tilt of a drone."""
         if isinstance(start, list):
             return {tuple(start)}
         if start["type"] == "states":
@@ -489,15 +494,15 @@ class _Flights:
             if place not in able:
                 near = self._near and self._is_free(place) and self._near.of(0, self._point(place))
                 if near is None:
-                    raise UnknownError("areas to start in from which the distance to a person "
-                                       "is nearly the least")  # fmt: skip
+                    raise UnknownError("start areas at almost exactly the minimum distance from "
+                                       "a person")  # fmt: skip
                 able[place] = self._is_free(place) and not near
             if able[place]:
                 found.add((x, y, layer, heading, tilt))
         return found
 
     def _grown(self, starts: set[Place]) -> "Graph":
-        """Returns the graph of the places that drones can reach, were there no people."""
+        """Returns the graph of the places that drones could reach without any people."""
         import networkx as nx
 
         graph: Graph = nx.DiGraph()
@@ -511,14 +516,16 @@ class _Flights:
                     heads.add(head)
             new = heads - known
             known |= new
-        for tail in new:  # whose moves end at places that are known, as far as they matter
+        for tail in new:  # whose moves all end at known places
             for head, balanced in self._moves_from(tail):
                 if head in known:
                     graph.add_edge(tail, head, balanced=balanced)
         return graph
 
     def _moves_from(self, tail: Place) -> Iterator[tuple[Place, bool]]:
-        """Yields where one step leads to from a place, and True if the move is balanced."""
+        """Yields the places that one step leads to from a place, each with True if the move is
+        balanced.
+        """
         motion = self._motion
         most = motion["radius"] - motion["radius"] % motion["spacing"]
         reach = range(-most, most + 1, motion["spacing"])
@@ -553,7 +560,7 @@ class _Flights:
         )
 
     def _turns(self) -> "Graph":
-        """Returns the graph of orientations; its edges are turns of a step."""
+        """Returns the graph of orientations; its edges are the turns of one step."""
         import networkx as nx
 
         motion, tilts = self._motion, self._tilts
@@ -587,7 +594,8 @@ _TOUCHED: dict[tuple[int, int], list[tuple[int, int]]] = {}
 
 def _squares_on(dx: int, dy: int) -> Iterator[tuple[int, int]]:
     for i, j in product(range(-abs(dx), abs(dx) + 1), range(-abs(dy), abs(dy) + 1)):
-        first, last = Fraction(0), Fraction(1)  # of the segment, in the square
+        # parameters of the part of the segment in the square
+        first, last = Fraction(0), Fraction(1)
         for way, centre in ((dx, i), (dy, j)):
             ends = [Fraction(2 * centre + side, 2) for side in (-1, 1)]
             if way:

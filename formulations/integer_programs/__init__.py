@@ -1,7 +1,7 @@
-"""Integer programs over the aggregated flow, and the generic solvers that take them.
+"""Integer programs over the aggregated flow, and the generic solvers that solve them.
 
-`program` says what is solved, in words and as matrices, `outer_approximation` how often. `mathopt`
-(HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate it for a solver.
+`program` defines the programs, in words and as matrices; `outer_approximation` solves them
+repeatedly. `mathopt` (HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate them for a solver.
 """
 
 __all__ = ["cp_sat", "mathopt", "outer_approximation", "program", "scip_nonlinear"]

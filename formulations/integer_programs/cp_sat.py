@@ -1,8 +1,8 @@
-"""CP-SAT, OR-tools' solver over integers, on the same outer approximation.
+"""Solves the outer approximation with CP-SAT, OR-tools' solver over integers.
 
-Roots become integers V of a unit so small that rounding every coefficient up costs less
-than ROUNDING of J: with V <= sum ceil(a) x + ceil(b) instead of w u <= sum a x + b, no plan's
-J is cut off, and the program's optimum stays an upper bound.
+Roots become integers V, in a unit so small that rounding up all coefficients changes J by less than
+ROUNDING: with V <= sum ceil(a) x + ceil(b) instead of w u <= sum a x + b, no plan's J is cut off,
+and the program's optimum remains an upper bound.
 """
 
 import math
@@ -20,8 +20,8 @@ from cocap_opt.formulations.solvers import ending, options
 
 __all__ = ["cp_sat"]
 
-ROUNDING = 1e-8  # of the largest J, all roundings together
-MOST = 2.0**52  # largest J in integers
+ROUNDING = 1e-8  # relative to the largest J, for all roundings together
+MOST = 2.0**52  # largest J in the integer unit
 
 
 def _solve(program: Program, call: Call) -> Answer:
@@ -53,12 +53,12 @@ def _solve(program: Program, call: Call) -> Answer:
 
 
 def _answer(solver: Any, translated: "_Translated") -> Answer:
-    """Reads how a solve ended."""
+    """Reads the outcome of a solve."""
     status = solver.status_name(solver.response_proto.status)
     if status == "MODEL_INVALID":
-        return Answer.failed(f"CP-SAT refuses the model: {translated.model.validate()}")
-    # Useful whatever the status is (the objective's value is not), once there is one: 0 is
-    # what it has before the search begins.
+        return Answer.failed(f"CP-SAT rejects the model: {translated.model.validate()}")
+    # The bound is valid for every status (unlike the objective's value), once there is one: before
+    # the search begins it is 0.
     bound = solver.best_objective_bound / translated.scale
     if status == "UNKNOWN" and bound == 0.0:
         bound = math.inf
@@ -69,7 +69,7 @@ def _answer(solver: Any, translated: "_Translated") -> Answer:
 
 
 def _solver() -> nullcontext[Solver]:
-    """Gives the solver, which needs no closing."""
+    """Provides the solver, which needs no closing."""
     return nullcontext(_solve)
 
 
@@ -77,11 +77,11 @@ cp_sat = OuterApproximation(_solver)
 
 
 class _Translated:
-    """A program in integers, as CP-SAT has it.
+    """A program in integers, as a CP-SAT model.
 
     Attributes
     ----------
-    scale : J in integers / J
+    scale : units of the integer objective per unit of J
     """
 
     def __init__(self, program: Program) -> None:
@@ -92,7 +92,7 @@ class _Translated:
         horizon = flow.model.problem.horizon
         n_terms = len(roots.used) * (program.n_robots + 2) + program.n_robots * horizon + 1
         n, caps = roots.returns.n_roots, np.minimum(roots.returns.caps, program.n_robots)
-        # Roots, in units of the best view's, and counts.
+        # Roots, in units of their best view, and counts.
         largest = np.append(np.full(n, math.sqrt(program.n_views)), caps)
         most = float(roots.weights[:n].sum()) * math.sqrt(program.n_views)
         most += float(roots.weights[n:] @ caps)
@@ -104,7 +104,7 @@ class _Translated:
         high = np.where(first, flow.supply, flow.capacity)
         self.x = self._variables(low, high)
         self.y = self._variables(np.zeros(flow.n_edges), flow.capacity[flow.tails])
-        self.worth = self.scale * roots.weights  # of roots and counts in the program's units
+        self.worth = self.scale * roots.weights  # worth of roots and counts in the program's units
         self.v = self._variables(np.zeros(len(roots.used)), _up(self.worth * largest))
         self._flow_rows()
         self._root_rows()
@@ -154,7 +154,7 @@ class _Translated:
         self.model.add(self.v[z] <= paid + int(_up(np.array([constant]))[0]))
 
     def hint(self, plan: Amounts) -> None:
-        """Begins with a plan."""
+        """Starts the search from a plan."""
         x, y = plan
         roots = np.floor(self.worth * self.program.roots_at(x)).astype(np.int64)
         for variables, values in ((self.x, np.rint(x)), (self.y, np.rint(y)), (self.v, roots)):
@@ -162,14 +162,14 @@ class _Translated:
                 self.model.add_hint(variable, value)
 
     def solution(self, values: Any) -> Amounts:
-        """Returns a solution, whose values are in the order of the variables."""
+        """Returns a solution from the variables' values, in order."""
         n, e = len(self.x), len(self.y)
         found = np.fromiter(values, dtype=np.float64, count=n + e)
         return found[:n], found[n:]
 
 
 def _up(values: FloatArray) -> IntArray:
-    """Returns integers not below the values, rounding in their arithmetic included."""
+    """Returns integers that are not below the values, allowing for rounding errors."""
     return np.ceil(values * (1 + 1e-12)).astype(np.int64)
 
 

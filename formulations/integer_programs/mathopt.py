@@ -1,7 +1,7 @@
-"""HiGHS and SCIP through OR-tools' MathOpt, in a process of their own.
+"""Runs HiGHS and SCIP through OR-tools' MathOpt, in a process of their own.
 
-HiGHS takes no interrupter there (and drops callbacks without a word), so that only the end of
-its process stops it at once; and its library cannot clash with the HiGHS that cvxpy brings.
+MathOpt cannot interrupt HiGHS (and silently ignores callbacks), so only ending the process stops it
+at once. A separate process also keeps its library apart from the HiGHS that cvxpy installs.
 """
 
 import contextlib
@@ -29,12 +29,12 @@ from cocap_opt.stop import Clock
 
 __all__ = ["highs", "scip"]
 
-GRACE = 1.0  # s for a solver to come to an end after its limit, or after it was told to
+GRACE = 1.0  # s that a solver may take to end after its limit, or after an interruption
 
 
 @contextlib.contextmanager
 def _solver(name: str) -> Iterator[Solver]:
-    """Gives the solver that MathOpt calls so, in a process that ends with it."""
+    """Provides the solver with this MathOpt name, in a process that ends with the context."""
 
     def solve(program: Program, call: Call) -> Answer:
         response = process.solve(_request(name, program, call), call)
@@ -44,12 +44,12 @@ def _solver(name: str) -> Iterator[Solver]:
         yield solve
 
 
-highs = OuterApproximation(partial(_solver, "HIGHS"))  # plans found while interrupted are lost
+highs = OuterApproximation(partial(_solver, "HIGHS"))  # plans found before an interruption are lost
 scip = OuterApproximation(partial(_solver, "GSCIP"))
 
 
 def _request(name: str, program: Program, call: Call) -> bytes:
-    """Returns the message that asks a solver for a solution of a program."""
+    """Returns the message that asks a solver to solve a program."""
     from ortools.math_opt import parameters_pb2, rpc_pb2
 
     request = rpc_pb2.SolveRequest(
@@ -66,16 +66,16 @@ def _request(name: str, program: Program, call: Call) -> bytes:
 
 
 def _answer(name: str, program: Program, data: bytes | None, late: bool) -> Answer:
-    """Reads a response; without one the process has ended.
+    """Reads a response; without a response, the process has ended.
 
     Parameters
     ----------
-    late : a limit was reached by the end of the solve
+    late : True if a limit had been reached when the solve ended
     """
     from ortools.math_opt import result_pb2, rpc_pb2
 
     if data is None:
-        return Answer.failed("the solver's process has ended")
+        return Answer.failed("the solver's process ended without an answer")
     response = rpc_pb2.SolveResponse.FromString(data)
     if response.status.code:
         return Answer.failed(f"the solver failed: {response.status.message}")
@@ -130,13 +130,13 @@ def _solution(program: Program, result: Any) -> Amounts | None:
 
 
 class _SolverProcess:
-    """A process that solves MathOpt's requests; started when it is first asked."""
+    """A process that solves MathOpt's requests; it is started at the first request."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
 
     def solve(self, request: bytes, call: Call) -> bytes | None:
-        """Returns the response to a request; None where the process ended without one."""
+        """Returns the response to a request, or None if the process ended without one."""
         process = self._started()
         told: Clock | None = None
 
@@ -161,17 +161,17 @@ class _SolverProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C in a terminal is for us to handle
+                start_new_session=True,  # this process handles Ctrl-C
             )
         return self._process
 
     def close(self) -> None:
-        """Ends the process, if there is one."""
+        """Ends the process if it is running."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
             for stream in (self._process.stdin, self._process.stdout):
-                # What was not yet written goes nowhere.
+                # Unwritten data is discarded.
                 with contextlib.suppress(OSError):
                     if stream is not None:
                         stream.close()
@@ -180,7 +180,7 @@ class _SolverProcess:
 
 def _tell(process: "subprocess.Popen[bytes]", message: bytes) -> None:
     assert process.stdin is not None
-    with contextlib.suppress(OSError):  # it is gone; the reader sees that
+    with contextlib.suppress(OSError):  # the process has ended, which the reader notices
         process.stdin.write(message)
         process.stdin.flush()
 

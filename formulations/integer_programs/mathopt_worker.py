@@ -1,8 +1,8 @@
 """A process that solves MathOpt's requests, one after the other, until its input ends.
 
-It is started by `mathopt` and imports nothing of this project. Messages on
-standard input: R, length (8 bytes), a SolveRequest; or S, which interrupts the solve. Answers
-on standard output: length (8 bytes), a SolveResponse.
+It is started by `mathopt` and imports nothing from this project. Messages on standard input: R,
+length (8 bytes), a SolveRequest; or S, which interrupts the solve. Answers on standard output:
+length (8 bytes), a SolveResponse.
 """
 
 import os
@@ -16,7 +16,7 @@ from ortools.util.python.solve_interrupter import SolveInterrupter
 
 
 def _answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
-    """Solves a request; the status of the response has an error."""
+    """Solves a request; an error is reported in the response's status."""
     request = rpc_pb2.SolveRequest.FromString(data)
     response = rpc_pb2.SolveResponse()
     try:
@@ -26,17 +26,17 @@ def _answer(data: bytes, interrupter: SolveInterrupter) -> bytes:
             interrupter.pybind_interrupter,
         )  # fmt: skip
         response.result.CopyFrom(result)
-    except Exception as error:  # whatever it is, the caller must hear of it
+    except Exception as error:  # any exception must be reported to the caller
         response.status.code = 2
         response.status.message = str(error)
     return bytes(response.SerializeToString())
 
 
 def _main() -> None:
-    """Serves until standard input ends."""
+    """Serves requests until standard input ends."""
     requests: queue.Queue[tuple[bytes, SolveInterrupter]] = queue.Queue()
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers print there
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers print to standard output
 
     def listen() -> None:
         interrupter = SolveInterrupter()
@@ -47,7 +47,7 @@ def _main() -> None:
                 size = int.from_bytes(sys.stdin.buffer.read(8), "big")
                 interrupter = SolveInterrupter()
                 requests.put((sys.stdin.buffer.read(size), interrupter))
-        os._exit(0)  # whoever asked is gone
+        os._exit(0)  # the caller has gone
 
     threading.Thread(target=listen, daemon=True).start()
     while True:

@@ -1,11 +1,12 @@
-"""Optima by mixed-integer linear programs: integer aggregated flow, roots from above.
+"""Computes optima by mixed-integer linear programs: integer aggregated flow, with roots bounded
+from above.
 
-The optimum of such a program (`program`) is an upper bound on J. Its plan's true J is
-recomputed from the paths; where the two differ, tangents at the plan's own pixels make the
-program exact there, and it is solved again, until J meets the solver's bound. Any solver of
-such programs will do.
+The optimum of such a program (`program`) is an upper bound on J. The true J of its plan is
+recomputed from the paths; if the two differ, tangents at the plan's own pixels make the program
+exact there, and it is solved again, until J meets the solver's bound. Any solver for such programs
+can be used.
 
-The bound that is certified is the root relaxation's; the solver's own is in `statistics`.
+The certified bound is that of the root relaxation; the solver's own bound is in `statistics`.
 
 Source of outer approximation: Duran and Grossmann 1986.
 """
@@ -43,12 +44,12 @@ from cocap_opt.timing import timed
 
 __all__ = ["OuterApproximation", "Root", "certified_root"]
 
-REFUTED = 1e-6  # relative, by which a plan's J must exceed a bound to refute it
-FIRST_TOLERANCE = 1e-2  # relative, of the first solve
-LEAST_TOLERANCE = 1e-9  # of the most that can be seen; no solver's bound is more accurate
-ROOT_SHARE = 0.5  # of the time that is left goes to the root relaxation at most
+REFUTED = 1e-6  # relative excess of a plan's J over a bound that refutes the bound
+FIRST_TOLERANCE = 1e-2  # relative tolerance of the first solve
+LEAST_TOLERANCE = 1e-9  # relative to the largest possible J; no solver's bound is more accurate
+ROOT_SHARE = 0.5  # largest share of the remaining time that the root relaxation gets
 SECONDS_BETWEEN_REPORTS = 1.0
-BY_THE_SOLVER = "by the solver's word"
+BY_THE_SOLVER = "according to the solver"
 
 Root = Callable[[Problem, Stop], CertifiedResult]  # bounds a problem before it is solved
 
@@ -56,27 +57,26 @@ Root = Callable[[Problem, Stop], CertifiedResult]  # bounds a problem before it 
 def certified_root(problem: Problem, stop: Stop) -> CertifiedResult:
     """Returns the bound of the root relaxation, with the certificate that proves it.
 
-    Its plan is left to it: a method that is to check another must find its own.
+    The result has no plan: a method that checks another must find its own.
     """
     most = TimeLimit(ROOT_SHARE * stop.seconds_left)
-    # Flows are by class, and so must the root's cuts be.
+    # Flows are by class, so the root's cuts must be, too.
     return column_generation(problem, FirstOf(stop, most), solve_root=RootSearch.solve_aggregated)
 
 
 @dataclass(frozen=True)
 class OuterApproximation:
-    """Computes the optimum by programs, until the true J of a plan meets the solver's bound.
+    """Solves programs until the true J of a plan meets the solver's bound.
 
-    It is called with `root`, which gives the certificate, and cuts that the programs begin with;
-    None: there is no bound and no cut but the solver's own, which is the generic way, to compare
-    with. Scenes that are too large for a flow raise UnsupportedError (see
+    The argument `root` gives the certificate, and cuts for the first program. None: there is no
+    certified bound, and the only cuts are the solver's, as in a generic model; for comparisons.
+    Scenes that are too large for a flow raise UnsupportedError (see
     `cocap_opt.formulations.relaxations.flow`), as does a solver that is not installed.
 
     Attributes
     ----------
     solver : opens a solver for the programs of one problem, and closes it
-    compile_ : makes the model: one flow per class, or one per robot (the same optimum, in a larger
-        program)
+    compile_ : makes the model: one flow per class, or one per robot (same optimum, larger program)
     """
 
     solver: Callable[[], AbstractContextManager[Solver]]
@@ -91,7 +91,7 @@ class OuterApproximation:
         gap: float = OPTIMALITY,
         root: Root | None = certified_root,
     ) -> CertifiedResult:
-        """Solves programs; the class says how."""
+        """Solves programs as the class describes."""
 
         @timed
         def solve(problem: Problem) -> CertifiedResult:
@@ -110,8 +110,8 @@ class _Rounds:
 
     Attributes
     ----------
-    known : J of any plan, be it the root's: no true bound is below
-    scale : J if one robot saw all at its best
+    known : largest J of any plan, including the root's; no valid bound is lower
+    scale : J if one robot had the best view of everything
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class _Rounds:
         Raises
         ------
         LimitReached
-            If a limit is reached; plan and bound so far are kept.
+            If a limit is reached; the plan and the bound so far are kept.
         """
         try:
             self.model.prepare_all(self.stop)
@@ -179,7 +179,7 @@ class _Rounds:
         return self._repeat(program, solver)
 
     def _take_root(self, make_root: Root | None) -> CertifiedResult | None:
-        """Takes the root's bound over, and returns the result if that leaves nothing open."""
+        """Adopts the root's bound, and returns the result if it closes the gap."""
         if make_root is not None:
             root = make_root(self.problem, self.stop)
             if isinstance(root.certificate, CertificateFile):
@@ -192,7 +192,7 @@ class _Rounds:
         return self.result(Reason.FINISHED) if self._closed(self.bound) else None
 
     def _repeat(self, program: Program, solver: Solver) -> CertifiedResult:
-        """Solves the program, makes it exact at its solution and solves it again."""
+        """Solves the program repeatedly, making it exact at each solution."""
         tolerance = FIRST_TOLERANCE
         least = max(self.gap / 4, LEAST_TOLERANCE)
         while True:
@@ -207,12 +207,12 @@ class _Rounds:
             if answer.limit is not None:
                 return self.result(Reason.STOPPED, answer.message, answer.limit)
             if not new and tolerance <= least:
-                # The program is exact at its own solution, and yet the gap stays open.
+                # The program is exact at its own solution, but the gap remains open.
                 return self.result(Reason.STOPPED, answer.message, Limit.NUMERICS)
             tolerance = max(least, min(tolerance, self._open_gap()) / 4)
 
     def _take(self, program: Program, answer: Answer) -> int:
-        """Takes a solver's answer over, and returns how many tangents its solution adds."""
+        """Adopts a solver's answer, and returns how many tangents its solution adds."""
         self.statistics["rounds"] += 1
         self.statistics["nodes"] += answer.nodes
         new = 0
@@ -225,11 +225,11 @@ class _Rounds:
         return new
 
     def _ended(self) -> CertifiedResult | None:
-        """Returns the result where the bounds say that nothing is left to do."""
+        """Returns the result if the bounds show that nothing remains to be done."""
         if self._closed(self.bound):
             return self.result(Reason.FINISHED)
         if self.known > self.solver_bound + REFUTED * abs(self.known):
-            refuted = f"a plan has J = {self.known}, more than the solver's bound"
+            refuted = f"a plan has J = {self.known}, which exceeds the solver's bound"
             return self.result(Reason.STOPPED, refuted, Limit.NUMERICS)
         if self.solver_bound == -math.inf:
             return self.result(Reason.INFEASIBLE, f"no plan {BY_THE_SOLVER}")
@@ -244,12 +244,12 @@ class _Rounds:
         return Call(hint, tolerance, self.stop, self._tick, lambda found: self._found(flow, found))
 
     def _found(self, flow: Flow, solution: Amounts) -> None:
-        """Turns a solver's solution into a plan; one that breaks a rule is dropped."""
+        """Turns a solver's solution into a plan, unless the plan breaks a rule."""
         try:
             x, y = solution
             paths = flow.paths(y, x)
         except ValueError:
-            return  # not integral: a solver's tolerance
+            return  # not integral, due to the solver's tolerance
         if next(self.model.plan(paths).conflicts(self.problem), None) is None:
             self._keep(paths)
 
@@ -268,11 +268,11 @@ class _Rounds:
         return max(self.solver_bound - self.value, 0.0) / self.solver_bound
 
     def _closed(self, bound: float) -> bool:
-        """Returns True where a bound leaves no more open than the gap that is wanted."""
+        """Returns True if the gap to a bound is within the requested gap."""
         return self.value >= bound - max(self.gap * abs(bound), LEAST_TOLERANCE * self.scale)
 
     def _proves(self, bound: float) -> bool:
-        """Returns True where a bound leaves nothing open."""
+        """Returns True if a bound closes the gap."""
         least = LEAST_TOLERANCE * self.scale
         return proved_by(self.value, bound) is Reason.OPTIMAL or bound - self.value <= least
 
@@ -289,7 +289,7 @@ class _Rounds:
     def result(
         self, reason: Reason, message: str = "", limit: Limit | None = None
     ) -> CertifiedResult:
-        """Returns the best plan and bound so far; they may prove the plan optimal."""
+        """Returns the best plan and bound so far, which may prove the plan optimal."""
         if math.isfinite(self.solver_bound):
             self.statistics["solver_bound"] = self.solver_bound
         optimal = CertifiedResult(

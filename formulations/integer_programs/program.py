@@ -1,4 +1,4 @@
-"""Integer programs with roots bounded from above, and the questions and answers of solvers.
+"""Integer programs with roots bounded from above, and the interface to solvers.
 
 The root u of a view sum is concave in its pixels z, so every tangent lies above it:
 
@@ -6,8 +6,8 @@ The root u of a view sum is concave in its pixels z, so every tangent lies above
     u <= sum of roots of pixels              (single-view cut)
     u <= constant + sum of phi(roots)        (envelope cuts of the root's certificate)
 
-The number u of drones that see a person, as far as it counts, needs no more than two rows, which
-are exact where drones are whole: u <= sum of counts, and u <= k.
+The number u of drones that see a person, as far as it counts, needs only two rows, which are exact
+for whole drones: u <= sum of counts, and u <= k.
 """
 
 import math
@@ -26,9 +26,9 @@ from cocap_opt.formulations.relaxations.flow import Amounts, Flow, Roots
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, Stop
 
-TANGENTS = 5  # per view sum at the beginning, each at a quarter of the pixels of the one before
-SLACK = 1e-9  # relative, by which a root may be overestimated at a plan
-POLL = 0.05  # s between two questions whether a limit is reached
+TANGENTS = 5  # initial tangents per view sum, each at a quarter of the pixels of the one before
+SLACK = 1e-9  # relative; allowed overestimate of a root at a plan
+POLL = 0.05  # s between two checks whether a limit is reached
 
 T = TypeVar("T")
 
@@ -37,14 +37,15 @@ class Answer(NamedTuple):
     """The answer of a solver to a program."""
 
     solution: Amounts | None
-    bound: float  # on J; -inf where there is no solution
-    limit: Limit | None = None  # by its own account, where it stopped before its tolerance
+    bound: float  # bound on J; -inf if there is no solution
+    # the limit that the solver reports, if it stopped before its tolerance
+    limit: Limit | None = None
     nodes: int = 0
     message: str = ""
 
     @classmethod
     def failed(cls, message: str) -> "Answer":
-        """Returns the answer of a solver that has found out nothing."""
+        """Returns the answer of a solver that failed."""
         return cls(None, math.inf, Limit.NUMERICS, message=message)
 
     @classmethod
@@ -57,12 +58,13 @@ class Answer(NamedTuple):
         message: str = "",
         late: bool = False,
     ) -> "Answer":
-        """Returns the answer of a solver that has ended, for a reason as `solvers.ending` has it.
+        """Returns the answer of a solver that ended for the given reason (see `solvers.ending`).
 
         Parameters
         ----------
-        late : a limit was reached by then, and no proof is believed: where its time ends in the
-            root node, HiGHS drops that node, calls its start optimal or finds no plan
+        late : True if a limit had been reached. Then no claim of optimality is trusted: if its time
+            ends in the root node, HiGHS drops that node and calls its start optimal, or finds no
+            plan
         """
         if isinstance(end, Limit):
             return cls(solution, bound, Limit.TIME if late else end, nodes, message)
@@ -72,24 +74,24 @@ class Answer(NamedTuple):
 
 
 class Call(NamedTuple):
-    """The request to a solver that goes with a program."""
+    """The parameters of a solve, besides the program."""
 
-    hint: Amounts | None  # a plan's
+    hint: Amounts | None  # the variables' values for a plan
     tolerance: float  # relative gap
     stop: Stop
-    tick: Callable[[], None]  # to be called every now and then
-    found: Callable[[Amounts], None]  # to be called with each new solution
+    tick: Callable[[], None]  # must be called regularly
+    found: Callable[[Amounts], None]  # must be called with each new solution
 
     def attend(self, work: Callable[[], T], interrupt: Callable[[], None]) -> T:
-        """Does work in another thread, while this one asks for limits and hears of Ctrl-C.
+        """Runs work in another thread, while this thread checks limits and handles Ctrl-C.
 
         Parameters
         ----------
-        interrupt : called again and again from when a limit is reached until the work ends
+        interrupt : called repeatedly after a limit is reached, until the work ends
 
         Returns
         -------
-        The outcome of the work, also where it was interrupted.
+        The outcome of the work, even if it was interrupted.
         """
         with ThreadPoolExecutor(1) as pool:
             future = pool.submit(work)
@@ -99,12 +101,12 @@ class Call(NamedTuple):
                     if self.stop.reached():
                         interrupt()
             finally:
-                while not wait([future], POLL).done:  # an exception is on its way out
+                while not wait([future], POLL).done:  # an exception is being raised
                     interrupt()
         return future.result()
 
 
-Solver = Callable[["Program", Call], Answer]  # takes programs of one problem, one after another
+Solver = Callable[["Program", Call], Answer]  # solves programs of one problem, one after another
 
 
 class Program:
@@ -112,8 +114,8 @@ class Program:
 
     Parameters
     ----------
-    root : multipliers of the root's certificate, whose cuts and slopes it begins with
-    tangents : positions [k] and z0 [k] as in `tangents`, in place of a few of each root
+    root : multipliers of the root's certificate, which give the initial cuts and slopes
+    tangents : positions [k] and z0 [k] as in `tangents`; None: a few initial tangents per root
 
     Attributes
     ----------
@@ -133,8 +135,8 @@ class Program:
         self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
         self.n_views = flow.model.problem.most_views_of_a_face
-        # Without rules between steps, integral numbers of robots in the nodes are enough: what is
-        # left from one step to the next is a transport problem.
+        # Without rules between steps, it is enough that the numbers of robots in nodes are
+        # integral: the moves from one step to the next are then a transport problem.
         self.integral_edges = conflicts.crossing.shape[0] > 0
         self.cuts: list[Cut] = []
         self._tangents: list[tuple[int, float]] = []
@@ -162,7 +164,9 @@ class Program:
         return self.flow.n_nodes + self.integral_edges * self.flow.n_edges
 
     def roots_at(self, x: FloatArray) -> FloatArray:
-        """Returns the roots and counts [z] that the program allows at robots in nodes [N]."""
+        """Returns the largest roots and counts [z] that the program allows, given robots in nodes
+        [N].
+        """
         pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
         allowed: FloatArray = seen.copy()
         at, z0 = self.tangents
@@ -180,7 +184,9 @@ class Program:
         return np.concatenate([x, y, pixels, seen, self.roots_at(x)])
 
     def refine(self, x: FloatArray) -> int:
-        """Adds tangents at integral x where roots are overestimated, and returns how many."""
+        """Adds tangents where roots are overestimated at an integral x, and returns their
+        number.
+        """
         n = self.roots.returns.n_roots
         pixels, allowed = (self.roots.pixels @ x)[:n], self.roots_at(x)[:n]
         wrong = np.flatnonzero(
@@ -193,7 +199,7 @@ class Program:
         self._tangents += zip(view_sums.tolist(), z0.tolist(), strict=True)
 
     def _take(self, root: Multipliers) -> None:
-        """Takes over the cuts of the root's certificate, and tangents of its slopes."""
+        """Adopts the cuts of the root's certificate, and tangents at its slopes."""
         model = self.flow.model
         used = self.roots.used[: self.roots.returns.n_roots]
         alpha, beta = (
@@ -210,7 +216,7 @@ class Program:
         self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, self.n_views))
 
 
-# -- as matrices, for solvers that take real numbers ---------------------------------------------
+# -- as matrices, for solvers over real numbers ----------------------------------------------
 
 
 class LinearProgram(NamedTuple):
@@ -218,8 +224,8 @@ class LinearProgram(NamedTuple):
 
     Variables are x [N] robots in each node, y [E] robots along each edge, and for each view sum
     that counts its pixels z, its sum of roots s and its root u, in this order: rows on pixels then
-    have two entries each instead of one per node that sees the face. Of people who count, u has
-    the cap as its upper bound.
+    have two entries each instead of one per node that sees the face. For counted people, the cap is
+    the upper bound of u.
     """
 
     gain: FloatArray  # [n]
@@ -254,7 +260,7 @@ class LinearProgram(NamedTuple):
 
 
 def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
-    """Returns the rows low <= matrix v <= high over v = (x, y, z, s, u), the equations first.
+    """Returns the rows low <= matrix v <= high over v = (x, y, z, s, u), equations first.
 
     Returns
     -------
@@ -282,7 +288,7 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         [-phi, None, None, None, _at(cut_at, np.ones(len(cut_at)), n_sums)],
         [conflicts.at_nodes, None, None, None, None],
         [None, conflicts.crossing, None, None, None],
-        [sparse.csr_array((0, width)) for width in widths],  # says how wide the columns are
+        [sparse.csr_array((0, width)) for width in widths],  # determines the widths of the columns
     ]
     n_equal = len(later) + len(before)
     n_conflicts = conflicts.cliques.shape[0] + conflicts.crossing.shape[0]
@@ -296,6 +302,6 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
 
 
 def _at(columns: IntArray, values: FloatArray, width: int) -> sparse.csr_array:
-    """Returns a matrix with one entry per row, in these columns."""
+    """Returns a matrix with one entry per row, in the given columns."""
     index = (np.arange(len(columns)), columns)
     return sparse.csr_array((values, index), shape=(len(columns), width))

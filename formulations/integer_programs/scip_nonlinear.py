@@ -1,7 +1,7 @@
-"""A third party's SCIP (PySCIPOpt), with the roots as they are: u^2 <= z. A cross-check.
+"""Solves programs with SCIP (through PySCIPOpt) and exact roots, u^2 <= z, as a cross-check.
 
-SCIP keeps u^2 <= z to an absolute tolerance only, and so over-reports a plan's value: J is
-recomputed from the paths, and tangents at a plan's pixels are added where it was too high.
+SCIP satisfies u^2 <= z only to an absolute tolerance, so it overestimates a plan's value: J is
+recomputed from the paths, and tangents at a plan's pixels are added if it was too high.
 """
 
 import importlib.util
@@ -26,12 +26,12 @@ from cocap_opt.stop import Limit
 
 __all__ = ["scip_nonlinear"]
 
-_INFINITY = 1e20  # SCIP's own
-MOST_VARIABLES = 20_000  # beyond, SCIP may not hear of a limit for minutes
+_INFINITY = 1e20  # SCIP's own value
+MOST_VARIABLES = 20_000  # with more, SCIP may ignore a limit for minutes
 
 
 def _solver() -> nullcontext[Solver]:
-    """Gives the solver; raises UnsupportedError where PySCIPOpt is not installed."""
+    """Provides the solver; raises UnsupportedError if PySCIPOpt is not installed."""
     if importlib.util.find_spec("pyscipopt") is None:
         raise UnsupportedError("scip-nonlinear needs PySCIPOpt: pip install 'cocap-opt[pyscipopt]'")
     return nullcontext(_solve)
@@ -41,10 +41,10 @@ scip_nonlinear = OuterApproximation(_solver)
 
 
 def _solve(program: Program, call: Call) -> Answer:
-    """Solves a program with u^2 <= z besides its rows."""
+    """Solves a program with the constraints u^2 <= z in addition to its rows."""
     linear = LinearProgram.of(program)
     if len(linear.gain) > MOST_VARIABLES:
-        message = f"scip-nonlinear takes at most {MOST_VARIABLES} variables, here are "
+        message = f"scip-nonlinear takes at most {MOST_VARIABLES} variables; this program has"
         return Answer(None, math.inf, Limit.MEMORY, message=f"{message}{len(linear.gain)}")
     model, variables = _translated(program, linear)
     model.setParams(options("SCIP", call.stop, call.tolerance))
@@ -58,12 +58,12 @@ def _solve(program: Program, call: Call) -> Answer:
 
 
 def _translated(program: Program, linear: LinearProgram) -> tuple[Any, list[Any]]:
-    """Returns a program as PySCIPOpt has it, and its variables."""
+    """Returns a program as a PySCIPOpt model, and its variables."""
     from pyscipopt import SCIP_PARAMSETTING, Model, quicksum
 
     model: Any = Model()
     model.hideOutput()
-    model.setPresolve(SCIP_PARAMSETTING.OFF)  # takes longer than all the rest
+    model.setPresolve(SCIP_PARAMSETTING.OFF)  # presolve takes longer than all the rest
     kinds = np.where(linear.integral, "I", "C").tolist()
     variables = [
         model.addVar(lb=low, ub=None if math.isinf(high) else high, vtype=kind, obj=gain)
@@ -91,7 +91,7 @@ def _translated(program: Program, linear: LinearProgram) -> tuple[Any, list[Any]
 
 
 def _answer(program: Program, model: Any, variables: list[Any]) -> Answer:
-    """Reads how a solve ended."""
+    """Reads the outcome of a solve."""
     status = str(model.getStatus())
     bound = float(model.getDualbound()) * program.unit
     solution, message = None, status

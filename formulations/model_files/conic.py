@@ -1,7 +1,7 @@
-"""The Conic Benchmark Format (CBF), version 4: roots as cones, drones as integers.
+"""Writes the Conic Benchmark Format (CBF), version 4: roots as cones, drones as integers.
 
-Each root is a rotated cone, (1/2, z, u) in QR: 2 (1/2) z >= u^2. CBF has no names: a comment has
-the name of each variable, in their order, and solvers number the variables from 0.
+Each root is a rotated cone, (1/2, z, u) in QR: 2 (1/2) z >= u^2. CBF has no names: a comment lists
+the names of the variables in order, and solvers number the variables from 0.
 
 Source: Friberg, CBLIB 2014, Mathematical Programming Computation 8 (2016); the format's
 specification at cblib.zib.de.
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from scipy import sparse
 
 VERSION = 4
-_CHUNK = 50_000  # lines
+_CHUNK = 50_000  # lines per chunk
 
 
 def write_cones(file: BinaryIO, model_file: ModelFile) -> None:
-    """Writes a program with cones into a file."""
+    """Writes a program with cones to a file."""
     lines = _lines(model_file)
     while chunk := list(islice(lines, _CHUNK)):
         file.write("".join(f"{line}\n" for line in chunk).encode())
@@ -71,13 +71,15 @@ def _lines(model_file: ModelFile) -> Iterator[str]:
 
 
 def _variables(low: FloatArray) -> Iterator[str]:
-    """Yields the domains of variables: all are at least 0, or are fixed by a row."""
+    """Yields the domains of variables: each is at least 0 or fixed by a row."""
     assert (low >= 0).all()
     yield from ("VAR", f"{len(low)} 1", f"L+ {len(low)}", "")
 
 
 def _rows(model_file: ModelFile) -> "tuple[sparse.csr_array, FloatArray, list[tuple[str, int]]]":
-    """Returns rows A v + b, with bounds as rows, in domains: name and number of rows of each."""
+    """Returns rows A v + b, including bounds as rows, and their domains: name and number of rows of
+    each.
+    """
     from scipy import sparse
 
     linear = model_file.linear
@@ -97,5 +99,5 @@ def _rows(model_file: ModelFile) -> "tuple[sparse.csr_array, FloatArray, list[tu
 
 
 def _number(value: float) -> str:
-    """Returns the shortest text that is this double."""
+    """Returns the shortest text that represents a double exactly."""
     return repr(float(value)).removesuffix(".0")

@@ -1,8 +1,8 @@
-"""MPS and LP files of linear programs, by HiGHS' writer, below a comment on what they hold.
+"""Writes MPS and LP files of linear programs with HiGHS, after a comment that describes them.
 
-They are written so that other solvers read them, too. Not all know a line for the direction in MPS
-(CBC does not), so that MPS has -J, to be minimised, as by default. In LP lines are not long (CPLEX
-takes 560 characters), and there is no heading of variables of a kind that is not there.
+The files are written for a wide range of solvers. Not all read the line for the direction in MPS
+(CBC does not), so MPS files minimise -J, which is the default direction. In LP files, lines are
+short (CPLEX accepts 560 characters), and sections of variables that would be empty are left out.
 """
 
 import tempfile
@@ -17,24 +17,24 @@ import numpy as np
 from cocap_opt.formulations.model_files.endings import LP, MPS
 from cocap_opt.formulations.model_files.model import ModelFile
 
-_COMMENTS = {MPS: "* ", LP: "\\ "}  # how a line of a comment begins
+_COMMENTS = {MPS: "* ", LP: "\\ "}  # prefix of a comment line
 _GOALS = {MPS: "minimise -J (px^0.5/m)", LP: "maximise J (px^0.5/m)"}
-_LONGEST = 250  # characters of a line
+_LONGEST = 250  # characters per line
 
 
 def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
-    """Writes a linear program, one with tangents, into a file.
+    """Writes a linear program with tangents to a file.
 
     Parameters
     ----------
-    ending : of its name, one of LINEAR
+    ending : ending of the file's name, one of LINEAR
 
     Raises
     ------
     OSError
-        If HiGHS cannot write it.
+        If HiGHS cannot write the file.
     """
-    import highspy  # which only solvers need
+    import highspy  # only solvers need this library
 
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)
@@ -52,7 +52,7 @@ def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
 
 
 def _folded(line: str) -> Iterable[str]:
-    """Returns a line of LP in lines that are not too long; none of an empty section."""
+    """Returns a line of LP as lines that are not too long; an empty section gives none."""
     if line == "semi":
         return ()
     if len(line) <= _LONGEST:
@@ -61,14 +61,14 @@ def _folded(line: str) -> Iterable[str]:
 
 
 def _translated(model_file: ModelFile, minimised: bool) -> Any:
-    """Returns a program as HiGHS has it, with J to be maximised or -J to be minimised."""
+    """Returns a program as a HiGHS model, with J to be maximised or -J to be minimised."""
     import highspy
     from scipy import sparse
 
     linear = model_file.linear
     rows = sparse.csr_array(linear.rows)
     found = highspy.HighsLp()
-    found.model_name_ = "cocap-opt"  # some readers want a name
+    found.model_name_ = "cocap-opt"  # some readers require a name
     found.num_row_, found.num_col_ = rows.shape
     found.sense_ = highspy.ObjSense.kMinimize if minimised else highspy.ObjSense.kMaximize
     found.col_cost_ = -linear.gain if minimised else linear.gain

@@ -1,4 +1,4 @@
-"""A scene as an integer program whose variables and rows have names that a plan can be read from.
+"""A scene as an integer program, with named variables and rows from which a plan can be read.
 
     x_d0_t3_x4_y5_l0_h2_p1      drones like drone 0 in this state at step 3: cell (4, 5), flight
                                 height 0, heading 2, gimbal tilt 1
@@ -8,7 +8,7 @@
                                 views, and the root that counts; without t where pixels add up over
                                 time; without f the drones that see a person, where they count
 
-Drones with the same motion, camera and goal are one flow, which is named after the first of them:
+Drones with the same motion, camera and goal form one flow, which is named after the first of them:
 J does not change if they exchange their paths, and the program does not grow with their number.
 """
 
@@ -31,18 +31,18 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.text import printable
 from cocap_opt.vision.coverage import Progress
 
-_LINE = 100  # characters of a comment
+_LINE = 100  # characters per line of a comment
 
 
 @dataclass(frozen=True, eq=False)
 class ModelFile:
-    """An integer program of a scene, to be written in one format or another.
+    """An integer program of a scene, which can be written in several formats.
 
     Attributes
     ----------
-    program : whose tangents are all there are; none where cones stand for the roots
+    program : the integer program, with all tangents; it has none if cones represent the roots
     error : the largest relative error of a root; 0 with cones
-    has_tangents : False where cones stand for the roots
+    has_tangents : False if cones represent the roots
     """
 
     program: Program
@@ -53,7 +53,8 @@ class ModelFile:
     def with_tangents(
         cls, model: Model, error: float = ROOT_ERROR, progress: Progress = tell_nobody
     ) -> "ModelFile":
-        """Returns a linear program; roots are within a relative error of what drones can see.
+        """Returns a linear program with roots within a relative error, for all views that drones
+        can have.
 
         Raises
         ------
@@ -66,7 +67,7 @@ class ModelFile:
 
     @classmethod
     def with_cones(cls, model: Model, progress: Progress = tell_nobody) -> "ModelFile":
-        """Returns a program in which u^2 <= z stands for the roots.
+        """Returns a program in which u^2 <= z represents the roots.
 
         Raises
         ------
@@ -84,7 +85,7 @@ class ModelFile:
 
     @property
     def problem(self) -> Problem:
-        """The problem whose program it is."""
+        """The problem from which the program is made."""
         return self.program.flow.model.problem
 
     @property
@@ -148,24 +149,30 @@ class ModelFile:
 
         Parameters
         ----------
-        lines : what is true of a format, such as what is maximised
+        lines : remarks on the format, e.g. what is maximised
         """
         problem = self.problem
-        # Not all readers take other letters, even in a comment.
+        # Not all readers accept other characters, even in a comment.
         yield f"cocap-opt: {printable(problem.name).encode('ascii', 'backslashreplace').decode()}"
         yield f"digest of the scene {problem_digest(problem)}, coverage {COVERAGE_VERSION}"
         yield from lines
-        yield "x, y: numbers of drones; z, s, u: pixels and roots of a face, by the best view of it"
+        yield (
+            "x, y: numbers of drones; z, s, u: pixels and roots of a face, relative to its best "
+            "view"
+        )
         for robot_class in self.program.flow.model.classes:
             drones = " ".join(map(str, sorted(robot_class.robots)))
             yield from _folded(f"d{min(robot_class.robots)}: drones {drones}")
 
     @property
     def told_tangents(self) -> str:
-        """The number of tangents, and their error, in words."""
+        """Describes the number of tangents and their error."""
         n = self.n_tangents
         if self.error == 0:
-            return f"{n:,} tangents replace the roots; they are exact for all that drones can see"
+            return (
+                f"{n:,} tangents replace the roots; they are exact for all views that drones can "
+                "have"
+            )
         return (
             f"{n:,} tangents replace the roots: the objective of a plan exceeds its J, by at most "
             f"{self.error:.2g} of it"
@@ -192,27 +199,27 @@ def node_names(flow: Flow) -> list[str]:
 
 
 def edge_names(flow: Flow) -> list[str]:
-    """Returns the name of each edge's variable [E]: the node that it leaves, and where it leads."""
+    """Returns the name of each edge's variable [E]: its tail node, and the state of its head."""
     nodes = node_names(flow)
-    places = [name.split("_", 2)[-1] for name in nodes]  # without their drones and steps
+    places = [name.split("_", 2)[-1] for name in nodes]  # without drones and step
     ends = zip(flow.tails.tolist(), flow.heads.tolist(), strict=True)
     return [f"y_{nodes[tail]}_to_{places[head]}" for tail, head in ends]
 
 
 def _parts(model: Model, progress: Progress) -> tuple[Flow, Roots, ConflictRows]:
-    """Returns the parts of a program; refuses a scene in which a drone has no path.
+    """Returns the parts of a program; raises UnsupportedError if a drone has no path.
 
-    Coverage comes after all that may be too large.
+    Coverage is computed last, after everything that may be too large.
     """
     flow = Flow.of(model)
     if not flow.serves_all:
-        raise UnsupportedError("a drone has no path, so that there is no plan, and no program")
+        raise UnsupportedError("a drone has no path, so there is no plan and no program")
     model.prepare_all(progress=progress)
     return flow, Roots.of(flow), ConflictRows.of(flow)
 
 
 def _folded(text: str) -> Iterator[str]:
-    """Yields a text in lines of a comment."""
+    """Yields the lines of a comment that contain a text."""
     line = ""
     for word in text.split(" "):
         if len(line) + len(word) > _LINE:

@@ -1,6 +1,6 @@
-"""AMPL's NL format, which Pyomo writes: roots as u^2 <= z, drones as integers.
+"""Writes AMPL's NL format through Pyomo: roots as u^2 <= z, drones as integers.
 
-Names are in the two files beside it, with the endings .col and .row, as AMPL has them.
+By AMPL's convention, names are in two files beside it, with the endings .col and .row.
 """
 
 import importlib.util
@@ -15,13 +15,13 @@ from cocap_opt.result import UnsupportedError
 
 
 def require_pyomo() -> None:
-    """Raises UnsupportedError where Pyomo is not installed."""
+    """Raises UnsupportedError if Pyomo is not installed."""
     if importlib.util.find_spec("pyomo") is None:
         raise UnsupportedError(f"{NONLINEAR} needs Pyomo: pip install 'cocap-opt[nl]'")
 
 
 def nonlinear_files(model_file: ModelFile) -> dict[str, bytes]:
-    """Returns the contents of three files by their endings: the program, its columns and rows.
+    """Returns the contents of three files by ending: the program, its columns and its rows.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def nonlinear_files(model_file: ModelFile) -> dict[str, bytes]:
 
 
 def _translated(model_file: ModelFile) -> Any:
-    """Returns a program as Pyomo has it."""
+    """Returns a program as a Pyomo model."""
     from pyomo.core.expr.numeric_expr import LinearExpression
     from pyomo.environ import (
         ConcreteModel,

@@ -1,9 +1,9 @@
-"""Plans from the solution files of other solvers.
+"""Reads plans from the solution files of other solvers.
 
-Solvers write their solutions in ways of their own, but all of them a variable's name and, after it
-on the same line or the next, its value. So a name is looked for, and the first number after it is
-its value; in XML, as CPLEX writes it, that is the attribute `value`. What is not listed is 0. Of
-CBF, which has no names, variables are numbered, as x0, x_0 or C0000000.
+Solvers use different formats, but all write a variable's name and, after it on the same line or the
+next, its value. So the reader looks for a name, and takes the first number after it as its value;
+in XML, as CPLEX writes it, the value is the attribute `value`. Variables that are not listed are 0.
+In CBF, which has no names, variables are numbered: x0, x_0 or C0000000.
 """
 
 import re
@@ -17,7 +17,7 @@ from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 
-_WHOLE = 1e-4  # by which a number of drones may differ from a whole number
+_WHOLE = 1e-4  # tolerance by which a number of drones may differ from a whole number
 _NAME = re.compile(r"\b([xy]_d\d+_[ts]\w+|(?:x_?|C)(\d+))\b")
 _DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _VALUE = re.compile(rf'\bvalue\s*=\s*"({_DIGITS})"')
@@ -25,39 +25,42 @@ _NUMBER = re.compile(rf"(?<![\w.])({_DIGITS})(?![\w.])")
 
 
 def plan_of_solution(problem: Problem, text: str) -> Plan:
-    """Returns the plan that a solver's solution of a problem's program tells.
+    """Returns the plan that a solver's solution of a problem's program describes.
 
-    The first value of a variable counts: others are of worse solutions, or duals.
+    The first value of a variable counts: later ones belong to worse solutions, or are duals.
 
     Raises
     ------
     ProblemError
-        If it tells none; one line.
+        If the file contains no plan; the message is one line.
     UnsupportedError
         If the problem is too large for a program.
     """
     model = compiled(problem)
     flow, values = Flow.of(model), _values(text)
     if not values:
-        raise ProblemError("has no variables of a program that `export` has written")
+        raise ProblemError("contains no variables of a program that `export` has written")
     names = node_names(flow)
     x = np.array([_value(values, f"x_{name}", k) for k, name in enumerate(names)])
     if float(np.abs(x - np.rint(x)).max(initial=0.0)) > _WHOLE:
-        raise ProblemError("has drones in fractions: it is of a relaxation, not of whole drones")
+        raise ProblemError(
+            "contains fractional drones: it solves a relaxation, not the integer program"
+        )
     y = np.array(
         [_value(values, name, flow.n_nodes + k) for k, name in enumerate(edge_names(flow))]
     )
     known, drones = round(float(x[flow.steps == 0].sum())), len(problem.robots)
     if known != drones:
         raise ProblemError(
-            f"has {known} drones at step 0, and {problem.name} has {drones}: it is of another "
-            "scene, or not whole"
+            f"has {known} drones at step 0, but {problem.name} has {drones}: the solution "
+            "belongs to another scene, or is incomplete"
         )
     try:
         return model.plan(flow.paths(y, np.rint(x)))
     except (ValueError, IndexError):
         raise ProblemError(
-            f"has no paths for the drones of {problem.name}: it is of another scene, or not whole"
+            f"has no paths for the drones of {problem.name}: the solution belongs to another "
+            "scene, or is incomplete"
         ) from None
 
 

@@ -1,11 +1,13 @@
-"""Tangents that bound the roots of a flow from above, as closely as is asked for.
+"""Tangents that bound the roots of a flow from above, to a requested accuracy.
 
-A tangent to the root at z0 is above it, at z by the factor (sqrt(z / z0) + sqrt(z0 / z)) / 2. So it
-is within a relative error e from z0 / r to z0 r, where sqrt(r) = 1 + e + sqrt((1 + e)^2 - 1).
+A tangent to the root at z0 overestimates the root of z by the factor (sqrt(z / z0) + sqrt(z0 / z))
+/ 2. So its relative error is at most e from z0 / r to z0 r, where sqrt(r) = 1 + e + sqrt((1 + e)^2
+- 1).
 
-One view needs none: the row u <= sum of roots is exact for it. Of two views or more, drones that
-are whole can only have a few sums of pixels, each of which must be near a tangent. Where these are
-too many, or pixels add up over time, tangents cover all numbers between the least and the largest.
+A single view needs no tangent: the row u <= sum of roots is exact for it. With two or more views,
+whole drones can have only a few sums of pixels, each of which must be near a tangent. If there are
+too many sums, or if pixels add up over time, tangents cover all numbers between the smallest and
+the largest sum.
 """
 
 import math
@@ -17,10 +19,10 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.relaxations.flow import Flow, Roots
 from cocap_opt.result import UnsupportedError
 
-MOST_SUMS = 50_000  # of a view sum, that are told apart
-MOST_TANGENTS = 500_000  # of a program
-_MOST_PAIRS = 2_000_000  # of sums and views, that are added up at once
-_ROUNDING = 1e-13  # relative, within which two sums are one
+MOST_SUMS = 50_000  # sums of a view sum that are distinguished
+MOST_TANGENTS = 500_000  # tangents of a program
+_MOST_PAIRS = 2_000_000  # pairs of sums and views that are added up at once
+_ROUNDING = 1e-13  # relative difference within which two sums are the same
 
 
 class Tangents(NamedTuple):
@@ -28,10 +30,10 @@ class Tangents(NamedTuple):
 
     Attributes
     ----------
-    at : [k] positions of their view sums among `Roots.used`
-    z0 : [k] where they touch
+    at : [k] position of each tangent's view sum among `Roots.used`
+    z0 : [k] points of contact
     error : the largest relative error of a root at any sum of pixels that drones can have; the
-        program's J of a plan is at most this share above the referee's
+        program's objective exceeds the referee's J of a plan by at most this share
     """
 
     at: IntArray
@@ -40,12 +42,13 @@ class Tangents(NamedTuple):
 
     @classmethod
     def of(cls, flow: Flow, roots: Roots, error: float) -> "Tangents":
-        """Returns the tangents that keep a relative error; 0: exact at all sums that there are.
+        """Returns the tangents for a relative error; 0: exact at all sums that can occur.
 
         Raises
         ------
         UnsupportedError
-            If they are more than MOST_TANGENTS, or an error of 0 needs more sums than MOST_SUMS.
+            If more than MOST_TANGENTS are needed, or an error of 0 requires more sums than
+            MOST_SUMS.
         """
         at, z0, worst, total = list[IntArray](), list[FloatArray](), 0.0, 0
         for z in range(roots.returns.n_roots):
@@ -55,8 +58,8 @@ class Tangents(NamedTuple):
                 worst = max(worst, _error(sums, touching))
             elif error == 0:
                 raise UnsupportedError(
-                    f"a root can have more than {MOST_SUMS:,} sums of pixels, so that its error "
-                    "must be more than 0"
+                    f"a root can have more than {MOST_SUMS:,} sums of pixels; allow an error "
+                    "above 0"
                 )
             else:
                 touching = _between(*_ends(flow, roots, z), error)
@@ -64,8 +67,8 @@ class Tangents(NamedTuple):
             total += len(touching)
             if total > MOST_TANGENTS:
                 raise UnsupportedError(
-                    f"a file takes at most {MOST_TANGENTS:,} tangents, here there are more; a "
-                    "larger error of the roots needs fewer"
+                    f"a file takes at most {MOST_TANGENTS:,} tangents; this scene needs more. "
+                    "Allow a larger error of the roots"
                 )
             at.append(np.full(len(touching), z))
             z0.append(touching)
@@ -76,9 +79,9 @@ _NOTHING, _NO_NUMBERS = np.zeros(0), np.zeros(0, dtype=np.int64)
 
 
 def _sums(flow: Flow, roots: Roots, z: int) -> FloatArray | None:
-    """Returns the sums of two views or more that drones can have, increasing.
+    """Returns the sums of two or more views that drones can have, increasing.
 
-    None where they are too many, or a drone may see the view sum more than once.
+    Returns None if there are too many, or if a drone may see the view sum more than once.
     """
     if flow.model.problem.objective.over_time:
         return None
@@ -97,7 +100,7 @@ def _sums(flow: Flow, roots: Roots, z: int) -> FloatArray | None:
 
 
 def _views(roots: Roots, z: int, number: int) -> FloatArray:
-    """Returns the pixels that drones of a class have of a view sum, of each view."""
+    """Returns the pixels of each view that drones of a class can have of a view sum."""
     part = slice(roots.pixels.indptr[z], roots.pixels.indptr[z + 1])
     nodes = roots.pixels.indices[part]
     pixels: FloatArray = roots.pixels.data[part][roots.owner[nodes] == number]
@@ -110,7 +113,9 @@ def _all_sums(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _distinct(values: FloatArray) -> FloatArray:
-    """Returns positive values, increasing, of those that differ by rounding only the first."""
+    """Returns the positive values in increasing order, merging values that differ only by
+    rounding.
+    """
     ordered: FloatArray = np.unique(values[values > 0])
     if len(ordered) < 2:
         return ordered
@@ -120,7 +125,7 @@ def _distinct(values: FloatArray) -> FloatArray:
 
 
 def _ends(flow: Flow, roots: Roots, z: int) -> tuple[float, float]:
-    """Returns the least and the largest sum of several views that there can be."""
+    """Returns the smallest and the largest possible sum of several views."""
     numbers = range(len(flow.model.class_sizes))
     views = [_views(roots, z, number) for number in numbers]
     often = flow.model.problem.horizon + 1 if flow.model.problem.objective.over_time else 1
@@ -132,17 +137,19 @@ def _ends(flow: Flow, roots: Roots, z: int) -> tuple[float, float]:
 
 
 def _reach(error: float) -> float:
-    """Returns r: a tangent at z0 is within the error from z0 / r to z0 r."""
+    """Returns r: a tangent at z0 keeps the error from z0 / r to z0 r."""
     return (1 + error + math.sqrt(error * (2 + error))) ** 2
 
 
 def _near(sums: FloatArray, error: float) -> FloatArray:
-    """Returns the fewest places of tangents that are within the error at each of some sums [n]."""
+    """Returns the fewest points of contact whose tangents keep the error at each of some sums
+    [n].
+    """
     width, first, found = _reach(error) ** 2, 0, list[float]()
     while first < len(sums):
         last = int(np.searchsorted(sums, sums[first] * width, side="right")) - 1
         last = max(first, last)
-        # One sum is touched as it is, without rounding.
+        # A single sum is touched exactly, without rounding.
         alone = last == first
         found.append(float(sums[first] if alone else math.sqrt(sums[first] * sums[last])))
         first = last + 1
@@ -150,7 +157,7 @@ def _near(sums: FloatArray, error: float) -> FloatArray:
 
 
 def _between(low: float, high: float, error: float) -> FloatArray:
-    """Returns places of tangents that are within the error at all numbers between two."""
+    """Returns points of contact whose tangents keep the error at all numbers between two."""
     if high <= low:
         return np.array([low])
     reach = _reach(error)
@@ -161,10 +168,10 @@ def _between(low: float, high: float, error: float) -> FloatArray:
 
 
 def _error(sums: FloatArray, touching: FloatArray) -> float:
-    """Returns the largest relative error at some sums [n] of tangents [k] to the root."""
+    """Returns the largest relative error of tangents [k] to the root at some sums [n]."""
     if not len(sums):
         return 0.0
-    # The nearest below and above, by ratios.
+    # The nearest tangents below and above, by ratio.
     at = np.clip(np.searchsorted(touching, sums), 1, max(len(touching) - 1, 1))
     near = np.stack([touching[at - 1], touching[np.minimum(at, len(touching) - 1)]])
     ratio = np.sqrt(sums / near)

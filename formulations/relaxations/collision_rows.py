@@ -1,6 +1,6 @@
-"""Collision rules as rows of a flow: cliques of cells or moves, each for at most one robot.
+"""Collision rules as rows of a flow: cliques of cells or moves, each used by at most one robot.
 
-All moves that are closer to a point than half the separation at the same moment of a step form a
+All moves that come closer to a point than half the separation, at the same moment of a step, form a
 clique (`CollisionRules.near_point`).
 """
 
@@ -32,20 +32,21 @@ class CliquesOfMoves:
         self._model, self._rules = model, model.problem.rules
 
     def conflicts(self, moves: Sequence[_Move]) -> tuple[BoolArray, BoolArray]:
-        """Returns two arrays [n, n], true for pairs of moves of a step that conflict.
+        """Returns two arrays [n, n], True for pairs of moves of a step that conflict.
 
         Returns
         -------
-        Conflicts of any kind, and conflicts between the steps only.
+        Conflicts of any kind, and conflicts that occur only between the steps.
         """
         tails, heads = (self._model.problem.positions([m[k] for m in moves]) for k in (0, 1))
         pairs = (tails[:, None], heads[:, None]), (tails[None], heads[None])
         return self._rules.moves_conflict(*pairs), self._rules.conflict_between(*pairs)
 
     def around(self, first: _Move, second: _Move) -> tuple[_Move, ...]:
-        """Returns a clique with two moves in conflict: all moves that pass where these are nearest.
+        """Returns a clique that contains two conflicting moves: all moves near the point where
+        these two meet.
 
-        It has moves of all classes; if they are too many, those nearest to that point.
+        It contains moves of all classes; if there are too many, only those nearest to that point.
         """
         meeting, found = self._meeting(first, second), dict[_Move, float]()
         for number, robot_class in enumerate(self._model.classes):
@@ -57,11 +58,11 @@ class CliquesOfMoves:
         return tuple(sorted(nearest)) if {first, second} <= set(nearest) else (first, second)
 
     def among(self, first: _Move, second: _Move, tails: FloatArray, heads: FloatArray) -> IntArray:
-        """Returns the positions of those moves [n] that form a clique with two given ones.
+        """Returns the positions of the moves [n] that form a clique with two given moves.
 
         Parameters
         ----------
-        tails, heads : [n, 3] m, where the moves begin and end
+        tails, heads : [n, 3] m, positions at which the moves begin and end
         """
         ways = self._meeting(first, second).ways(tails, heads)
         return np.flatnonzero(self._rules.near_point(ways))
@@ -71,26 +72,27 @@ class CliquesOfMoves:
         return self._rules.meeting(*(self._model.problem.positions(cells) for cells in ends))
 
 
-MOST_ENTRIES = 500_000  # of the separation rows
+MOST_ENTRIES = 500_000  # entries of the separation rows
 TOO_MANY_ENTRIES = (
-    f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here there are more; "
-    "column-generation adds the few that matter"
+    f"a flow model takes at most {MOST_ENTRIES} entries of separation rows; this scene has more. "
+    "Use column-generation, which adds only the rows that matter"
 )
-MOST_PASSING = 1_500  # moves of one step, between which the separation is held by rows
+MOST_PASSING = 1_500  # moves of one step for which rows enforce the separation
 
-# Moves of which at most one robot makes any [W], and 1 where an edge is one of these [W, E].
+# Sets of moves of which at most one robot makes any [W], and a matrix [W, E] with 1 where an edge
+# is one of these moves.
 _MoveRows = tuple[tuple[Swap | Moves, ...], sparse.csr_array]
 
 
 @dataclass(frozen=True, eq=False)
 class ConflictRows:
-    """Rows "at most one robot"; rows that only one robot can reach are left out."""
+    """Rows "at most one robot"; rows that only one robot can reach are omitted."""
 
     flow: Flow
     slots: "_Slots"
     occupied: sparse.csr_array  # [K, N] 1 where a node lies in a slot
-    cliques: sparse.csr_array  # [rows, K] slots of which at most one robot is in any
-    moves: tuple[Swap | Moves, ...]  # [W] of which at most one robot makes any
+    cliques: sparse.csr_array  # [rows, K] at most one robot is in any of these slots
+    moves: tuple[Swap | Moves, ...]  # [W] at most one robot makes any of these moves
     crossing: sparse.csr_array  # [W, E] 1 where an edge is one of these moves
 
     @classmethod
@@ -103,7 +105,7 @@ class ConflictRows:
             If the separation needs more than MOST_ENTRIES entries.
         """
         problem = flow.model.problem
-        # Fixed starts keep the rules.
+        # Fixed starts obey the rules, so rows begin at step 1.
         later = np.flatnonzero(flow.steps >= (0 if problem.has_free_starts else 1))
         if problem.rules.none or len(problem.robots) < 2:
             later = later[:0]
@@ -157,7 +159,7 @@ class _Slots:
 
     @classmethod
     def of(cls, flow: Flow, nodes: IntArray) -> "_Slots":
-        """Returns the slots of given nodes."""
+        """Returns the slots of the given nodes."""
         problem = flow.model.problem
         sizes = (len(problem.layers), *problem.height_map.shape)
         return cls(np.unique(flow.steps[nodes] * math.prod(sizes) + flow.places[nodes]), sizes)
@@ -186,12 +188,12 @@ class _Slots:
         return Cell(x, y, layer)
 
     def number_of(self, flow: Flow, nodes: IntArray) -> IntArray:
-        """Returns the numbers [n] of the slots of given nodes."""
+        """Returns the slot numbers [n] of the given nodes."""
         numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
         return numbers
 
     def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns the positions of those cells [n] at steps t that are slots, and their slots."""
+        """Returns the positions of those cells [n] at steps t that are slots, and the slots."""
         _, width, depth = self.sizes
         inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
         level = np.full(len(inside), layer)
@@ -218,15 +220,15 @@ class _Slots:
 
 
 def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
-    """Returns a matrix with ones at given rows [n] and columns [n]."""
+    """Returns a matrix with ones at the given rows [n] and columns [n]."""
     return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
 
 
-# -- cliques of cells, of which at most one robot is in one at a step ----------------------------
+# -- cliques of cells: at most one robot is in any of them at a step -------------------------
 
 
 def _cliques_of_cells(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns sets of slots that contain all pairs that are too close, and only such pairs."""
+    """Returns sets of slots that contain all pairs that are too close, and no other pairs."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
     if problem.height_map.is_uneven:
@@ -242,7 +244,7 @@ def _cliques_of_cells(problem: Problem, slots: _Slots) -> sparse.csr_array:
 
 
 def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
-    """Returns a shape in all positions in which one of its cells is a slot [rows, K]."""
+    """Returns a shape in all positions in which at least one of its cells is a slot [rows, K]."""
     layer, x, y = slots.at
     laid = [np.column_stack([slots.t, x - i, y - j])[layer == k] for k, i, j in shape]
     origins = np.unique(np.concatenate(laid), axis=0)
@@ -253,10 +255,12 @@ def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
 
 
 def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
-    """Returns the slots, and all pairs of a step that are too close; this works on any terrain."""
+    """Returns the slots, and all pairs of slots of a step that are too close; works on any
+    terrain.
+    """
     layer, x, y = slots.at
     altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
-    # Steps are put so far apart that no two of different steps are near.
+    # Steps are placed so far apart that no two slots of different steps are close.
     apart = 2 * math.hypot(problem.rules.separation, problem.rules.vertical)
     size = problem.height_map.resolution
     at = np.column_stack([x * size, y * size, altitude])
@@ -278,7 +282,7 @@ _Shape = list[tuple[int, int, int]]  # (layer, cells along x, cells along y)
 
 
 def _shapes(problem: Problem) -> list[_Shape]:
-    """Returns cliques of cells that, moved over the map, contain all pairs that are too close.
+    """Returns cliques of cells that, shifted over the map, contain all pairs that are too close.
 
     The pairs that are farthest apart come first: a cell between them is too close to both and
     to most other cells.
@@ -319,13 +323,13 @@ def _clique(
     first: tuple[int, int, int],
     second: tuple[int, int, int],
 ) -> IntArray:
-    """Returns a clique of cells [n, 3] around two of them, from their middle outwards.
+    """Returns a clique of cells [n, 3] around two of them, grown outwards from their middle.
 
     Parameters
     ----------
-    near : [layers, layers, width, depth] True where two cells at this offset are too close
+    near : [layers, layers, width, depth] True if two cells with this offset are too close
     box : [m, 3] candidates: layer, cells along x and along y
-    heights : of the layers, in cells
+    heights : heights of the layers, in cells
     """
     ends = np.array([first, second], dtype=np.int64)
     middle = ends[:, 1:].mean(axis=0)
@@ -351,7 +355,9 @@ def _clique(
 
 
 def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
-    """Returns rows of 0 and 1 without duplicates, which sums of random numbers identify."""
+    """Returns rows of 0 and 1 without duplicates, which are identified by sums of random
+    numbers.
+    """
     marks = np.random.default_rng(0).random((rows.shape[1], 2))
     _, first = np.unique(np.round(rows @ marks, 9), axis=0, return_index=True)
     return sparse.csr_array(rows[np.sort(first)])
@@ -361,7 +367,7 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
 
 
 def _passing_moves(flow: Flow) -> _MoveRows:
-    """Returns cliques of moves that contain all pairs that are too close only between steps."""
+    """Returns cliques of moves that contain all pairs that are too close only between the steps."""
     moving = np.flatnonzero(~flow.is_source[flow.tails])
     places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])[moving]
     distinct, which = np.unique(places, axis=0, return_inverse=True)
@@ -373,7 +379,9 @@ def _passing_moves(flow: Flow) -> _MoveRows:
 
 
 def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntArray]:
-    """Returns cliques of moves, by number, that contain all pairs in conflict between steps."""
+    """Returns cliques of moves, by number, that contain all pairs that conflict between the
+    steps.
+    """
     cliques, problem = CliquesOfMoves(model), model.problem
     ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
     left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()
@@ -391,11 +399,12 @@ def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntAr
 def _passing_at_steps(
     flow: Flow, moves: list[tuple[Cell, Cell]], used: sparse.csr_array, cliques: list[IntArray]
 ) -> _MoveRows:
-    """Returns the rows of cliques, the same for all steps, where two of their moves are possible.
+    """Returns the rows of cliques, which are the same at all steps, for steps at which two of their
+    moves are possible.
 
     Parameters
     ----------
-    used : [moves, E] 1 where an edge is a move
+    used : [moves, E] 1 where an edge is the move
     """
     members = [np.full(len(clique), k) for k, clique in enumerate(cliques)]
     rows, columns = (

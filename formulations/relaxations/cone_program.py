@@ -1,4 +1,4 @@
-"""Upper bounds by cone programs: concave relaxations over the aggregated flow.
+"""Computes upper bounds by cone programs: concave relaxations over the aggregated flow.
 
 A relaxation maximises sum w u + rewards for moves over flows, where the root u of a view sum obeys
 
@@ -10,8 +10,8 @@ The number u of drones that see a person, as far as it counts, obeys u <= sum of
 in all relaxations: no smaller concave function is above it.
 
 The relaxations are modelled in cvxpy and solved by Clarabel on one thread; the multipliers become a
-certificate, and the bound is the one that it proves. This is for small scenes: column generation
-solves the same relaxations over paths, for scenes of any size.
+certificate, and the result is the bound that the certificate proves. This method is for small
+scenes: column generation solves the same relaxations over paths, for scenes of any size.
 """
 
 import warnings
@@ -43,34 +43,34 @@ if TYPE_CHECKING:
 
 __all__ = ["concave", "envelope", "single_view"]
 
-MOST_ROUNDS = 30  # of separation
-VIOLATION = 1e-5  # relative, of an envelope cut
-PROGRESS = 1e-6  # relative; rounds that bring less are the last
-LEAST_MULTIPLIER = 1e-8  # of the largest weight; smaller ones are left out of certificates
-NO_MORE = "the bound is that of `alone`: nothing better in time"
+MOST_ROUNDS = 30  # rounds of separation
+VIOLATION = 1e-5  # relative violation at which an envelope cut is added
+PROGRESS = 1e-6  # relative; rounds end if one improves the bound by less
+LEAST_MULTIPLIER = 1e-8  # relative to the largest weight; smaller ones are left out of certificates
+NO_MORE = "the bound is that of method `alone`: no better one was found in time"
 
 
-# Finds cuts that a solution violates: x [N] robots in each node and u [z] roots, in units of each
-# view sum's best view.
+# Finds cuts that a solution violates, given robots in each node x [N] and roots u [z], in units of
+# each view sum's best view.
 _Separation = Callable[[Flow, Roots, FloatArray, FloatArray], list[Cut]]
 
 
 def _no_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
-    """Finds no cuts."""
+    """Returns no cuts."""
     return []
 
 
 def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
     """Returns envelope cuts that a solution violates, the tightest one for each view sum."""
     if flow.model.problem.objective.over_time:
-        return []  # a robot sees a view sum more than once, and no cut for single views holds
+        return []  # a robot sees a view sum more than once, so no cut for single views is valid
     found, sizes = [], flow.model.class_sizes
     for z, view_sum in enumerate(roots.used[: roots.returns.n_roots].tolist()):
         nodes, seen = roots.entries(z)
         amounts = x[nodes]
         used = amounts > 1e-7
         if used.sum() < 2:
-            continue  # one view: the single-view cut is tight
+            continue  # a single view: the single-view cut is tight
         mixture = Seen(flow.owner[nodes[used]], seen[used], amounts[used])
         if mixture.is_exact(sizes):
             continue
@@ -83,13 +83,13 @@ def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> li
 
 
 def _disaggregated(problem: Problem) -> Model:
-    """Returns the model in which every robot is a class of its own."""
+    """Returns the model in which every robot forms its own class."""
     return compiled(problem).disaggregated()
 
 
 @dataclass(frozen=True)
 class ConeRelaxation:
-    """Computes the bound of a concave relaxation, in rounds if there are cuts to be found.
+    """Computes the bound of a concave relaxation, in several rounds if there are cuts to find.
 
     Scenes that are too large for a flow raise UnsupportedError (see
     `cocap_opt.formulations.relaxations.flow`).
@@ -97,10 +97,10 @@ class ConeRelaxation:
     Attributes
     ----------
     method : name of the method in certificates
-    single_view : True: with single-view cuts, which make the bound exact for one drone. Without
-        them it is weak where a drone can split itself between views: half a drone here and half
-        there collects sqrt(c/2) + sqrt(c/2) > sqrt(c)
-    separate : finds cuts that are violated
+    single_view : True: add single-view cuts, which make the bound exact for one drone. Without them
+        it is weak if a drone can be split between views: two halves of a drone collect sqrt(c/2) +
+        sqrt(c/2) > sqrt(c)
+    separate : finds violated cuts
     compile_ : makes the model: one flow per class, or one per robot in a larger program. Without
         envelope cuts both have the same value; the envelope for drones with different starts is
         lower than that for drones that may exchange their views
@@ -118,7 +118,7 @@ class ConeRelaxation:
         start: Plan | None = None,
         report: Report = silent,
     ) -> CertifiedResult:
-        """Bounds a problem by this relaxation."""
+        """Computes the bound of this relaxation for a problem."""
 
         @timed
         def bound(problem: Problem) -> CertifiedResult:
@@ -133,7 +133,7 @@ envelope = ConeRelaxation("envelope", separate=_violated_cuts, compile_=_disaggr
 
 
 class _CutRounds:
-    """A relaxation of one problem, solved repeatedly as long as it violates cuts.
+    """A relaxation of one problem, solved repeatedly until it violates no more cuts.
 
     Attributes
     ----------
@@ -148,12 +148,12 @@ class _CutRounds:
         self.statistics: dict[str, float] = {}
 
     def run(self, stop: Stop, report: Report) -> CertifiedResult:
-        """Returns the best bound of all rounds, or until a limit is reached."""
+        """Returns the best bound of all rounds before a limit is reached."""
         try:
             self.model.prepare_all(stop)
         except LimitReached as reached:
             return early_bound(self.model.problem, reached.limit)
-        # The bound of robots alone, for where a robot has no path or the solver gives up.
+        # The bound `alone`, in case a robot has no path or the solver fails.
         self.best = alone = self._certify(Duals.alone(self.model.problem))
         self._tell(report)
         try:
@@ -166,7 +166,7 @@ class _CutRounds:
         return self._result()
 
     def _solve(self, flow: Flow, stop: Stop, report: Report) -> None:
-        """Solves in rounds; raises LimitReached, also if the limit is the solver's accuracy."""
+        """Solves in rounds; raises LimitReached, also if the solver fails to reach its accuracy."""
         program = _ConeProgram(
             flow, Roots.of(flow), ConflictRows.of(flow), self.relaxation.single_view
         )
@@ -207,14 +207,14 @@ class _CutRounds:
 class _ConeProgram:
     """The program max sum w u + rewards for moves, over flows, bounded roots and conflict rows.
 
-    In u, counts of people come after the roots. Roots and pixels are in units of each view sum's
-    best single view, and the objective is in units of its largest weight, to help the solver.
+    In u, counts of people follow the roots. Roots and pixels are in units of each view sum's best
+    single view, and the objective is in units of its largest weight, which helps the solver.
     """
 
     def __init__(
         self, flow: Flow, roots: Roots, conflicts: ConflictRows, single_view: bool
     ) -> None:
-        import cvxpy as cp  # a second, which not every method needs
+        import cvxpy as cp  # takes a second, and not every method needs it
 
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
         self._views = flow.model.problem.most_views_of_a_face
@@ -236,9 +236,9 @@ class _ConeProgram:
         self._goal = cp.Maximize(self._profit() / self._unit)
 
     def _profit(self) -> Any:
-        """Returns J, less a penalty for broken rows.
+        """Returns J, less a penalty for violated rows.
 
-        A broken row costs more than anything that can be gained, so that a solution always exists.
+        A violated row costs more than any possible gain, so a solution always exists.
         """
         import cvxpy as cp
 
@@ -250,7 +250,7 @@ class _ConeProgram:
     def _root_bounds(self) -> list[Any]:
         """Returns the rows that bound the roots: u^2 <= z as the cone (1 + z, 2 u, z - 1).
 
-        They are followed by the rows that bound counts.
+        They are followed by the rows that bound the counts.
         """
         import cvxpy as cp
 
@@ -265,7 +265,9 @@ class _ConeProgram:
         return rows
 
     def _conservation(self) -> list[Any]:
-        """Returns the rows of conservation: robots that start in or enter a node leave it again."""
+        """Returns the rows of flow conservation: robots that start in or enter a node leave it
+        again.
+        """
         flow = self.flow
         first, last = ~flow.is_entered, flow.steps == flow.model.problem.horizon
         return [
@@ -275,16 +277,16 @@ class _ConeProgram:
         ]
 
     def solve(self, cuts: Sequence[Cut], stop: Stop) -> tuple[Duals, float, bool]:
-        """Solves with these cuts.
+        """Solves the program with the given cuts.
 
         Returns
         -------
-        The multipliers, the solver's value, and True if it reports that it has solved the program.
+        The multipliers, the solver's value, and True if the solver reports success.
 
         Raises
         ------
         LimitReached
-            If a limit, or the solver's accuracy, leaves no multipliers.
+            If a limit or low accuracy leaves no multipliers.
         """
         import cvxpy as cp
 
@@ -305,7 +307,7 @@ class _ConeProgram:
         return np.maximum(np.nan_to_num(self.x.value), 0.0), u
 
     def _duals(self, cuts: Sequence[Cut], at: IntArray, multipliers: FloatArray) -> Duals:
-        """Returns the multipliers in px and m, repaired where they are out of range."""
+        """Returns the multipliers in px and m, repaired if they are out of range."""
         problem, roots = self.flow.model.problem, self.roots
         single_view = np.zeros(len(roots.used))
         if self._single.size:
@@ -332,7 +334,7 @@ class _ConeProgram:
         )
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
-        """Makes the tangents at step 0 exact, if it counts and all views there are fixed."""
+        """Makes the tangents at step 0 exact, if that step counts and all its views are fixed."""
         roots = self.roots
         if self.flow.is_source.any():
             return
@@ -348,15 +350,15 @@ class _ConeProgram:
 
 
 def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
-    """Solves by Clarabel itself, which checks `stop` at each iteration, and unpacks the result.
+    """Solves with Clarabel directly, checking `stop` at each iteration, and unpacks the result.
 
-    Returns True if the solver reports that it has solved the program. Whatever accuracy it reports,
-    its multipliers can be used for a certificate.
+    Returns True if the solver reports success. Whatever accuracy it reports, its multipliers can be
+    used for a certificate.
 
     Raises
     ------
     LimitReached
-        If a limit, or the solver's accuracy, leaves no multipliers.
+        If a limit or low accuracy leaves no multipliers.
     """
     import clarabel
     import cvxpy as cp
@@ -374,14 +376,15 @@ def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
         *(clarabel.SecondOrderConeT(n) for n in dims.soc),
     ]
     solution = solve_cones(data["c"], data["A"], data["b"], cones, stop)
-    # The last iterate, which cvxpy unpacks only where the solver says it is solved.
+    # The last iterate; cvxpy unpacks it only if the solver reports success.
     as_solved = SimpleNamespace(
         status="AlmostSolved", x=np.nan_to_num(solution.x), z=np.nan_to_num(solution.z),
         obj_val=float(np.nan_to_num(solution.obj_val)), solve_time=solution.solve_time,
         iterations=solution.iterations,
     )  # fmt: skip
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that it may be inaccurate
+        # the warning that the solution may be inaccurate
+        warnings.simplefilter("ignore", UserWarning)
         try:
             program.unpack_results(as_solved, chain, inverse)
         except (ValueError, cp.error.SolverError) as error:

@@ -1,4 +1,4 @@
-"""Multipliers as solvers return them, and the certificate made from them."""
+"""The multipliers that solvers return, and the certificate made from them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ _K = TypeVar("_K")
 
 @dataclass(frozen=True)
 class Duals:
-    """Multipliers of a relaxation; any non-negative ones give a bound."""
+    """Multipliers of a relaxation; any non-negative numbers give a bound."""
 
     alpha: FloatArray  # [Z]
     beta: FloatArray  # [Z] m/px^0.5
@@ -29,7 +29,7 @@ class Duals:
 
     @classmethod
     def alone(cls, problem: Problem) -> "Duals":
-        """Returns the multipliers that count every view as if no other drone saw the face."""
+        """Returns the multipliers that price every view as if no other drone saw the face."""
         zeros = problem.no_pixels()
         return cls(zeros + 1.0, zeros)
 
@@ -61,7 +61,7 @@ class Duals:
         """Returns the multipliers in the form of a certificate."""
         alpha, _ = tables_of(model.problem, self.alpha)
         beta, _ = tables_of(model.problem, self.beta)
-        # Of people who count, alpha and beta do the same.
+        # For counted people, alpha and beta have the same effect.
         _, views = tables_of(model.problem, self.alpha + self.beta)
         return Multipliers(
             alpha=alpha,
@@ -94,20 +94,19 @@ def repaired_roots(
     cut_at: IntArray,
     cuts: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns multipliers of view sums, moved into the range in which they prove a small bound.
+    """Adjusts multipliers of view sums to the range in which they prove a small bound.
 
-    A solver's multipliers may be negative, too large or not numbers. Its program maximises sum
-    weights u with u^2 <= z, where u is a root in units of `scale` and z the pixels in units of
-    scale^2. The shares of cuts sum to at most the whole root; if they leave the share `rest` of a
-    root r, the best beta is (rest - alpha) / (2 r), and no root is larger than if all robots had
-    the best view at all steps. For counted people, u <= k replaces u^2 <= z, and there is only
-    alpha.
+    A solver's multipliers may be negative, too large or NaN. Its program maximises sum weights u
+    with u^2 <= z, where u is a root in units of `scale` and z the pixels in units of scale^2. The
+    shares of cuts sum to at most the whole root; if they leave the share `rest` of a root r, the
+    best beta is (rest - alpha) / (2 r), and no root is larger than if all robots had the best view
+    at all steps. For counted people, u <= k replaces u^2 <= z, and there is only alpha.
 
     Parameters
     ----------
     view_sums : [z] numbers of the view sums in the program, r of them with roots
-    scale : [z] px^0.5/m
-    weights : [z]
+    scale : [z] unit of each root, px^0.5/m
+    weights : [z] weight of each root or count in the program
     single_view : [z] multipliers of u <= sum of roots of pixels, or <= sum of counts
     pixels : [r] multipliers of z <= sum of pixels
     cut_at : [k] position of each cut's view sum among `view_sums`
@@ -123,7 +122,7 @@ def repaired_roots(
     rest = np.maximum(1 - taken, 0.0)
     own_alpha = np.clip(np.nan_to_num(single_view / weights), 0.0, rest)
     returns = problem.returns.part(view_sums)
-    # A cap that no team reaches has no price.
+    # A cap that the team cannot reach has no price.
     own_alpha[returns.n_roots :][returns.caps >= len(problem.robots)] = 1.0
     alpha, beta = problem.no_pixels() + 1.0, problem.no_pixels()
     alpha[view_sums] = own_alpha
@@ -133,7 +132,7 @@ def repaired_roots(
     own_beta = np.nan_to_num(pixels / (weights[:n] * scale[:n]))
     own_beta = np.maximum(own_beta, left / (2 * largest))
     nearly = left < 1e-9
-    # A little more than the rest, so that no rounding makes it less.
+    # Slightly more than the rest, so that rounding cannot make it smaller.
     alpha[of_roots[nearly]] = rest[nearly] + 1e-12
     beta[of_roots] = np.where(nearly, 0.0, own_beta)
     return alpha, beta, shares

@@ -1,14 +1,14 @@
 """Aggregated flow: all robots of a class as one commodity over the time-expanded graph.
 
-Robots of one class differ only in their start, and J depends only on how many robots stand in
-each state. Any flow with one unit from each start splits into one path per start, so that one
-flow per class has the same relaxation value and the same integer optimum as one flow per
-robot: the model's size does not grow with the number of robots.
+Robots of one class differ only in their start, and J depends only on how many robots are in each
+state. Any flow with one unit from each start can be split into one path per start, so one flow per
+class has the same relaxation value and the same integer optimum as one flow per robot: the size of
+the model does not grow with the number of robots.
 
-Numbers of a flow: x[n] robots in node n (a state at a step), y[e] robots along edge e. Pixels,
-roots and collision rules between places are rows over nodes, which are far fewer than edges.
-Robots that choose their start among several states come from a source: a node at step -1 with edges
-to these states. Robots of a class with the same set of states share a source.
+Variables of a flow: x[n] robots in node n (a state at a step), y[e] robots along edge e. Pixels,
+roots and collision rules between places are rows over nodes, which are far fewer than edges. Robots
+that choose their start among several states come from a source: a node at step -1 with edges to
+these states. Robots of a class with the same set of start states share a source.
 
 Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset and Sato 2010
 (search models whose size does not grow with the number of searchers).
@@ -35,17 +35,17 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.returns import Returns
 from cocap_opt.stop import Stop, never
 
-MOST_EDGES = 400_000  # of the time-expanded graph
-Compile = Callable[[Problem], Model]  # robots that are alike as one class, or disaggregated
+MOST_EDGES = 400_000  # largest number of edges of the time-expanded graph
+Compile = Callable[[Problem], Model]  # robots that are alike form one class, or each forms its own
 
-# Robots in each node [N] and along each edge [E], in fractions where a solver splits them.
+# Robots in each node [N] and along each edge [E]; fractions if a solver splits them.
 Amounts = tuple[FloatArray, FloatArray]
 
-UNUSED = 1e-6  # amounts below are rounding errors
+UNUSED = 1e-6  # smaller amounts are rounding errors
 
 
 class _ClassPart(NamedTuple):
-    """The part of one class in a flow, in the order of its fields."""
+    """The part of a flow that belongs to one class, in the order of the flow's fields."""
 
     owner: IntArray
     steps: IntArray
@@ -62,10 +62,10 @@ class Flow:
     model: Model
     owner: IntArray  # [N] class of each node
     steps: IntArray  # [N] t, -1 for sources
-    states: IntArray  # [N] state number in its class's graph; of a source, the number of its set
-    tails: IntArray  # [E] nodes
-    heads: IntArray  # [E] nodes
-    supply: FloatArray  # [N] robots that start there, from nowhere
+    states: IntArray  # [N] state number in its class's graph; for a source, the number of its set
+    tails: IntArray  # [E] node at which each edge begins
+    heads: IntArray  # [E] node at which each edge ends
+    supply: FloatArray  # [N] robots that enter the flow at a node
 
     @classmethod
     def of(cls, model: Model, stop: Stop = never) -> "Flow":
@@ -103,7 +103,7 @@ class Flow:
 
     @cached_property
     def is_entered(self) -> BoolArray:
-        """True for nodes that edges may enter [N]; the others have only their supply."""
+        """True for nodes that edges may enter [N]; all others have only their supply."""
         entered = self.steps > 0
         entered[self.heads] = True
         return entered
@@ -124,13 +124,13 @@ class Flow:
         return self._ends(self.tails)
 
     def _ends(self, nodes: IntArray) -> sparse.csr_array:
-        """Returns 1 where an edge has its end in a node [N, E], given each edge's end [E]."""
+        """Returns 1 where an edge ends in a node [N, E], given the node of each edge's end [E]."""
         at = (nodes, np.arange(self.n_edges))
         return sparse.csr_array((np.ones(self.n_edges), at), shape=(self.n_nodes, self.n_edges))
 
     @cached_property
     def bonus(self) -> FloatArray:
-        """Rewards of the edges for the moves themselves [E]."""
+        """Rewards for the moves along edges [E]."""
         bonuses = Bonuses.of(self.model.problem.objective)
         rewards, owner = np.zeros(self.n_edges), self.owner[self.tails]
         tails, heads = self.states[self.tails], self.states[self.heads]
@@ -143,7 +143,7 @@ class Flow:
 
     @property
     def largest_bonus(self) -> float:
-        """The largest reward of any edge for the move itself."""
+        """The largest reward for the move along any edge."""
         return float(self.bonus.max(initial=0.0))
 
     @cached_property
@@ -155,7 +155,7 @@ class Flow:
 
     @cached_property
     def places(self) -> IntArray:
-        """Number of the cell of each node [N], comparable between commodities; -1 for sources."""
+        """Number of the cell of each node [N], the same for all classes; -1 for sources."""
         found = np.full(self.n_nodes, -1)
         for k, robot_class in enumerate(self.model.classes):
             of_class = (self.owner == k) & ~self.is_source
@@ -193,7 +193,7 @@ class Flow:
         values = np.concatenate([np.zeros(0), *pixels])
         return sparse.csr_array((values, at), shape=(n_view_sums, self.n_nodes))
 
-    # -- back and forth between flows and paths --------------------------------------------
+    # -- conversion between flows and paths -----------------------------------------------------
 
     def amounts(self, paths: Sequence[Path]) -> Amounts:
         """Counts the robots in each node and along each edge, for one path per robot."""
@@ -224,18 +224,18 @@ class Flow:
         }
 
     def paths(self, y: FloatArray, x: FloatArray | None = None) -> tuple[Path, ...]:
-        """Returns one path per robot, each from its own start, that together make a flow.
+        """Returns one path per robot, each from its own start, that together form a flow.
 
         Parameters
         ----------
-        y : [E] robots along each edge; may be fractional if an integral x is given: from step to
-            step a mixture of assignments of robots to nodes contains an integral one
+        y : [E] robots along each edge; may be fractional if an integral x is given, since between
+            two steps a mixture of assignments of robots to nodes contains an integral assignment
         x : [N] robots in each node; None: derived from y
 
         Raises
         ------
         ValueError
-            If the flow splits into no paths.
+            If the flow cannot be split into paths.
         """
         counts = np.rint(self.supply + self.entering @ y if x is None else x).astype(np.int64)
         paths: dict[int, list[int]] = {}
@@ -258,7 +258,8 @@ class Flow:
         chosen: dict[int, int] = {}
         if sources:
             at = [source for (source,) in sources.values()]
-            left = counts - self.supply.astype(np.int64)  # others start where there is no choice
+            # robots that enter here; the others have no choice of a start
+            left = counts - self.supply.astype(np.int64)
             chosen = dict(zip(sources, self._step(at, left, y), strict=True))
         return [
             chosen[robot] if robot in chosen else self._node(number, 0, int(starts[0]))
@@ -266,7 +267,9 @@ class Flow:
         ]
 
     def _step(self, at: list[int], counts: IntArray, y: FloatArray) -> list[int]:
-        """Returns the nodes that robots go to along used edges, as many to each as are there."""
+        """Returns the nodes to which robots move along used edges, as many to each as the flow has
+        there.
+        """
         ahead: list[dict[int, float]] = []
         for node in at:
             low, high = np.searchsorted(self.tails, [node, node + 1])
@@ -274,7 +277,7 @@ class Flow:
             ahead.append(dict(zip(self.heads[used].tolist(), self.bonus[used], strict=True)))
         nodes = sorted({head for gains in ahead for head in gains})
         slots = [head for head in nodes for _ in range(counts[head])]
-        # A forbidden edge costs more than all rewards together bring.
+        # A forbidden edge costs more than all rewards together.
         worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
         chosen = self.assigned_heads(ahead, slots, worst)
         if chosen is None:
@@ -285,20 +288,20 @@ class Flow:
     def assigned_heads(
         gains: Sequence[Mapping[int, float]], heads: Sequence[int], forbidden: float
     ) -> list[int] | None:
-        """Returns the head that each robot goes to, such that the sum of gains is largest.
+        """Returns the head to which each robot moves, maximising the sum of gains.
 
         Parameters
         ----------
-        gains : for each robot, the gain of every head that it can go to
-        heads : heads, each repeated for every robot that goes there
-        forbidden : the gain of a head that a robot cannot go to: lower than all others together
+        gains : for each robot, the gain of every head that it can reach
+        heads : heads, each repeated once per robot that moves there
+        forbidden : the gain of a head that a robot cannot reach: lower than all others together
 
         Returns
         -------
         One head per robot; None if there are not as many heads as robots, or if a robot would have
-        to go to a forbidden head.
+        to move to a forbidden head.
         """
-        from scipy.optimize import linear_sum_assignment  # half of the time that imports take
+        from scipy.optimize import linear_sum_assignment  # takes half of the time of all imports
 
         if len(heads) != len(gains):
             return None
@@ -313,12 +316,12 @@ class Flow:
 def _class_part(
     k: int, robot_class: RobotClass, useful: BoolArray, first: int, most_edges: int, stop: Stop
 ) -> _ClassPart:
-    """Returns the part of class k in a flow, whose nodes have numbers from `first` on.
+    """Returns the part of class k in a flow; its nodes are numbered from `first`.
 
     Parameters
     ----------
-    useful : [T+1, S] the nodes
-    most_edges : number of edges that the flow can still take
+    useful : [T+1, S] True for the nodes of the class
+    most_edges : remaining number of edges of the flow
     """
     t, state = np.nonzero(useful)
     starting = np.flatnonzero(useful[0])
@@ -341,8 +344,8 @@ def _class_part(
         most_edges -= len(here)
         if most_edges < 0:
             raise UnsupportedError(
-                f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph, "
-                "here there are more; column-generation takes any number"
+                f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph; this "
+                "scene has more. Use column-generation, which takes any number"
             )
         tails.append(first + here)
         heads.append(first + there)
@@ -350,7 +353,9 @@ def _class_part(
 
 
 def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
-    """Returns the states [T+1, S] on a path from one of the starts to the end (or the goal)."""
+    """Returns True for states [T+1, S] on a path from one of the starts to the end (or the
+    goal).
+    """
     graph, horizon = robot_class.graph, model.problem.horizon
     to_go = backward_sweep(graph, graph.no_reward(horizon), goal=robot_class.goal)
     found: BoolArray = graph.reachable(robot_class.all_starts, horizon) & (to_go > CLOSED)
@@ -378,7 +383,7 @@ def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntA
 
 
 def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
-    """Returns the orientations that each orientation can turn to [O, M], padded with -1."""
+    """Returns the orientations to which each orientation can turn [O, M], padded with -1."""
     table = np.full((len(turns), max(map(len, turns))), -1, dtype=np.int64)
     for row, following in zip(table, turns, strict=True):
         row[: len(following)] = following
@@ -386,7 +391,7 @@ def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
 
 
 def _joined(parts: Sequence[IntArray]) -> IntArray:
-    """Concatenates lists of numbers, possibly none."""
+    """Concatenates arrays of numbers; there may be none."""
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
@@ -395,18 +400,18 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Roots:
-    """The view sums that count and that some drone can see, in units of the best view of each.
+    """The view sums that count and that some drone can see, in units of their best view.
 
-    Those with roots come first, then counted people, whose best view is 1: for them both the root
-    and the number of pixels are counts.
+    View sums with roots come first, then counted people, whose best view is 1: for them both the
+    root and the number of pixels are counts.
     """
 
     owner: IntArray  # [N] class of each node
     used: IntArray  # [z] view sums
-    returns: Returns  # of these
+    returns: Returns  # returns of these view sums
     scale: FloatArray  # [z] px^0.5/m, root of the best single view
-    largest: FloatArray  # [C, z] px^0.5/m, of each class, views that lead nowhere as well
-    weights: FloatArray  # [z] of the root or the count in these units
+    largest: FloatArray  # [C, z] px^0.5/m, for each class, including views that lead nowhere
+    weights: FloatArray  # [z] weight of the root or the count in these units
     pixels: sparse.csr_array  # [z, N] in units of scale^2
     seen: sparse.csr_array  # [z, N] roots of pixels
 
@@ -427,7 +432,7 @@ class Roots:
         )  # fmt: skip
 
     def entries(self, z: int) -> tuple[IntArray, FloatArray]:
-        """Returns the nodes that see the view sum at position z, and their roots px^0.5/m."""
+        """Returns the nodes that see the view sum at position z, and their roots in px^0.5/m."""
         part = slice(self.seen.indptr[z], self.seen.indptr[z + 1])
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
         return nodes, self.seen.data[part] * self.scale[z]
@@ -437,7 +442,7 @@ class Roots:
 
         Returns
         -------
-        phi [k, N] of a robot in each node, constants [k], and the position [k] of each cut's view
+        phi [k, N] for a robot in each node, constants [k], and the position [k] of each cut's view
         sum among `used`.
         """
         at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)

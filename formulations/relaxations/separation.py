@@ -1,9 +1,9 @@
-"""Separation of envelope cuts: the cut that a fractional solution violates most.
+"""Separates envelope cuts: finds the cut that a fractional solution violates most.
 
 The best cut at a fractional solution is the dual of a transport problem: find the mixture of
 corners that has the solution's amounts as its marginals and the largest mean root. For two robots
-this is the antitone coupling of the amounts (the envelope is exact there). The cut is exact for any
-number of robots if every robot is a class of its own, and for robots that may exchange their
+this is the antitone coupling of the amounts, for which the envelope is exact. The cut is exact for
+any number of robots if every robot forms its own class, and also for robots that may exchange their
 amounts.
 """
 
@@ -20,24 +20,24 @@ from cocap_opt.formulations.solvers import ending, options
 from cocap_opt.result import Reason
 from cocap_opt.stop import Stop
 
-# Of all classes together: rows of the transport problem. Of robots that are a class each, more of
-# them cost sixteen times as much and cut off an eighth more (Greedy Perspectives' large).
+# Rows of the transport problem, for all classes together. For robots that each form a class, more
+# rows take sixteen times as long and cut off an eighth more (scene `large` of Greedy Perspectives).
 MOST_BREAKPOINTS = 20
-# Choices of the robots of all classes that have several, whose corners then fit into one or two
-# transport problems. field, seed 1: the same bound as without, in a fifth of the time.
+# Choices of the robots of all classes with several robots, whose corners then fit into one or two
+# transport problems. Scene `field`, seed 1: the same bound as without, in a fifth of the time.
 MOST_CHOICES = 1000
-MOST_CORNERS = 1000  # partial corners that are kept where columns are looked for
-GENERATED = 200  # corners taken into the transport problem at a time
+MOST_CORNERS = 1000  # partial corners that are kept while columns are generated
+GENERATED = 200  # corners added to the transport problem at a time
 MOST_ROUNDS = 50
-TOLERANCE = 1e-5  # of the largest root
-NEARLY = 0.05  # share of what a cut can cut off that may be left
-SCENARIOS = 64  # equally likely ones in which amounts are dealt to robots
-SWEEPS = 2  # of the rearrangement
-LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
+TOLERANCE = 1e-5  # relative to the largest root
+NEARLY = 0.05  # share of the possible reduction that a cut may miss
+SCENARIOS = 64  # equally likely scenarios in which amounts are assigned to robots
+SWEEPS = 2  # sweeps of the rearrangement
+LEAST_MASS = 1e-6  # a little mass at every breakpoint keeps phi low where there is none
 
 
 def phi_of(cut: Cut, classes: IntArray, roots: FloatArray) -> FloatArray:
-    """Returns a cut's phi for robots of given classes [n] at given roots [n]."""
+    """Returns a cut's phi for robots of the given classes [n] at the given roots [n]."""
     values = np.empty(len(roots))
     for number in np.unique(classes).tolist():
         of_class = classes == number
@@ -46,7 +46,7 @@ def phi_of(cut: Cut, classes: IntArray, roots: FloatArray) -> FloatArray:
 
 
 class Seen:
-    """The roots that a mixture of paths has of one view sum.
+    """The roots of one view sum in a mixture of paths.
 
     Attributes
     ----------
@@ -59,11 +59,12 @@ class Seen:
         self.classes, self.roots, self.amounts = classes, roots, amounts
 
     def height(self, cut: Cut) -> float:
-        """Returns the right side of a cut at the mixture."""
+        """Returns the right-hand side of a cut at the mixture."""
         return cut.constant + float(self.amounts @ phi_of(cut, self.classes, self.roots))
 
     def is_exact(self, sizes: tuple[int, ...]) -> bool:
-        """Returns True if nothing can be cut off: one robot's views, or integral and equal ones.
+        """Returns True if nothing can be cut off: the views of one robot, or integral and equal
+        views.
 
         Parameters
         ----------
@@ -77,7 +78,8 @@ class Seen:
         return bool(alike) and abs(total - round(total)) < 1e-6
 
     def coupled(self, sizes: tuple[int, ...]) -> float:
-        """Returns the mean root of one coupling of the amounts: no cut is lower at the mixture.
+        """Returns the mean root of one coupling of the amounts, which bounds all cuts at the
+        mixture from below.
 
         The amounts of each class are laid out in SCENARIOS equal scenarios per robot, and the
         robots' scenarios are rearranged. Amounts in one scenario count with their mean root, which
@@ -104,16 +106,17 @@ class Seen:
         known: float = math.inf,
         least: float = 0.0,
     ) -> Cut | None:
-        """Returns the cut that is tightest at the mixture, or nearly so.
+        """Returns the cut that is tightest, or nearly tightest, at the mixture.
 
         Parameters
         ----------
         view_sum : number of the view sum
         largest : [C] largest root that a robot of each class can have
         sizes : number of robots of each class
-        known : height of the known cuts at the mixture; the returned cut leaves at most the share
-            NEARLY of the way from there to the tightest one
-        least : amount by which the cut must be below that; without such a cut, None is returned
+        known : height of the known cuts at the mixture; the returned cut misses at most the share
+            NEARLY of the reduction by the tightest cut
+        least : amount by which the cut must be below `known`; if there is no such cut, None is
+            returned
         """
         marginals = _marginals(self, largest, sizes)
         if not marginals:  # the classes are too large for any breakpoints
@@ -121,7 +124,7 @@ class Seen:
         potentials = _potentials(marginals, sizes, known, least)
         if potentials is None:
             return None
-        # The norm grows with each root, so that phi need nowhere be above its later values.
+        # The norm grows with each root, so phi never needs to be above its later values.
         curves = {
             number: Curve(curve.roots, np.minimum.accumulate(curve.values[::-1])[::-1])
             for number, curve in _curves(marginals, potentials).items()
@@ -131,13 +134,13 @@ class Seen:
 
 
 class _Loose(NamedTuple):
-    """A view sum for which a cut can cut off a mixture."""
+    """A view sum in which a cut can cut off a mixture."""
 
-    most: float  # that it can cut off, px^0.5/m
-    least: float  # that it must cut off
+    most: float  # largest possible reduction, px^0.5/m
+    least: float  # smallest reduction that is of use, px^0.5/m
     view_sum: int
     seen: Seen
-    height: float  # of what is known, at the mixture
+    height: float  # height of the known cuts at the mixture
 
 
 def loose_view_sums(
@@ -148,13 +151,13 @@ def loose_view_sums(
     least: float,
     stop: Stop,
 ) -> list[_Loose]:
-    """Returns the view sums where enough can be cut off, largest first; raises LimitReached.
+    """Returns the view sums with enough to cut off, largest first; raises LimitReached.
 
     Parameters
     ----------
     seen : view sums, each with the roots that a mixture has of it
     cuts : the known cuts
-    weights : [Z] of the view sums in J
+    weights : [Z] weights of the view sums in J
     sizes : number of robots of each class
     least : least amount that a cut must cut off, in units of J
     """
@@ -177,15 +180,15 @@ def loose_view_sums(
     return sorted(found, key=lambda loose: (-loose.most * weights[loose.view_sum], loose.view_sum))
 
 
-# Breakpoints of a class [K], px^0.5/m, and how much of a robot is at each [K].
+# Breakpoints of a class [K] in px^0.5/m, and the amount of a robot at each [K].
 _Marginal = tuple[FloatArray, FloatArray]
 
 
 def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[int, _Marginal]:
     """Returns the breakpoints of the classes that see the view sum, with their masses.
 
-    They are the largest root and the most used ones. If these are too many, the closest are merged;
-    in the end the classes that see least get none.
+    The breakpoints are the largest root and the most used ones. If there are too many, the closest
+    are merged; in the end, the classes that see least get none.
     """
     found: dict[int, _Marginal] = {}
     weight: dict[int, float] = {}
@@ -206,7 +209,7 @@ def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[
 
 
 def _are_too_many(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> bool:
-    """Returns True if breakpoints have to be merged."""
+    """Returns True if breakpoints must be merged."""
     points = {number: len(at) for number, (at, _) in marginals.items()}
     choices = math.prod(math.comb(sizes[k] + n, n) for k, n in points.items() if sizes[k] > 1)
     work = sum(sizes[k] * n for k, n in points.items())
@@ -226,7 +229,7 @@ def _distinct(roots: FloatArray, amounts: FloatArray, largest: float) -> _Margin
 
 
 def _cheapest_merge(marginal: _Marginal) -> tuple[float, int]:
-    """Returns the least loss by merging a breakpoint with the next, and its position.
+    """Returns the smallest loss by merging a breakpoint with the next one, and its position.
 
     The last breakpoint is never merged.
     """
@@ -268,8 +271,8 @@ def _potentials(
 ) -> FloatArray | None:
     """Solves the dual of the transport problem, generating corners as they are needed.
 
-    Returns phi at the breakpoints of all classes; None if the cut gets too high. Wherever the
-    search stops, `Cut.valid` makes a valid cut from its result.
+    Returns phi at the breakpoints of all classes, or None if the cut is too high. If the search
+    stops early, `Cut.valid` still makes a valid cut from its result.
     """
     points, mass = (np.concatenate(part) for part in zip(*marginals.values(), strict=True))
     mass = np.maximum(mass, LEAST_MASS)
@@ -279,7 +282,7 @@ def _potentials(
     program = Transport(mass)
     for _ in range(MOST_ROUNDS):
         prices = program.solve(counts, np.sqrt(counts @ points**2) / unit)
-        if prices is None:  # not to be expected; any phi is valid
+        if prices is None:  # not expected; any phi is valid
             break
         values, total = prices[0] * unit, prices[1] * unit
         height = total + float(mass @ values)
@@ -297,14 +300,14 @@ def _potentials(
 
 
 def _curves(marginals: Mapping[int, _Marginal], values: FloatArray) -> dict[int, Curve]:
-    """Returns the curves with these values at the breakpoints of all classes."""
+    """Returns the curves with the given values at the breakpoints of all classes."""
     ends = np.cumsum([len(points) for points, _ in marginals.values()])[:-1]
     parts = zip(marginals.items(), np.split(values, ends), strict=True)
     return {number: Curve(points, heights) for (number, (points, _)), heights in parts}
 
 
 def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> IntArray:
-    """Returns corners [n, K] that a good mixture is likely to contain, and the empty one."""
+    """Returns corners [n, K] that a good mixture is likely to contain, including the empty one."""
     rows, first = [], 0
     for number, (at, mass) in marginals.items():
         ends = np.rint(np.cumsum(mass[::-1]) * SCENARIOS).astype(np.int64)
@@ -316,7 +319,7 @@ def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -
     entries = np.concatenate(rows)
     points = np.append(np.concatenate([at for at, _ in marginals.values()]), 0.0)
     dealt = np.take_along_axis(entries, _rearranged(points[entries] ** 2), axis=1)
-    counts = np.zeros((SCENARIOS + 1, len(points)), dtype=np.int64)  # the last has none
+    counts = np.zeros((SCENARIOS + 1, len(points)), dtype=np.int64)  # the last one stays empty
     np.add.at(counts, (np.arange(SCENARIOS)[None, :], dealt), 1)
     return counts[:, :-1]
 
@@ -324,7 +327,7 @@ def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -
 def _rearranged(pixels: FloatArray) -> IntArray:
     """Returns an order of each robot's scenarios [R, SCENARIOS] for which the mean root is large.
 
-    Each robot in turn gets its largest pixels where the others have least: the rearrangement
+    Each robot in turn gets its largest pixels where the others have the fewest: the rearrangement
     algorithm (Puccetti and Rueschendorf 2012).
 
     Parameters
@@ -345,13 +348,13 @@ def _rearranged(pixels: FloatArray) -> IntArray:
 
 
 def _most_promising(partial: Partial) -> tuple[IntArray, Partial]:
-    """Keeps the partial corners that can have the highest completions."""
+    """Keeps the partial corners whose completions can be highest."""
     kept = _smallest(-partial.most, MOST_CORNERS)
     return kept, partial.take(kept)
 
 
 def _smallest(values: FloatArray, count: int) -> IntArray:
-    """Returns the positions of the smallest values, in order."""
+    """Returns the positions of the smallest values, in ascending order."""
     positions = np.arange(len(values))
     if len(values) > count:
         positions = np.argpartition(values, count)[:count]
@@ -359,13 +362,13 @@ def _smallest(values: FloatArray, count: int) -> IntArray:
 
 
 class Transport:
-    """max norms x, counts.T x <= mass, sum x = 1, x >= 0, with columns added one after the other.
+    """Solves max norms x, counts.T x <= mass, sum x = 1, x >= 0, with columns added one by one.
 
-    Less than the mass may be used, which loses nothing since the norm grows: then phi >= 0.
+    Less than the mass may be used, which makes no difference since the norm grows: then phi >= 0.
     """
 
     def __init__(self, mass: FloatArray) -> None:
-        import highspy  # a quarter of a second, which not every bound needs
+        import highspy  # takes a quarter of a second, and not every bound needs it
 
         self._solver = highspy.Highs()
         for option, value in options("simplex").items():
@@ -377,11 +380,11 @@ class Transport:
         )
 
     def solve(self, counts: IntArray, norms: FloatArray) -> tuple[FloatArray, float] | None:
-        """Solves with more columns; None where the solver fails.
+        """Solves with more columns; returns None if the solver fails.
 
         Returns
         -------
-        The multipliers of the mass [K] >= 0, and that of the total.
+        The multipliers of the mass [K] >= 0, and the multiplier of the total.
         """
         columns, rows = counts.shape[0], counts.shape[1] + 1
         self._solver.addCols(

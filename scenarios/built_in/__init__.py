@@ -1,4 +1,4 @@
-"""The scenes that come with the project, and what they share: rooms, walking actors, drones.
+"""The scenes that come with the project, and their shared parts: rooms, walking actors, drones.
 
 Each module has a dict `SCENES` of its scenes: functions from a seed to a Problem, by name.
 """
@@ -35,7 +35,7 @@ class Room(NamedTuple):
 
     @staticmethod
     def cut_into_rock(*rooms: "Room") -> HeightMap:
-        """Returns the map of SIZE x SIZE cells that is wall except in these rooms."""
+        """Returns the map of SIZE x SIZE cells in which everything except these rooms is wall."""
         heights = np.full((SIZE, SIZE), WALL)
         for x0, x1, y0, y1 in rooms:
             heights[x0:x1, y0:y1] = 0.0
@@ -43,14 +43,14 @@ class Room(NamedTuple):
 
 
 def walker(points: list[Point], first: float, pace: float, steps: int) -> Actor:
-    """Returns an actor that walks along straight legs, looking where it goes.
+    """Returns an actor that walks along straight legs, facing its direction.
 
     Parameters
     ----------
-    points : corners of the way (m)
-    first : length of the way (m) already behind it at step 0
+    points : corners of the walk (m)
+    first : length of the walk (m) completed at step 0
     pace : m per step
-    steps : horizon T; the way must be long enough for them
+    steps : horizon T; the walk must be long enough
     """
     legs = [np.subtract(b, a) for a, b in pairwise(points)]
     lengths = [float(np.hypot(*leg)) for leg in legs]
@@ -72,7 +72,7 @@ def drones(
     rng: np.random.Generator,
     motion: Motion = NEIGHBOURS,
 ) -> tuple[Robot, ...]:
-    """Returns drones in distinct random cells and with random headings of those given.
+    """Returns drones in distinct random cells, with random headings out of the given ones.
 
     The cells must be free.
     """

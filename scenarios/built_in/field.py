@@ -7,10 +7,10 @@
     . R 1 . . . . . .
 
 The other scenes funnel a few people through one place; here everybody walks somewhere else, and no
-drone has a person of its own. People cross, meet and part; a drone sees several of them from most
-places, in passing or behind blocks, and several drones see the same people. A face that k drones
-see equally well is worth sqrt(k), so a drone's worth depends on where all others are. The numbers
-of drones, people, cells and steps are parameters, for measuring how methods scale.
+drone is assigned to a single person. People cross, meet and part; a drone sees several of them from
+most places, in passing or behind blocks, and several drones see the same people. A face that k
+drones see equally well is worth sqrt(k), so a drone's worth depends on where all others are. The
+numbers of drones, people, cells and steps are parameters, for measuring how methods scale.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
 
 LEAST_CELLS, MOST_CELLS = 15, 256  # cells of 1 m along x and y
 MOST_STEPS = 1000
-GROUND_PER_ACTOR = 100  # m2 of field that each person needs, for there to be ways apart
-GROUND_PER_ROBOT = 8  # m2 of field that each drone needs
-LEAST_BLOCKED, MOST_BLOCKED = 0.10, 0.15  # share of the field that blocks take
-LEAST_SIDE, MOST_SIDE = 2, 6  # m, of a block
+GROUND_PER_ACTOR = 100  # m2 of field per person, so that separate walks exist
+GROUND_PER_ROBOT = 8  # m2 of field per drone
+LEAST_BLOCKED, MOST_BLOCKED = 0.10, 0.15  # share of the field that blocks cover
+LEAST_SIDE, MOST_SIDE = 2, 6  # m, side of a block
 LANE = 3  # m between blocks: people keep a metre off the walls
 PACE = 1.0  # m per step
 APART = 1.5  # m between people: boxes of 1 m x 1 m never touch
-NEAR = 4  # m along x and y from a person to the farthest place where a drone starts
-SIGHT = 10  # cells, longest straight piece of a way
-DRAWS = 1000  # random draws before something is given up and begun anew
-TRIES = 20  # random goals in a row that a person tries before being stuck
+NEAR = 4  # m along x and y from a person to the farthest start of a drone
+SIGHT = 10  # cells, longest straight piece of a walk
+DRAWS = 1000  # random draws before a part is abandoned and restarted
+TRIES = 20  # consecutive random goals that a person tries before being stuck
 
 
 def field(seed: int, robots: int, actors: int, cells: int, steps: int, radius: int = 1) -> Problem:
@@ -112,7 +112,7 @@ def _require_within(name: str, value: int, least: int, most: float) -> None:
 
 
 def _free_cells(cells: int, rng: np.random.Generator) -> BoolArray:
-    """Draws the blocks; returns an array [cells, cells] that is true where there is none.
+    """Draws the blocks; returns an array [cells, cells], True where there is no block.
 
     A lane runs between blocks, and between them and the field's edge, so that the ground a metre
     off the walls is connected, too.
@@ -135,7 +135,7 @@ def _free_cells(cells: int, rng: np.random.Generator) -> BoolArray:
 
 
 def _off_the_walls(free: BoolArray) -> BoolArray:
-    """Returns the cells whose neighbours are all free, so that a box there may turn freely."""
+    """Returns the cells whose neighbours are all free, so a box there may turn freely."""
     padded = np.pad(free, 1)
     moves = np.ndindex(3, 3)
     width, depth = free.shape
@@ -146,10 +146,10 @@ def _off_the_walls(free: BoolArray) -> BoolArray:
 
 
 def _near(people: list[Actor], free: BoolArray, count: int) -> list[GridCell]:
-    """Returns at least `count` free cells, as near as possible to where people start."""
+    """Returns at least `count` free cells, as close as possible to where people start."""
     cells = np.argwhere(free)
     starts = np.array([actor.poses[0, :2] for actor in people])
-    # The greater of the distances along x and y from each cell's middle to the nearest person.
+    # The larger of the distances along x and y from each cell's middle to the nearest person.
     offsets = np.abs(cells[:, None, :] + 0.5 - starts[None, :, :])
     distance = offsets.max(axis=2).min(axis=1)
     radius = max(NEAR, float(np.sort(distance)[count - 1]))
@@ -160,7 +160,7 @@ def _near(people: list[Actor], free: BoolArray, count: int) -> list[GridCell]:
 
 
 def _walkers(count: int, graph: Graph, steps: int, rng: np.random.Generator) -> list[Actor]:
-    """Draws people who walk on the graph's cells, each clear of all drawn before."""
+    """Draws people who walk on the graph's cells, each clear of all people drawn before."""
     places = list(graph)
     people: list[Actor] = []
     for _ in range(DRAWS):
@@ -183,9 +183,9 @@ def _stroller(
 ) -> Actor | None:
     """Draws a person who walks from one random place to the next; None if the person gets stuck.
 
-    Places that cannot be walked to without running into others are skipped.
+    Places that cannot be reached without running into others are skipped.
     """
-    import networkx as nx  # a fifth of a second, which few commands need
+    import networkx as nx  # takes a fifth of a second, and few commands need it
 
     pace = PACE + rng.uniform(-0.1, 0.1)
     way = [places[rng.integers(len(places))]]
@@ -209,7 +209,7 @@ def _stroller(
 
 
 def _corners(path: list[GridCell], graph: Graph) -> list[GridCell]:
-    """Returns the cells of a path at which a way along straight lines must turn.
+    """Returns the cells of a path at which a walk along straight lines must turn.
 
     A path on a grid has eight directions only; from each corner the next is the farthest cell
     within SIGHT such that the straight line to it stays on the graph's cells.
@@ -231,7 +231,7 @@ _swept = cache(Motion.swept_cells)
 
 
 def _apart(person: Actor, other: Actor) -> bool:
-    """Returns True if the boxes do not meet at any step of `person`, who may walk fewer."""
+    """Returns True if the boxes do not meet at any step of `person`, whose walk may be shorter."""
     offsets = person.poses[:, :2] - other.poses[: len(person.poses), :2]
     return bool((np.hypot(*offsets.T) >= APART).all())
 

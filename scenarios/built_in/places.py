@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from cocap_opt.scenarios.recipe import Recipe
 
 FOLDER = Path(__file__).parents[1] / "places"
-_AHEAD = 3.0  # m, by which a person may be farther than in the recipe
-_FASTER = 0.1  # share, by which a person may be faster or slower
+_AHEAD = 3.0  # m, by which a person may be ahead of the recipe
+_FASTER = 0.1  # share by which a person may be faster or slower
 
 
 def files(name: str) -> dict[str, bytes]:
-    """Returns the files of a place by their names, the recipe `NAME.toml` among them."""
+    """Returns the files of a place by name, including the recipe `NAME.toml`."""
     return {file.name: file.read_bytes() for file in sorted((FOLDER / name).iterdir())}
 
 
@@ -38,13 +38,13 @@ def _delft(seed: int) -> Problem:
 
 
 def _of_recipe(name: str, seed: int) -> Problem:
-    from cocap_opt.scenarios.recipe import read  # its readers are slow to import
+    from cocap_opt.scenarios.recipe import read  # its readers take long to import
 
     return read(FOLDER / name / f"{name}.toml", change=lambda recipe: _set_out(recipe, seed))
 
 
 def _set_out(recipe: "Recipe", seed: int) -> "Recipe":
-    """Returns a recipe whose people walk differently, as the seed has it; 0: as they do."""
+    """Returns a recipe whose people walk as the seed chooses; 0: as in the recipe."""
     if seed == 0:
         return recipe
     rng = np.random.default_rng(seed)

@@ -1,9 +1,9 @@
 """Tiny scenes whose optimum is worked out by hand, for tests and first steps.
 
-In all of them drones fly at half the height of the actors, 0.9 m, and look straight ahead,
-and only an actor's front counts. A front that a camera looks at squarely from r metres covers
-F^2 / r^2 px/m2, for a focal length of F = 60 px, wherever it is in the image, as long as all of it
-is; its root is F / r a step. Camera and front are in the middles of cells 1 m wide, so that r is
+In all of them, drones fly at half the height of the actors, 0.9 m, and look straight ahead, and
+only an actor's front counts. A front that a camera sees squarely from r metres covers F^2 / r^2
+px/m2, for a focal length of F = 60 px, wherever it is in the image, as long as it is completely
+inside; its root is F / r per step. Cameras and fronts are in the middles of cells 1 m wide, so r is
 a whole number of metres.
 """
 
@@ -17,9 +17,10 @@ from cocap_opt.world.workspace import HeightMap
 
 WALL = 10.0  # m
 HALF = 0.5  # m, half an actor's length
-CAMERA = Camera(width=60, height=60, focal=60.0, tilts=(0.0,))  # sees r/2 to each side
+# sees r/2 to each side at distance r
+CAMERA = Camera(width=60, height=60, focal=60.0, tilts=(0.0,))
 EYE_LEVEL = (0.9,)  # m, the only layer
-STRAIGHT = Motion(headings=1, layers=EYE_LEVEL)  # flies to all neighbours, looks along +x
+STRAIGHT = Motion(headings=1, layers=EYE_LEVEL)  # moves to all neighbours, looks along +x
 TURNING = Motion(radius=0, headings=4, layers=EYE_LEVEL)  # stays, turns by a right angle
 EAST, NORTH, WEST, SOUTH = range(4)  # quarter turns from +x; headings of TURNING
 MOST_STEPS = 6  # of all tiny scenes
@@ -142,7 +143,7 @@ def _tiny_trap(seed: int) -> Problem:
 
 
 def _tiny_hidden(seed: int) -> Problem:
-    """A wall hides the only person, so that nothing can be seen and the optimum is 0."""
+    """A wall hides the only person, so nothing can be seen and the optimum is 0."""
     return _tiny(
         "tiny-hidden",
         cells=["..#", "..#", "..#"],
@@ -188,7 +189,9 @@ def _tiny_head_on(seed: int) -> Problem:
 
 
 def _front(x: float, y: float, facing: int) -> Actor:
-    """Returns an actor that stands still and looks `facing`, its front's middle at (x, y) m."""
+    """Returns an actor that stands still and faces `facing`, with the middle of its front at (x, y)
+    m.
+    """
     yaw = facing * math.pi / 2
     pose = [x - HALF * math.cos(yaw), y - HALF * math.sin(yaw), 0.0, yaw]
     return Actor(poses=np.tile(pose, (MOST_STEPS + 1, 1)), weights=FRONT_ONLY)
@@ -233,7 +236,7 @@ SCENES: dict[str, Callable[[int], Problem]] = {
     "tiny-head-on": _tiny_head_on,
 }
 
-# J of the best plan, as the docstrings above work it out; -inf: no plan exists.
+# J of the best plan, as derived in the docstrings above; -inf: no plan exists.
 TINY_OPTIMA = {
     "tiny-approach": 37.0,
     "tiny-hover": 27.5,

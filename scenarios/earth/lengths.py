@@ -1,4 +1,4 @@
-"""Units of length as files spell them, and what they make of the unit that a recipe names.
+"""Units of length as files spell them, and their reconciliation with the unit that a recipe names.
 
 Sources: an international foot is 0.3048 m (EPSG 9002), a US survey foot 1200/3937 m (EPSG 9003).
 """
@@ -23,8 +23,8 @@ _UNITS = {
 }
 _NAMED = {name: unit for unit, names in _UNITS.items() for name in names.split()}
 _AMERICAN = {"us", "survey", "american"}
-_SAME = {"international", "intl", "int", "sae"}  # words that leave a foot what it is
-# What heights are above does not change what they are counted in.
+_SAME = {"international", "intl", "int", "sae"}  # words that do not change the meaning of a foot
+# The datum of heights does not affect their unit.
 _ABOVE = re.compile(
     r"\b(?:above|over|relative|amsl|asl|msl|agl|hae|navd|ngvd|egm|nap|nhn|evrf|dhhn)(?![a-z]).*",
     re.IGNORECASE,
@@ -37,14 +37,14 @@ class Stated(NamedTuple):
     """A unit of length that a file states."""
 
     name: str  # as the file spells it
-    metres: float  # in one of it
+    metres: float  # metres per unit
 
 
 def unit_of_length(text: str) -> str | None:
-    """Returns the short name of the unit of length that a text spells; None if it is unknown.
+    """Returns the short name of the unit of length that a text means; None if it is unknown.
 
-    The name is a key of `PER_METRE`, or "dm". Letters may be large or small: "US survey foot",
-    "us-ft", "ftUS", "Foot_US", "FT", "metre".
+    The name is a key of `PER_METRE`, or "dm". Case is ignored: "US survey foot", "us-ft", "ftUS",
+    "Foot_US", "FT", "metre".
     """
     words = set(_SEPARATORS.split(text.casefold().replace(".", "").replace("_", " "))) - {""}
     units, others = {_NAMED[word] for word in words & _NAMED.keys()}, words - _NAMED.keys()
@@ -57,7 +57,7 @@ def unit_of_length(text: str) -> str | None:
 
 
 def stated_length(text: str) -> Stated | None:
-    """Returns the unit of length that a text spells; None: none that is known."""
+    """Returns the unit of length that a text means; None if it is unknown."""
     unit = unit_of_length(text)
     if unit is None:
         return None
@@ -65,21 +65,23 @@ def stated_length(text: str) -> Stated | None:
 
 
 def stated_heights(text: str) -> Stated | None:
-    """Returns the unit of heights that a text spells; it may say above what: "m above geoid"."""
+    """Returns the unit of heights that a text means; the text may include the datum: "m above
+    geoid".
+    """
     found = stated_length(_ABOVE.sub("", text.replace(".", "").replace("_", " ")))
     return found and found._replace(name=text.strip())
 
 
 def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> float:
-    """Returns the metres in one unit of heights: as the file states, or else the recipe, or 1.
+    """Returns the metres per unit of heights: as stated in the file, else in the recipe, else 1.
 
-    Feet of the recipe are US survey feet where the file says so. Where the file alone says that
-    heights are not metres, a message says so.
+    Feet in the recipe mean US survey feet if the file says so. If only the file states a unit other
+    than metres, this is logged.
 
     Raises
     ------
     ProblemError
-        If file and recipe do not mean the same.
+        If file and recipe state different units.
     """
     if stated is None:
         return 1 / PER_METRE[unit or "m"]
@@ -96,7 +98,7 @@ def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> fl
 
 
 def unknown(name: str) -> ProblemError:
-    """Returns the error of heights in a unit that nobody here knows."""
+    """Returns the error for heights in an unknown unit."""
     return ProblemError(
         f"heights: must be in {', '.join(PER_METRE)}, or a longer name of these, not in "
         f"{name.strip()[:40]!r}; if a GeoTIFF is in metres, state it with gdal_edit.py -units m"
@@ -104,7 +106,7 @@ def unknown(name: str) -> ProblemError:
 
 
 def _short(metres: float) -> str | None:
-    """Returns the short name of a unit of so many metres; None if it has none here."""
+    """Returns the short name of a unit, given its length in metres; None if it has none."""
     found = [unit for unit, per_metre in PER_METRE.items() if _same(metres, 1 / per_metre)]
     return min(found, key=lambda unit: abs(metres * PER_METRE[unit] - 1), default=None)
 

@@ -1,4 +1,4 @@
-"""The place of a recipe's coordinates on the Earth, and what files in degrees become there."""
+"""The place of a recipe's coordinates on the Earth, and the conversion of files in degrees."""
 
 import logging
 import math
@@ -19,15 +19,15 @@ _ABOVE: dict[str, Literal["sea", "ellipsoid"]] = {
     "above-sea": "sea",
     "above-ellipsoid": "ellipsoid",
 }
-FARTHEST = 50_000.0  # m; a point farther away is none that a scene's own axes begin in
+FARTHEST = 50_000.0  # m; points farther away cannot belong to a scene with its own axes
 _OWN = "in [earth] latitude and longitude are those of the point x = 0, y = 0"
-_EQUATOR = 0.5  # degrees from it, where maps seldom are and wrong coordinates often
+_EQUATOR = 0.5  # degrees from the equator, where maps are rare and wrong coordinates are common
 
 log = logging.getLogger(__name__)
 
 
 class MapProjection(NamedTuple):
-    """The way from latitudes and longitudes of files to coordinates of the scene.
+    """Converts latitudes and longitudes of files to coordinates of the scene.
 
     Attributes
     ----------
@@ -44,14 +44,14 @@ class MapProjection(NamedTuple):
         Raises
         ------
         ProblemError
-            If the place of the scene is unknown, or they are far from it.
+            If the place of the scene is unknown, or if the points are far from it.
         """
         if self.earth is None:
             raise ProblemError(_wanted_place(latitude, longitude))
         geodesy = self._geodesy
         points = geodesy.metres(latitude, longitude)
         away = np.hypot(*(points - np.array(self.point)).T)
-        if not (away <= FARTHEST).all():  # true for nan, too
+        if not (away <= FARTHEST).all():  # True for nan, too
             k = int(np.argmax(~(away <= FARTHEST)))
             there, here = (latitude[k], longitude[k]), _degrees(geodesy, self.point)
             swapped = geodesy.metres(longitude[[k]], latitude[[k]])[0] - np.array(self.point)
@@ -64,9 +64,9 @@ class MapProjection(NamedTuple):
         return points
 
     def plane(self, latitude: FloatArray, longitude: FloatArray) -> FloatArray:
-        """Returns points [n, 2] (m) as `metres` does, but of any place; not finite where none is.
+        """Returns points [n, 2] (m) like `metres`, but for any place; not finite if undefined.
 
-        Somebody must say where the scene is.
+        The scene's place on the Earth must be known.
         """
         return self._geodesy.metres(latitude, longitude)
 
@@ -86,7 +86,7 @@ NOWHERE = MapProjection()
 
 
 def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:
-    """Says which table a recipe must have for points in degrees."""
+    """Returns a message with the table that a recipe needs for points in degrees."""
     south, west = (math.floor(1e4 * float(values.min())) / 1e4 for values in (latitude, longitude))
     west = (west + 180) % 360 - 180
     return (
@@ -105,24 +105,24 @@ def _degrees(geodesy: Geodesy, point: Place) -> Place:
 class EarthTable(Table):
     """The table `earth`: the reference system, and the place of the point x = y = z = 0."""
 
-    crs: str | None = None  # None: that of the map's file
+    crs: str | None = None  # None: the system of the map's file
     latitude: Annotated[float, Meta(ge=-90, le=90)] | None = None
     longitude: Annotated[float, Meta(ge=-180, le=180)] | None = None
     height: Coordinate | None = None  # m, of z = 0
-    heights: Literal["above-sea", "above-ellipsoid"] | None = None  # what height is above
+    heights: Literal["above-sea", "above-ellipsoid"] | None = None  # vertical datum of height
 
     def earth(self, of_map: str | None, height_map: HeightMap) -> Earth:
         """Returns the place of the scene.
 
         Parameters
         ----------
-        of_map : reference system that the map's file states
+        of_map : reference system stated in the map's file
 
         Raises
         ------
         ProblemError
             If the system is missing, is not the map's, or cannot be converted to latitudes and
-            longitudes; or something else is missing or too much.
+            longitudes; or if another field is missing or superfluous.
         """
         if (self.latitude is None) != (self.longitude is None):
             raise ProblemError("latitude, longitude: must be given both, or neither")
@@ -153,12 +153,12 @@ class EarthTable(Table):
             heights=_ABOVE[self.heights] if self.heights else None,
             base=self.height or 0.0,
         )
-        if of_map is None:  # else the map's reader has looked at it
+        if of_map is None:  # otherwise the map's reader has checked it
             _require_system(earth, height_map.centre(0, 0))
         return earth
 
     def _what_crs_is(self) -> str:
-        """Says what nobody could guess who has a latitude and a longitude only."""
+        """Returns an explanation of `crs`, for users who only have a latitude and a longitude."""
         example = "EPSG:25830"
         if self.latitude is not None and self.longitude is not None:
             example = f"{utm(self.longitude, self.latitude)} here"
@@ -169,7 +169,7 @@ class EarthTable(Table):
 
 
 def _require_system(earth: Earth, corner: Place) -> None:
-    """Refuses a system that has no true metres at a corner (m) of the map."""
+    """Rejects a system without true metres at a corner (m) of the map."""
     if earth.origin is not None and _are_swapped(earth.crs, earth.origin):
         latitude, longitude = earth.origin
         raise ProblemError(
@@ -181,14 +181,14 @@ def _require_system(earth: Earth, corner: Place) -> None:
 
 
 def require_likely(earth: Earth, height_map: HeightMap) -> None:
-    """Refuses a place where a map can hardly be, and warns of one where it seldom is.
+    """Rejects a place where a map cannot be, and warns of one where maps are rare.
 
-    Maps whose x and y are not coordinates of the system come to lie at its origin.
+    Maps whose x and y are not coordinates of the system appear at its origin.
 
     Raises
     ------
     ProblemError
-        If the system is not made for that place; one line.
+        If the place is outside the system's area of use; the message is one line.
     """
     corner = height_map.centre(0, 0)
     place = _degrees(Geodesy(earth, corner), corner)
@@ -210,6 +210,8 @@ def require_likely(earth: Earth, height_map: HeightMap) -> None:
 
 
 def _are_swapped(crs: str, place: Place) -> bool:
-    """Returns True if a system is made for a place only with latitude and longitude swapped."""
+    """Returns True if a place is in a system's area of use only with latitude and longitude
+    swapped.
+    """
     swapped = place[1], place[0]
     return Geodesy.is_meant_for(crs, place) is False and Geodesy.is_meant_for(crs, swapped) is True

@@ -1,7 +1,7 @@
-"""In which units a reference system counts, by its text: WKT, proj4, a code, Arc/Info.
+"""The units of a reference system, read from its text: WKT, proj4, a code, Arc/Info.
 
-pyproj reads such texts. Where it is not installed, units are read off WKT and proj4, whose own
-rules say where they stand; codes are not.
+pyproj reads such texts. If it is not installed, units are read directly from WKT and proj4, whose
+specifications say where they are; this is impossible for codes.
 
 Sources: OGC 01-009 (WKT 1) and OGC 18-010r11 (WKT 2); https://proj.org/usage/projections.html for
 proj4; of Arc/Info, ESRI, "ArcInfo Workstation: PROJECTDEFINE".
@@ -35,36 +35,36 @@ _DAMAGED = (
 _NEEDED = (
     "pyproj, which checks whether it is in metres, is not installed: pip install 'cocap-opt[earth]'"
 )
-_SLOPPY = 1e-3  # relative, by which a factor may differ from the unit that is named
+_SLOPPY = 1e-3  # relative tolerance between a factor and the named unit
 
 
 class NeedsPyprojError(ProblemError):
-    """A reference system that only pyproj can judge, which is not installed."""
+    """A reference system that only pyproj can interpret, which is not installed."""
 
 
 class NotTrueError(ProblemError):
-    """A projection whose metres are none on the ground."""
+    """A projection whose metres are not true metres on the ground."""
 
 
 class Units(NamedTuple):
     """Units of a reference system."""
 
-    across: Stated | None  # of x and y; None: it has no lengths on a plane
-    heights: Stated | None = None  # None: it states none
-    kind: str = "degrees"  # what it has in place of lengths on a plane
+    across: Stated | None  # unit of x and y; None: the system has no lengths on a plane
+    heights: Stated | None = None  # unit of heights; None: none stated
+    kind: str = "degrees"  # the kind of unit instead of lengths on a plane
 
 
 def units_of(text: str) -> Units:
-    """Returns the units of the reference system of a text.
+    """Returns the units of a reference system, given its text.
 
     Raises
     ------
     NeedsPyprojError
-        If nobody can judge it without pyproj.
+        If it cannot be interpreted without pyproj.
     NotTrueError
-        If its metres are none on the ground, as those of web Mercator.
+        If its metres are not true metres on the ground, as in web Mercator.
     ProblemError
-        If it is empty or damaged; one line, as of all.
+        If it is empty or damaged; all messages are one line.
     """
     text = text.strip().strip("\0")
     if not text:
@@ -97,9 +97,9 @@ def _web_mercator() -> NotTrueError:
 
 
 def _by_pyproj(text: str) -> Units | None:
-    """Returns the units that pyproj reads; None if it is not installed or finds the WKT unsound.
+    """Returns the units as pyproj reads them; None if it is not installed or finds the WKT invalid.
 
-    WKT without a datum or the like, as small programs write it, states its units all the same.
+    WKT without a datum, as small programs write it, still states its units.
     """
     try:
         import pyproj
@@ -108,7 +108,7 @@ def _by_pyproj(text: str) -> Units | None:
         return None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that +init is old
+            warnings.simplefilter("ignore")  # the warning that +init is deprecated
             crs = pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.CRSError as error:
         if _WKT.match(text):
@@ -150,7 +150,7 @@ def _first(axes: list[Any]) -> Stated | None:
 
 
 def _consistent(unit: Stated) -> Stated:
-    """Returns a unit, or raises a ProblemError if its name means another length."""
+    """Returns a unit; raises ProblemError if its name means another length."""
     known = stated_length(unit.name)
     if known is not None and abs(known.metres - unit.metres) > _SLOPPY * unit.metres:
         raise ProblemError(f"contradicts itself: a unit {unit.name!r} of {unit.metres:g} m")
@@ -158,9 +158,10 @@ def _consistent(unit: Stated) -> Stated:
 
 
 def require_true(text: str, x: float, y: float) -> None:
-    """Raises a ProblemError if metres of a projection are none on the ground at a point (m).
+    """Raises ProblemError if a projection's metres are not true metres on the ground at a point
+    (m).
 
-    Without pyproj, only web Mercator by its name is known to be such a one, see `units_of`.
+    Without pyproj, only web Mercator is recognised, by its name; see `units_of`.
     """
     try:
         import pyproj
@@ -222,7 +223,9 @@ def _of_arc_info(text: str) -> Units:
 
 
 def _of_arc_info_unit(text: str) -> Stated | None:
-    """Returns a unit of length, by its name or by how many are in a metre; None: of angles."""
+    """Returns the unit of length given by a name or by the number of units in a metre; None:
+    angles.
+    """
     if text.casefold() in ("dd", "ds", "dm", "dms", "degrees", "radians"):
         return None
     try:
@@ -238,7 +241,7 @@ def _of_arc_info_unit(text: str) -> Stated | None:
 
 # proj4
 
-_PLANES = (  # projections with true metres where they are meant for
+_PLANES = (  # projections with true metres in their area of use
     "utm", "tmerc", "etmerc", "lcc", "laea", "aea", "stere", "sterea", "somerc", "omerc", "krovak",
     "poly", "cass", "nzmg", "ups", "eqdc", "bonne",
 )  # fmt: skip
@@ -257,7 +260,7 @@ def _of_proj4(text: str) -> Units:
 
 
 def _of_proj4_unit(fields: dict[str, str], name: str, factor: str) -> Stated | None:
-    if name in fields:  # which counts before a factor
+    if name in fields:  # takes precedence over a factor
         found = Stated("km", 1000.0) if fields[name] == "km" else stated_length(fields[name])
         if found is None:
             raise NeedsPyprojError(f"{fields[name][:40]}: {_NEEDED}")
@@ -275,13 +278,13 @@ def _of_proj4_unit(fields: dict[str, str], name: str, factor: str) -> Stated | N
 
 
 class _Keyword(NamedTuple):
-    """A keyword of WKT with what is in its brackets: texts, numbers as texts, and nodes."""
+    """A keyword of WKT with the content of its brackets: texts, numbers as texts, and nodes."""
 
     keyword: str
     content: "list[str | _Keyword]"
 
     def nodes(self, *keywords: str) -> "list[_Keyword]":
-        """Returns the nodes in it that have one of these keywords, or all."""
+        """Returns the nodes inside it that have one of these keywords, or all nodes."""
         nodes = [part for part in self.content if isinstance(part, _Keyword)]
         return [node for node in nodes if not keywords or node.keyword in keywords]
 
@@ -296,7 +299,7 @@ _LENGTH = ("UNIT", "LENGTHUNIT")
 
 
 def _of_wkt(text: str) -> Units:
-    """Reads units off WKT: those of x and y stand in the projection's own brackets."""
+    """Reads units from WKT: those of x and y are in the brackets of the projection."""
     found = list(_systems(_nodes(text)))
     angular = [node for node in found if node.keyword in _ANGULAR]
     plane = [node for node in found if node.keyword in _PLANE]
@@ -328,7 +331,9 @@ def _systems(nodes: "list[_Keyword]") -> Iterator[_Keyword]:
 
 
 def _counts_down(node: _Keyword) -> bool:
-    """Returns True for a vertical system of depths, by its axis or Esri's parameter Direction."""
+    """Returns True for a vertical system of depths, by its axis or by Esri's parameter
+    Direction.
+    """
     axes = [word for axis in node.nodes("AXIS") for word in axis.content[1:2]]
     parameters = [parameter.content[:2] for parameter in node.nodes("PARAMETER")]
     downwards = [word for word in axes if isinstance(word, str) and word.casefold() == "down"]
@@ -339,7 +344,7 @@ def _counts_down(node: _Keyword) -> bool:
 
 
 def _units(node: _Keyword) -> list[Stated]:
-    """Returns the units of the axes, in their order, or the one of all."""
+    """Returns the units of the axes, in order, or the single unit of all axes."""
     of_axes = [unit for axis in node.nodes("AXIS") for unit in axis.nodes(*_LENGTH)]
     return [_unit(unit) for unit in of_axes or node.nodes(*_LENGTH)]
 
@@ -354,12 +359,12 @@ def _unit(node: _Keyword) -> Stated:
 
 
 def _nodes(text: str) -> list[_Keyword]:
-    """Returns the nodes of WKT, of which all brackets must close.
+    """Returns the nodes of WKT; all brackets must be closed.
 
     Raises
     ------
     ProblemError
-        If it is cut off or is none.
+        If it is cut off or is not WKT.
     """
     whole = _Keyword("", [])
     stack, position, word = [whole], 0, ""
@@ -382,7 +387,7 @@ def _nodes(text: str) -> list[_Keyword]:
 
 
 def require_metres(units: Units) -> None:
-    """Raises a ProblemError unless x and y of a system are metres."""
+    """Raises ProblemError unless x and y of a system are in metres."""
     way_out = "convert the map with gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
     if units.across is None:
         raise ProblemError(f"must be a projection in metres, not in {units.kind}; {way_out}")

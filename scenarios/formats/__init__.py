@@ -1,11 +1,11 @@
-"""Readers of scene files, one module for each format, and the options that they take in words.
+"""Readers of scene files, one module for each format, and the options of the formats.
 
 A reader has `read(path, seed)`, which returns the Problem; `read(path, seed, options)` where its
 format has options; and `read_plan(path, problem)`, which returns one path of states per robot,
 where plans of its format can be read. `parts(path)` returns the further files of a scene, none of
-which may be overwritten. Readers raise a ProblemError of one line that names the file.
-They are listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them. Options are
-words such as {"triangles": "no"}; `Options` has the values that they stand for.
+which may be overwritten. Readers raise a ProblemError of one line that names the file. They are
+listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them. Options are given as
+words, such as {"triangles": "no"}; `Options` maps the words to values.
 """
 
 from collections.abc import Mapping
@@ -18,13 +18,14 @@ Values = Mapping[str, Mapping[str, Any]]
 
 YES_NO: Mapping[str, Any] = MappingProxyType({"yes": True, "no": False})
 NO_YES: Mapping[str, Any] = MappingProxyType({"no": False, "yes": True})
-NOTHING: Mapping[str, str] = MappingProxyType({})  # no option is given: all have their defaults
+# no option is given: all have their default values
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class Options(NamedTuple):
     """The options that a format has, and the words that each option may have."""
 
-    values: Values = MappingProxyType({})  # by option, then by word; an option's first is default
+    values: Values = MappingProxyType({})  # by option, then by word; the first word is the default
 
     @property
     def allowed(self) -> Mapping[str, tuple[str, ...]]:
@@ -32,7 +33,7 @@ class Options(NamedTuple):
         return MappingProxyType({name: tuple(words) for name, words in self.values.items()})
 
     def chosen(self, given: Mapping[str, str]) -> dict[str, Any]:
-        """Returns the values of the options that are given in words, by option.
+        """Returns the value of each option, given the words of some.
 
         Raises
         ------

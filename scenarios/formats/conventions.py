@@ -1,4 +1,4 @@
-"""Conventions of a scene of Greedy Perspectives that can be read in two ways: theirs, and ours.
+"""Conventions of a scene of Greedy Perspectives for which there are two choices: theirs and ours.
 
 Source: Suresh et al., "Greedy Perspectives", 2024 (arXiv 2310.10863), and the behaviour of its
 program. Differences of notation only (headings, angles of tilt, cells) are translated by the
@@ -15,31 +15,32 @@ from cocap_opt.scenarios.formats import NO_YES, YES_NO, Options
 class Conventions(NamedTuple):
     """The meaning of a scene of Greedy Perspectives; the defaults are those of its program.
 
-    The default of `tilt` alone is not theirs, because their tilts are a fault of their program.
+    Only the default of `tilt` differs, because the tilts in their program result from an error.
 
     Attributes
     ----------
     triangles
-        True: each of an actor's rectangles is two faces, each with a square root of its own.
-        They count 12 triangles; of those the two of the bottom, which no camera above ground
-        sees, are left out, so that 10 faces are left. False: four sides and a top.
+        True: each of an actor's rectangles is two faces, each with a square root of its own. Their
+        program has 12 triangles; the two at the bottom, which no camera above ground sees, are
+        omitted here, which leaves 10 faces. False: four sides and a top.
     count_start
         True: the views of the start poses, which no plan can change, are part of J. Their
         program counts them: H rows, of which H - 1 are reached by a move.
     tilt
-        "own": each robot's camera has the tilt that the file gives it. "first": all have that
-        of robot 0. Their coverage cache ignores who asks, so that the robot that first reaches
-        a state fixes the tilt there for all: robot 0 wherever it can be, and others elsewhere.
-        The rewards that they report are therefore between the two: on `corridor` 4.2 % below
-        "own" ("first": 11.9 % below), on `split` 3.7 % above ("first": 14.0 % above).
+        "own": each robot's camera has the tilt that the file gives it. "first": all cameras have
+        the tilt of robot 0. The coverage cache of their program ignores which robot asks, so the
+        robot that first reaches a state fixes the tilt there for all robots: robot 0 wherever it
+        can be, others elsewhere. The rewards that they report therefore lie between the two: on
+        `corridor` 4.2 % below "own" ("first": 11.9 % below), on `split` 3.7 % above ("first": 14.0
+        % above).
     rules
         Collisions. Their rule is that no two robots are in one cell at one step (`VERTEX_ONLY`);
         ours is that they do not exchange cells either.
     corner_cutting
         True: a diagonal move may cut the corner of a blocked cell.
     start_set
-        "seed": the seed chooses a set of `starts.csv`; where there is no such file the poses
-        in the scene's own file are taken. "yaml": always the poses in the scene's own file.
+        "seed": the seed chooses a set of `starts.csv`; without that file, the poses in the scene's
+        own file are used. "yaml": always the poses in the scene's own file.
     bonus
         True: the objective has the 100 that their planner adds for each move with dx + dy = 0
         (`Objective.balanced`). The rewards that they report are without it.
@@ -55,7 +56,7 @@ class Conventions(NamedTuple):
 
     @classmethod
     def of(cls, options: Mapping[str, str]) -> "Conventions":
-        """Returns the conventions that options in words ask for, such as {"triangles": "no"}.
+        """Returns the conventions that the given options choose, such as {"triangles": "no"}.
 
         Raises
         ------
@@ -72,7 +73,7 @@ OURS = Conventions(triangles=False, count_start=False, rules=CollisionRules(), c
 
 OPTIONS = Options(
     {
-        "conventions": {"theirs": THEIRS, "ours": OURS},  # from which the other options differ
+        "conventions": {"theirs": THEIRS, "ours": OURS},  # the other options override these
         "triangles": YES_NO,
         "count-start": YES_NO,
         "tilt": {"own": "own", "first": "first"},

@@ -1,8 +1,8 @@
 """Reader of the scenes (`seq.yaml`) and paths of Greedy Perspectives.
 
 Source of the format and of its meaning: Suresh et al., "Greedy Perspectives", 2024 (arXiv
-2310.10863), repository GreedyPerspectives/GreedyPerspectives, `res/experiments`, and the
-behaviour of its planner. What is said in another notation there is translated:
+2310.10863), repository GreedyPerspectives/GreedyPerspectives, `res/experiments`, and the behaviour
+of its planner. Differences of notation are translated:
 
 ========================  =====================================  ==============================
 what                      there                                  here
@@ -14,11 +14,11 @@ actor                     box of 1 x 1 x 2.5 m, whatever the     the same
                           file says
 ========================  =====================================  ==============================
 
-Both count headings counter-clockwise. A scene can be understood in two ways (faces, start, tilts,
-rules, corners, start set); the options choose one, see `Conventions`. Their planner's bonus for
-moves with dx + dy = 0 is no part of the reward that they report; here it is part of the objective
-only with the option `bonus`. `action_space`, `stepSize`, every `geometry` and `map.pose` are in
-the files but were never used, and are not read.
+Both count headings counter-clockwise. Options choose between two interpretations of faces, start,
+tilts, rules, corners and start set, see `Conventions`. Their planner's bonus for moves with dx + dy
+= 0 is no part of the reward that they report; here it is part of the objective only with the option
+`bonus`. `action_space`, `stepSize`, every `geometry` and `map.pose` are in the files, but their
+planner never uses them and they are not read here.
 """
 
 import math
@@ -53,10 +53,10 @@ from cocap_opt.scenarios.text import integer, naming, number, read_table, read_t
 from cocap_opt.world.workspace import HeightMap
 
 _CANNOT = "cannot be read as"
-_MOST_CELLS = 100_000_000  # of a map
+_MOST_CELLS = 100_000_000  # cells of a map
 BONUS = 100.0  # that their planner adds for each move with dx + dy = 0
 
-# msgspec has no constraint "finite"; a million kilometres stand for it.
+# msgspec has no constraint "finite"; a million kilometres serves as the limit.
 Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Length = Annotated[float, Meta(ge=1e-3, le=1e9)]
 Count = Annotated[int, Meta(ge=1, le=10**9)]
@@ -94,11 +94,12 @@ class _ActorItem(msgspec.Struct):
 
 
 class _Time(msgspec.Struct):
-    horizon: Annotated[int, Meta(ge=2)]  # rows, one more than moves
+    horizon: Annotated[int, Meta(ge=2)]  # number of rows: one more than moves
 
 
 class _Resolution(msgspec.Struct):
-    heading: Annotated[int, Meta(ge=4, le=360, multiple_of=4)]  # +x must be one of them
+    # a multiple of 4, so that +x is one of the headings
+    heading: Annotated[int, Meta(ge=4, le=360, multiple_of=4)]
 
 
 class _Map(msgspec.Struct):
@@ -119,24 +120,24 @@ class _Planner(msgspec.Struct):
 
 
 class _Sequence(msgspec.Struct):
-    """A whole `seq.yaml`, with those of its parts that their planner uses."""
+    """A whole `seq.yaml`; the fields are the parts that their planner uses."""
 
     planner: _Planner
 
 
 def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Reads a scene; its map and, where there is one, `starts.csv` must lie beside the file.
+    """Reads a scene; its map and `starts.csv`, if there is one, must be beside the file.
 
     Parameters
     ----------
     path
         The scene's `seq.yaml`.
     seed
-        Number of the start set: rows seed * R .. seed * R + R - 1 of `starts.csv` for R
-        robots. Of no effect where the file's own start poses are used.
+        Number of the start set: rows seed * R .. seed * R + R - 1 of `starts.csv` for R robots. It
+        has no effect if the file's own start poses are used.
     options
-        Words that choose how the scene is understood, see `Conventions`; without options it is
-        understood as their program does.
+        Options that choose how the scene is interpreted, see `Conventions`; by default, it is
+        interpreted as in their program.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     with naming(map_file):
         height_map = HeightMap(heights=_heights(map_file), resolution=world.map.cell)
     source, poses = _starts(path, world, seed, conventions)
-    # Only a start pose can still be wrong, so errors name the file that it came from.
+    # Only start poses can still be wrong, so errors name the file that contains them.
     with naming(source):
         return Problem(
             name=path.resolve().parent.name,
@@ -175,16 +176,18 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
 
 
 def parts(path: Path) -> list[Path]:
-    """Returns the table of start sets; nothing is written whose name ends as that of the map."""
+    """Returns the table of start sets. The map is not included: no output has the ending of its
+    name.
+    """
     return [path.parent / "starts.csv"]
 
 
 def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     """Reads the paths that Greedy Perspectives' planner found for a problem made by `read`.
 
-    The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in
-    any order. Returns one path of T+1 states per robot. The referee, not the reader, says if they
-    can be flown.
+    The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in any
+    order. Returns one path of T+1 states per robot. The referee, not the reader, checks whether
+    they can be flown.
 
     Raises
     ------
@@ -234,12 +237,12 @@ def start_sets(path: Path) -> int:
 
 
 def _their_heading(theta: float, headings: int) -> int:
-    """Returns their heading index of an angle (rad): truncated toward zero, wrapped to +-pi."""
+    """Returns their heading index for an angle (rad): truncated toward zero, wrapped to +-pi."""
     return int(math.remainder(theta, math.tau) / (math.tau / headings)) % headings
 
 
 def our_heading(theirs: int, headings: int) -> int:
-    """Returns our heading index, counted from +x, of theirs, which is counted from +y."""
+    """Returns our heading index, counted from +x, for theirs, which is counted from +y."""
     return (theirs + headings // 4) % headings
 
 
@@ -249,11 +252,11 @@ def _require_index(value: int, size: int, field: str) -> None:
 
 
 class _Loader(CoreLoader):  # type: ignore[misc]  # yamlcore has no annotations
-    """A safe loader of YAML 1.2's core schema, made to fail in one way at what it cannot read.
+    """A safe loader of YAML 1.2's core schema that raises only one type of error.
 
-    By that schema 1e-05 is a number, 012 is twelve, and yes, 1_000, 1:30 and dates are text, which
-    PyYAML and msgspec.yaml, of YAML 1.1, read otherwise. The loader in C, which msgspec.yaml takes,
-    crashes on text that is nested too deeply.
+    In that schema 1e-05 is a number, 012 is twelve, and yes, 1_000, 1:30 and dates are text; PyYAML
+    and msgspec.yaml follow YAML 1.1 and read these differently. The loader in C, which msgspec.yaml
+    uses, crashes on text that is nested too deeply.
     """
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
@@ -272,7 +275,7 @@ class _Loader(CoreLoader):  # type: ignore[misc]  # yamlcore has no annotations
         if len(set(keys)) < len(keys):
             twice = next(key for k, key in enumerate(keys) if key in keys[:k])
             raise ProblemError(f"{twice[:40]}: must be given once in a mapping, not twice")
-        if "<<" in keys:  # YAML 1.1 merges what follows; it must not be lost
+        if "<<" in keys:  # YAML 1.1 merges the mapping that follows, which must not be lost
             line = node.start_mark.line + 1
             raise ProblemError(f"line {line}: must have no merge key <<; write its fields out")
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)
@@ -291,7 +294,7 @@ def _world(text: str) -> _World:
 
 
 def _yaml_in_words(error: yaml.YAMLError) -> str:
-    """Returns where a text is not YAML."""
+    """Describes where a text is not valid YAML."""
     if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
         return "must be YAML, without control characters"
     place = f"line {error.problem_mark.line + 1}, column {error.problem_mark.column + 1}"
@@ -305,9 +308,9 @@ def _yaml_in_words(error: yaml.YAMLError) -> str:
 def _starts(
     path: Path, world: _World, seed: int, conventions: Conventions
 ) -> tuple[Path, list[_Pose]]:
-    """Returns the file that states the start poses, and the pose of each robot."""
+    """Returns the file that contains the start poses, and the pose of each robot."""
     start_sets = path.with_name("starts.csv")
-    # A link that leads nowhere is there, too, and is refused instead of being passed over.
+    # A broken link counts as a file: it is rejected instead of being ignored.
     if conventions.start_set == "seed" and os.path.lexists(start_sets):
         with naming(start_sets):
             return start_sets, _start_set(start_sets, seed, len(world.agents))
@@ -351,9 +354,9 @@ def _robot(pose: _Pose, camera: Camera, motion: Motion, height_map: HeightMap) -
 
 
 def _map_file(path: Path, stated: str) -> Path:
-    """Returns the file of the map, which scenes state relative to a folder further up."""
+    """Returns the file of the map, whose path in scenes is relative to a folder further up."""
     for candidate in (path.parent / Path(stated).name, path.parent / stated):
-        if os.path.isfile(candidate):  # unlike Path.is_file, false too for an impossible name
+        if os.path.isfile(candidate):  # unlike Path.is_file, also false for an impossible name
             return candidate
     raise ProblemError(f"planner.world.map.file: no file {stated!r} beside the scene")
 
@@ -371,7 +374,7 @@ def _heights(path: Path) -> FloatArray:
             heights = np.lib.format.read_array(file, allow_pickle=False)
     except ProblemError:
         raise
-    except Exception as error:  # NumPy names no set of errors for a damaged file
+    except Exception as error:  # NumPy does not document which errors a damaged file raises
         raise ProblemError(
             "must be a .npy array of numbers, as numpy.save writes it; it is damaged or cut off"
         ) from error

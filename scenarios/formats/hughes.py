@@ -18,15 +18,16 @@ rows t = 1.. of the evaluation    steps 0..T, `count_start`
 no obstacles, no collision rule   `NO_RULES` on a flat map
 ================================  =========================================================
 
-The robots are those of a solution: `solution_*.json` beside the scene, or, as they are published,
-`<planner>/solution.json`. A solution that is named in place of the scene is the one; its scene is
-beside it or in the folder above. The states of their formation planner lie between the cells:
-such a solution can be evaluated, not flown. Where there is no other, robots start in the cells
-that are nearest to where it starts.
+The robots come from a solution: `solution_*.json` beside the scene or, in the published data,
+`<planner>/solution.json`. If a solution is named in place of the scene, its robots are used; its
+scene must be beside it or in the folder above. The states of their formation planner lie between
+the cells: such a solution can be evaluated but not flown. If there is no other solution, robots
+start in the cells nearest to its starts.
 
-`robot_fovs`, `sense_dist` and `num_robots` are in the file but were not used, and are not read.
-Their planner adds 0.02 for keeping the heading and 0.01 for keeping the position. These are no part
-of their evaluation; they are part of the objective only with the option `bonus`.
+`robot_fovs`, `sense_dist` and `num_robots` are in the file, but their planner does not use them and
+they are not read here. Their planner adds 0.02 for keeping the heading and 0.01 for keeping the
+position. These are no part of their evaluation; they are part of the objective only with the option
+`bonus`.
 """
 
 import logging
@@ -67,16 +68,17 @@ FLIGHT_HEIGHT = 5.0  # m
 BODY = Prism(sides=6, apothem=0.484, height=1.8)
 MOTION = Motion(radius=2, headings=8, turn=1, layers=(FLIGHT_HEIGHT,), corner_cutting=True)
 HEADINGS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
-MOST_CELLS = 10_000  # along an edge
+MOST_CELLS = 10_000  # cells along an edge
 _ON_THE_EDGE = 1e-9  # rad
 EVALUATED = Objective(count_start=True)
 PLANNED = EVALUATED.replace(keep_heading=0.02, keep_cell=0.01)
 
 OPTIONS = Options({"bonus": NO_YES})
 
-# Words that tell their files from other JSON.
+# Words that distinguish their files from other JSON files.
 SCENE, SOLUTION = b'"actor_positions"', b'"elements"'
-BESIDE, BELOW = "solution_*.json", "*/solution.json"  # a scene; the latter is as published
+# patterns of solutions for a scene; the second one is that of the published data
+BESIDE, BELOW = "solution_*.json", "*/solution.json"
 
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 
@@ -91,8 +93,8 @@ class _Area(msgspec.Struct):
 
 
 class _Person(msgspec.Struct):
-    location: tuple[Coordinate, Coordinate, Coordinate]  # m; the height does not count
-    rotation: tuple[Coordinate, Coordinate, Coordinate]  # rad; the last one counts
+    location: tuple[Coordinate, Coordinate, Coordinate]  # m; the height is ignored
+    rotation: tuple[Coordinate, Coordinate, Coordinate]  # rad; only the last angle is used
     weight: Annotated[float, Meta(ge=0, le=MOST_WEIGHT)]
 
 
@@ -108,11 +110,11 @@ class _State(msgspec.Struct):
 
     @property
     def is_cell(self) -> bool:
-        """True if the state is in the middle of a cell."""
+        """True if the state is at the centre of a cell."""
         return float(self.x).is_integer() and float(self.y).is_integer()
 
     def nearest(self, size: tuple[int, int]) -> State:
-        """Returns the nearest state in the middle of a cell, on a map of so many cells."""
+        """Returns the nearest state at the centre of a cell, on a map of the given size."""
         x, y = (
             min(max(round(at) - 1, 0), cells - 1)
             for at, cells in zip((self.x, self.y), size, strict=True)
@@ -147,7 +149,7 @@ T = TypeVar("T")
 
 
 def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
-    """Reads a scene; a solution beside it says where its robots start.
+    """Reads a scene; a solution beside it gives the start states of its robots.
 
     Parameters
     ----------
@@ -156,8 +158,8 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     seed
         Without effect: nothing in the scene is random.
     options
-        With {"bonus": "yes"} the objective is the one that their planner maximises, else it is
-        their evaluation.
+        With {"bonus": "yes"} the objective is that of their planner; otherwise it is their
+        evaluation.
 
     Raises
     ------
@@ -183,7 +185,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     with naming(given):
         return Problem(
             name=path.resolve().parent.name,
-            # The middles of the cells are at 1, 2, ..
+            # The centres of the cells are at 1, 2, ..
             height_map=HeightMap(heights=np.zeros(size), origin=(0.5, 0.5)),
             robots=tuple(
                 Robot(start=start, motion=MOTION, camera=Cone())
@@ -197,7 +199,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
 
 
 def parts(path: Path) -> list[Path]:
-    """Returns the scene and its solutions, given either."""
+    """Returns the scene and its solutions, given the path of the scene or of a solution."""
     scene, solutions = _scene_and_solutions(path)
     return [scene, *solutions]
 
@@ -257,13 +259,13 @@ def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_Stat
                 continue
             way = np.array([centre[0] - state.x, centre[1] - state.y, -FLIGHT_HEIGHT])
             ahead = abs(way[0] * math.cos(yaw) + way[1] * math.sin(yaw))
-            square = float(way @ way) or math.inf  # at the face itself nothing is seen
+            square = float(way @ way) or math.inf  # a camera exactly at the face sees nothing
             coverage[face] += ahead * max(0.0, -float(way @ normal)) / square**2
     return float(problem.step_weights[t] @ np.sqrt(coverage))
 
 
 def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
-    """Returns the file of a scene and those of its solutions, given either."""
+    """Returns the files of the scene and of its solutions, given the path of either."""
     if os.path.isfile(path) and SOLUTION in path.read_bytes():
         for folder in (path.parent, path.parent.parent):
             files = [file for file in sorted(folder.glob("*.json")) if file.is_file()]
@@ -285,7 +287,9 @@ def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
 
 
 def _first_on_grid(solutions: list[Path]) -> tuple[Path, _Solution]:
-    """Returns the first solution whose states are cells; the first of all if there is none."""
+    """Returns the first solution whose states are cells or, if there is none, the first
+    solution.
+    """
     found = []
     for given in solutions:
         with naming(given):
@@ -296,7 +300,7 @@ def _first_on_grid(solutions: list[Path]) -> tuple[Path, _Solution]:
 
 
 def _starts(path: Path, solution: _Solution, size: tuple[int, int]) -> list[State]:
-    """Returns where the robots of a solution start, in order, on a map of so many cells."""
+    """Returns the start states of a solution's robots, in order, on a map of the given size."""
     if solution.is_on_grid:
         return [states[0] for states in _paths(solution)]
     log.warning(

@@ -8,12 +8,11 @@ y = row of the height map, one metre wide: world y grows down the printed map, s
 its mirror image. Free terrain (`.` and `G` ground, `S` swamp) has height 0; everything else
 (`@` and `O` out of bounds, `T` trees, `W` water) becomes a column.
 
-The rows of a scenario are trips from a start to a goal. The first rows let an actor walk their
-trip, on a shortest path that does not cut corners, as the benchmark's optimal lengths assume;
-actors ignore each other. The starts of others, those with somebody near first, are those of the
-robots. Where too few are near, the next rows' actors walk in place of the first ones.
-Without such an order (`near`), the first rows put a robot on their start each, and the following
-ones are the actors'.
+Each row of a scenario is a trip from a start to a goal. The first rows become actors, who walk on a
+shortest path that does not cut corners, as the benchmark's optimal lengths assume; actors ignore
+each other. Robots start at the starts of other rows, beginning with those that are near an actor.
+If too few starts are near an actor, the actors of the next rows replace the first ones. Without
+such an order (`near` is None), the first rows become robots and the following ones actors.
 """
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
@@ -48,7 +47,7 @@ class _Trip(NamedTuple):
 
     start: GridCell
     goal: GridCell
-    length: float  # cells; some files, as `tunnel.scen`, hold 0 throughout
+    length: float  # 0 in all rows of some files, such as `tunnel.scen`
 
     def walk(self, graph: Graph) -> list[GridCell] | None:
         """Returns the cells of a shortest path, both ends included; None where there is none."""
@@ -62,7 +61,7 @@ class _Trip(NamedTuple):
 
 
 class _Numbers(Mapping[str, Any]):
-    """The words of an option that is a number, or several with commas, and what they stand for."""
+    """The allowed words of an option that is one number or several, separated by commas."""
 
     def __init__(self, default: str, kind: type, least: float, several: bool = False) -> None:
         self._default, self._kind, self._least, self._several = default, kind, least, several
@@ -95,8 +94,9 @@ OPTIONS = Options(
         "near": _Numbers(f"{NEAR:g}", float, 0),
     }
 )
-_ATTEMPTS = 10  # people whom drones are sought near to, before it is given up
-_ARGUMENTS = {"drones": "robots", "people": "actors"}  # of `read`, where they are called otherwise
+_ATTEMPTS = 10  # attempts to find people near whom drones can start
+# parameters of `read` with another name than their option
+_ARGUMENTS = {"drones": "robots", "people": "actors"}
 
 
 def read(
@@ -114,15 +114,15 @@ def read(
     """Reads a scenario; the map that it names must lie beside it.
 
     Robots first look toward the actor that is nearest to them. Actors walk one cell a step, look
-    where they go, and stand still once they have arrived. For a robot, rows are skipped whose
-    start is blocked or taken; for an actor, rows between whose ends there is no path.
+    where they go, and stand still once they have arrived. For a robot, rows are skipped if their
+    start is blocked or taken; for an actor, if no path joins their ends.
 
     Parameters
     ----------
     path
         The `.scen` file.
     seed
-        0 takes the rows in the order of the file, any other seed in a random order of its own.
+        0 takes the rows in the order of the file; any other seed gives a random order.
     options
         Words for drones, people, steps, layers and near, in place of the arguments below.
     robots, actors, steps
@@ -132,8 +132,8 @@ def read(
     layers
         Flight heights, m; robots start at the first.
     near
-        m; robots start where the fewest moves bring them so near to an actor that they see, and
-        where that is possible within the steps. None takes the rows as they come.
+        Distance, m. Robots start where the fewest moves bring them within this distance of an actor
+        that they see, if the steps suffice. None takes the rows in their order.
 
     Raises
     ------
@@ -161,15 +161,15 @@ def read(
 
 
 class _Found(NamedTuple):
-    """The robots' starts and the actors' walks that rows give."""
+    """The robots' starts and the actors' walks that the rows give."""
 
     starts: list[GridCell]
     walks: list[list[GridCell]]
-    others: int = 0  # free starts of the rows that actors leave, near somebody or not
+    others: int = 0  # free starts in rows that no actor uses, near an actor or not
 
 
 class _Cast(NamedTuple):
-    """The robots and actors that are wanted; the fields are the arguments of `read`."""
+    """The robots and actors that the caller asks for; the fields are the parameters of `read`."""
 
     robots: int
     actors: int
@@ -183,13 +183,13 @@ class _Cast(NamedTuple):
         return Motion(layers=self.layers)
 
     def require_possible(self) -> None:
-        """Raises a ProblemError if there cannot be so few."""
+        """Raises a ProblemError if the number of robots or actors is too small."""
         least = {"robots": (self.robots, 1), "actors": (self.actors, 0), "steps": (self.steps, 1)}
         for name, (value, low) in least.items():
             _require(value >= low, name, f"must be >= {low}, not {value}")
 
     def people(self, walks: Iterable[list[GridCell]]) -> tuple[Actor, ...]:
-        """Returns the actors on their walks."""
+        """Returns the actors that walk the given walks."""
         return tuple(Actor(poses=_poses(walk, self.steps)) for walk in walks)
 
     def placed(
@@ -223,11 +223,11 @@ class _Cast(NamedTuple):
         return found.starts, found.walks
 
     def _is_enough(self, found: _Found) -> bool:
-        """Returns True if starts and walks are as many as wanted."""
+        """Returns True if there are as many starts and walks as the caller asks for."""
         return (len(found.starts), len(found.walks)) == (self.robots, self.actors)
 
     def _too_few(self, found: _Found, trips: list[_Trip], free: BoolArray, graph: Graph) -> str:
-        """Says which of starts and walks are too few, with the counts of the whole file."""
+        """Says whether starts or walks are too few, with the counts of the whole file."""
         starts = sum(1 for _ in _distinct_starts(trips, free))
         words = (
             f"must give {self.robots} drones a free start of their own and {self.actors} people, "
@@ -267,7 +267,7 @@ def _nearest(
     workspace: Workspace,
     motion: Motion,
 ) -> list[GridCell]:
-    """Returns starts in the order of how many moves bring a robot near somebody in sight."""
+    """Returns the starts, ordered by the number of moves to a place near a visible actor."""
     encounters = Encounters(workspace, motion, people, len(people[0].poses) - 1, near)
     meets = encounters.graph.without_border(encounters.can_meet())[0]
     moves = encounters.graph.without_border(encounters.moves_to_meet())[0]
@@ -358,7 +358,7 @@ def _trip(fields: list[str], line: str, shape: tuple[int, ...]) -> _Trip:
 def _shuffled(trips: list[_Trip], seed: int) -> list[_Trip]:
     if seed == 0:
         return trips
-    # Only Random.random() is promised to give the same numbers in later versions of Python.
+    # Of Python's random functions, only random() is guaranteed to give the same numbers later.
     rng = random.Random(seed)
     return sorted(trips, key=lambda _: rng.random())
 
@@ -387,7 +387,7 @@ def _paths(trips: Iterable[_Trip], graph: Graph) -> int:
 def _robot(start: GridCell, walks: Sequence[Sequence[GridCell]], motion: Motion) -> Robot:
     """Returns a robot at `start` with the heading nearest to the direction of the nearest person.
 
-    Of several that are as near, it is the first.
+    If several headings are equally near, the first is taken.
     """
     target = min((walk[0] for walk in walks), key=lambda at: math.dist(at, start), default=start)
     angle = math.atan2(target[1] - start[1], target[0] - start[0])
@@ -402,7 +402,7 @@ def _poses(walk: list[GridCell], steps: int) -> FloatArray:
     moves = np.diff(cells, axis=0)
     times = np.arange(steps + 1)
     poses[:, :2] = cells[np.minimum(times, len(cells) - 1)] + 0.5
-    if len(moves):  # having arrived, it keeps looking where it last went
+    if len(moves):  # after arrival, it keeps its last heading
         dx, dy = moves[np.minimum(times, len(moves) - 1)].T
         poses[:, 3] = angles_of(dy, dx)
     return poses

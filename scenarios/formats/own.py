@@ -1,6 +1,7 @@
-"""Reader of the project's own scene files, in the contract of all formats.
+"""Reader of the project's own scene files, with the interface of all formats.
 
-It is handed all JSON that is not a scene of somebody else's, and says what that is.
+It receives every JSON file that is not a scene of another program, and its errors say what the file
+is instead.
 """
 
 from pathlib import Path
@@ -15,7 +16,7 @@ from cocap_opt.scenarios.text import naming, read_text
 
 
 def read(path: Path, seed: int = 0) -> Problem:
-    """Reads a scene that `SceneFile.save` wrote; it has no seed.
+    """Reads a scene that `SceneFile.save` wrote; the seed has no effect.
 
     Raises
     ------
@@ -28,13 +29,13 @@ def read(path: Path, seed: int = 0) -> Problem:
 
 
 def _require_own(text: str) -> None:
-    """Raises a ProblemError if a text is sound JSON, but no document of this project."""
+    """Raises a ProblemError if a text is valid JSON but not a document of this project."""
     if kind := kind_of_text(text):
         raise ProblemError(f"is {kind.name}, which is not a scene: {kind.way_out}")
     try:
         content = msgspec.json.decode(text)
     except (msgspec.MsgspecError, RecursionError):
-        return  # whoever reads it says where it is damaged
+        return  # the reader of the scene reports where the text is damaged
     if not isinstance(content, dict) or "format" not in content:
         raise ProblemError(
             "is JSON, but no scene: a scene of cocap-opt has the field format, as "

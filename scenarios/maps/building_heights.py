@@ -1,7 +1,7 @@
-"""From where to where a building reaches, as its properties in a file say.
+"""The bottom and the top of a building, given by its properties in a file.
 
 Sources: the tags of OpenStreetMap, https://wiki.openstreetmap.org/wiki/Simple_3D_Buildings (heights
-are in metres unless they say otherwise, and count from the ground), and the properties of OSM
+are in metres unless they have another unit, and count from the ground), and the properties of OSM
 Buildings, https://osmbuildings.org/documentation/data/.
 """
 
@@ -15,7 +15,7 @@ import msgspec
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.scenarios.earth.lengths import stated_length
 
-STOREY = 3.0  # m; what Simple 3D Buildings proposes where only storeys are known
+STOREY = 3.0  # m; the value that Simple 3D Buildings proposes if only storeys are known
 
 _TOP = "height", "buildingheight", "estheight"
 _STOREYS = "buildinglevels", "levels"
@@ -26,28 +26,29 @@ _KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS)
 
 _LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 _FEET_AND_INCHES = re.compile(r"(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")  # or a decimal comma; nobody can know
-_HSTORE = re.compile(r'"([^"]+)"=>"([^"]*)"')  # as GDAL writes all other tags of OpenStreetMap
+_THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")  # thousands or a decimal comma; ambiguous
+# the form in which GDAL writes all other tags of OpenStreetMap
+_HSTORE = re.compile(r'"([^"]+)"=>"([^"]*)"')
 _FROM_FOOT = re.compile(r"\s*\b(?:above ground(?: level)?|agl)$", re.IGNORECASE)
 _FOOT, _INCH = 0.3048, 0.0254  # m
 
 
 class Extent(NamedTuple):
-    """From where to where a building reaches, m above its foot."""
+    """The bottom and the top of a building, m above its foot."""
 
     bottom: float = 0.0
-    top: float | None = None  # None: it has no height of its own
-    is_counted: bool = False  # in storeys
+    top: float | None = None  # None: the file states no height
+    is_counted: bool = False  # computed from storeys
 
 
 _Given = tuple[str, Any]  # name of a property as the file spells it, and its value
 
 
 def extent(properties: Mapping[str, Any], field: str) -> Extent:
-    """Returns from where to where a building reaches.
+    """Returns the bottom and the top of a building.
 
-    Names of properties may be spelt in large letters or as one word, and be in `tags`. A height
-    counts before storeys, of which each has `STOREY` metres.
+    Names of properties may be in capitals or written as one word, and may be in `tags`. A height
+    takes precedence over storeys, each of which has `STOREY` metres.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
 
 
 def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
-    """Returns the properties that are known here, by names without separators, in small letters."""
+    """Returns the known properties, by names in lower case without separators."""
     found: dict[str, _Given] = {}
     for name, value in _flat(properties, field):
         key = re.sub(r"[\s_:\-]", "", name).casefold()
@@ -95,12 +96,12 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
 
 
 def _is_same(value: Any, other: Any) -> bool:
-    """Returns True if two values are the same, or the same length: 9, "9" and "9 m"."""
+    """Returns True if two values are equal or are the same length, such as 9, "9" and "9 m"."""
     return value == other or _metres(value) == _metres(other)
 
 
 def _flat(properties: Mapping[str, Any], field: str) -> list[tuple[str, Any]]:
-    """Returns names and values, those in `tags` as well, as osmtogeojson and GDAL nest them."""
+    """Returns names and values, including those nested in `tags`, as by osmtogeojson and GDAL."""
     nested: list[tuple[str, Any]] = []
     for name in ("tags", "other_tags"):
         tags = properties.get(name)
@@ -114,7 +115,7 @@ def _flat(properties: Mapping[str, Any], field: str) -> list[tuple[str, Any]]:
 
 
 def _pair(tag: Mapping[str, Any], field: str) -> tuple[str, Any]:
-    """Returns the name and the value of a tag in a list, as OpenStreetMap's own XML has them."""
+    """Returns the name and the value of a tag in a list, the form of OpenStreetMap's own XML."""
     for name, value in (("k", "v"), ("key", "value")):
         if isinstance(tag.get(name), str) and value in tag:
             return tag[name], tag[value]
@@ -122,7 +123,7 @@ def _pair(tag: Mapping[str, Any], field: str) -> tuple[str, Any]:
 
 
 def _tags(text: str, field: str) -> dict[str, Any]:
-    """Returns the tags in a text, as GDAL writes them: JSON, or pairs `"name"=>"value"`."""
+    """Returns the tags in a text written by GDAL: JSON, or pairs `"name"=>"value"`."""
     if _HSTORE.search(text) or not text.strip():
         return dict(_HSTORE.findall(text))
     try:
@@ -136,11 +137,11 @@ def _tags(text: str, field: str) -> dict[str, Any]:
 def _length(
     given: Mapping[str, _Given], names: tuple[str, ...], field: str, least: float | None = None
 ) -> float | None:
-    """Returns the first of some properties that is there, in m; None: none is.
+    """Returns the first of some properties that is present, in m; None if none is.
 
     Parameters
     ----------
-    least : that is allowed; None: it must be above 0
+    least : smallest allowed value; None: it must be above 0
     """
     found = next((given[name] for name in names if name in given), None)
     if found is None:
@@ -157,7 +158,7 @@ def _length(
 
 
 def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> float | None:
-    """Returns the first of some counts of storeys that is there."""
+    """Returns the first of some numbers of storeys that is present; None if none is."""
     found = next((given[name] for name in names if name in given), None)
     if found is None:
         return None
@@ -174,7 +175,7 @@ def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> 
 
 
 def _metres(value: Any) -> float:
-    """Returns a length (m), in metres where it says no unit; nan if it is none."""
+    """Returns a length in m, which is also the unit of plain numbers; nan if it is not a length."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         return math.nan
     text = str(value).strip().replace("\N{PRIME}", "'").replace("\N{DOUBLE PRIME}", '"')
@@ -184,6 +185,6 @@ def _metres(value: Any) -> float:
     found = _LENGTH.fullmatch(text)
     if found is None or _THOUSANDS.fullmatch(found[1]):
         return math.nan
-    # What is above the sea or a geoid does not count from the building's foot.
+    # Heights above the sea or a geoid do not count from the foot of the building.
     unit = stated_length(_FROM_FOOT.sub("", found[2]) or "m")
     return math.nan if unit is None else float(found[1].replace(",", ".")) * unit.metres

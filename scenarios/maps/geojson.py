@@ -69,20 +69,20 @@ class _FeatureCollection(_Object, tag="FeatureCollection"):
 
 
 class FoundPolygon(NamedTuple):
-    """A polygon in GeoJSON, with coordinates as they are there."""
+    """A polygon in GeoJSON, with the coordinates of the file."""
 
     polygon: Polygon
-    field: str  # of the feature that it is in, as messages name it
+    field: str  # of its feature, for messages
     properties: dict[str, Any]
 
 
 def read_geojson(text: str) -> tuple[list[FoundPolygon], Counter[str], Any]:
-    """Returns the polygons of GeoJSON; what has no geometry, or an empty one, is left out.
+    """Returns the polygons of GeoJSON; features with no or an empty geometry are left out.
 
     Returns
     -------
     the polygons, the number of geometries of each kind that are not polygons, and the reference
-    system as GeoJSON 2008 has it (msgspec.UNSET: it has none)
+    system in the form of GeoJSON 2008 (msgspec.UNSET: it has none)
 
     Raises
     ------
@@ -117,7 +117,7 @@ def _system(content: Any) -> Any:
 
 
 def _features(content: Any) -> Iterator[tuple[str, _Feature]]:
-    """Yields the features, each with the words before the names of its fields."""
+    """Yields the features, each with the prefix of the names of its fields."""
     match content:
         case _FeatureCollection():
             yield from ((f"features[{k}].", feature) for k, feature in enumerate(content.features))
@@ -128,7 +128,9 @@ def _features(content: Any) -> Iterator[tuple[str, _Feature]]:
 
 
 def _polygons(geometry: Any, field: str, others: Counter[str]) -> Iterator[Polygon]:
-    """Yields the polygons of a geometry that are not empty, and counts what is none."""
+    """Yields the non-empty polygons of a geometry, and counts the geometries that are not
+    polygons.
+    """
     match geometry:
         case _GeometryCollection():
             for k, part in enumerate(geometry.geometries):
@@ -145,7 +147,7 @@ def _polygons(geometry: Any, field: str, others: Counter[str]) -> Iterator[Polyg
 
 
 def _polygon(rings: list[Ring], field: str) -> Iterator[Polygon]:
-    """Yields the polygon of some rings, unless it is empty."""
+    """Yields the polygon with the given rings, unless it is empty."""
     if not rings or not rings[0]:
         return
     outer, *holes = (_ring(ring, f"{field}[{k}]") for k, ring in enumerate(rings) if ring)

@@ -23,10 +23,10 @@ from cocap_opt.scenarios.tables import Unit
 from cocap_opt.text import pair
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
-APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
+APART, EARTH = 100.0, 6_371_008.8  # m, distance between compared points; radius of the Earth
 WEB_MERCATOR = 3857  # EPSG
-FULL, STEEP = 255, 50  # the largest byte, and by how much it may stand out as a height
-CACHE = 64  # MB; GDAL's own choice is a share of all memory
+FULL, STEEP = 255, 50  # the largest byte, and by how much it may exceed its neighbours as a height
+CACHE = 64  # MB; by default, GDAL uses a share of all memory
 
 
 def read(
@@ -57,7 +57,7 @@ def read(
 
 @contextmanager
 def _unlogged() -> Iterator[None]:
-    """Leaves out what GDAL says of a file, in its own words, through the log of rasterio."""
+    """Suppresses GDAL's own messages about a file in the log of rasterio."""
     log = logging.getLogger("rasterio")
     before = log.level
     log.setLevel(logging.CRITICAL + 1)
@@ -105,7 +105,7 @@ def _named(crs: Any) -> str | None:
 
 
 def _refuse_full_bytes(values: FloatArray) -> None:
-    """Raises a ProblemError if 255 in a raster of bytes must mean that there is no data.
+    """Raises a ProblemError if 255 in a raster of bytes can only mean that there is no data.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _band(dataset: Any, band: int | None) -> int:
 
 
 def _refuse_coordinates(crs: Any) -> None:
-    """Raises a ProblemError unless coordinates of a system are in metres, if it says."""
+    """Raises a ProblemError if a system states that its coordinates are not metres."""
     if crs and crs.is_geographic:
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees; convert the map with "
@@ -161,9 +161,9 @@ def _stated_heights(dataset: Any, band: int) -> Stated | None:
 
 
 def _refuse_stretched(dataset: Any) -> None:
-    """Raises a ProblemError if metres of the projection are none on the ground, as in web maps.
+    """Raises a ProblemError if metres of the projection differ from metres on the ground.
 
-    Metres of web Mercator (EPSG:3857) are metres at the equator, and half as long at 60 degrees.
+    A metre of web Mercator (EPSG:3857) is a metre at the equator, and half as long at 60 degrees.
     """
     if not (dataset.crs and dataset.crs.is_projected):
         return
@@ -191,7 +191,7 @@ def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, Flo
 
     try:
         east, north = np.radians(transform(crs, "EPSG:4326", x, y))
-    except Exception as error:  # GDAL's own errors have no public base
+    except Exception as error:  # GDAL's own errors have no public base class
         raise ProblemError(
             f"coordinates: must lie where their projection is defined, not at {pair(x[0], y[0])}"
         ) from error
@@ -204,7 +204,7 @@ def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, Flo
 
 def _layout(dataset: Any) -> Layout:
     transform = dataset.transform
-    if transform.is_identity:  # what GDAL gives, too, where the file has none
+    if transform.is_identity:  # also returned by GDAL if the file has no transform
         raise _no_geotransform()
     turned = max(abs(transform.b) * dataset.height, abs(transform.d) * dataset.width)  # m
     if turned > SLIVER * min(abs(transform.a), abs(transform.e)):
@@ -220,7 +220,7 @@ def _layout(dataset: Any) -> Layout:
 
 
 def _in_file(met: range, cells: int, increasing: bool) -> range:
-    """Returns the cells `met` of an axis in the numbers of the file, which may count down."""
+    """Returns the cells `met` of an axis in the numbering of the file, which may be descending."""
     return met if increasing else range(cells - met.stop, cells - met.start)
 
 

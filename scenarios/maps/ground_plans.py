@@ -34,7 +34,7 @@ Meaning = Literal["obstacles", "walkable"]
 
 SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
-_OTHER_JSON = {  # keys of other files of polygons, and what they are
+_OTHER_JSON = {  # keys of other formats of polygons, and the names of the formats
     "arcs": "is TopoJSON: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
     "geometryType": "is JSON of Esri: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
     "elements": "is JSON of Overpass: osmtogeojson writes it as GeoJSON",
@@ -47,12 +47,13 @@ class GroundPlan(NamedTuple):
 
     walkable: tuple[BaseGeometry, ...]
     obstacles: tuple[BaseGeometry, ...]
-    extents: tuple[Extent, ...] = ()  # those that the file says, of the first obstacles
-    properties: tuple[str, ...] = ()  # of the features of GeoJSON that these obstacles are in
-    notes: tuple[str, ...] = ()  # what is left out of the file, or taken for granted
+    # extents of the first obstacles, as far as the file states them
+    extents: tuple[Extent, ...] = ()
+    properties: tuple[str, ...] = ()  # properties in GeoJSON of the features of these obstacles
+    notes: tuple[str, ...] = ()  # what was left out of the file or assumed
 
     def told(self, k: int) -> str:
-        """Says why an obstacle or a border of this number has no height of its own."""
+        """Explains why the obstacle or border with this number has no height of its own."""
         if k >= len(self.properties):
             return "the file has none"
         listed = self.properties[k] or "none"
@@ -64,10 +65,10 @@ class _Plan(msgspec.Struct):
 
     walkable: Ring
     obstacles: list[Ring] = []
-    unit: str = ""  # the last word counts: "cm in file; polygon in m"
+    unit: str = ""  # the last word of it is used: "cm in file; polygon in m"
 
     def settled_unit(self, stated: str | None) -> str:
-        """Returns the unit that the file states, or else the recipe."""
+        """Returns the unit that the file states or, if it states none, the unit of the recipe."""
         last = self.unit.split()[-1:]
         if last and last[0] not in PER_METRE:
             raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
@@ -89,15 +90,18 @@ def ground_plan(
     ----------
     text : of the file
     name : of a ground plan in JSON; None: the only one
-    unit : of the coordinates; None: as the file says, else degrees in GeoJSON, and m in others
+    unit : of the coordinates; None: as stated in the file, otherwise degrees in GeoJSON and m in
+        other files
     meaning : of the polygons of GeoJSON and WKT
-    projection : makes metres of degrees; its system is that of the file if it states another
+    projection : converts degrees to metres; its system is that of the file if the file states
+        another
 
     Raises
     ------
     ProblemError
         If the text is of another kind or has no such ground plan, a polygon crosses itself, or
-        coordinates are in another system, or degrees of a scene whose place is unknown.
+        coordinates are in another system, or are degrees although the scene has no place on the
+        Earth.
     """
     if text.lstrip().startswith("<"):
         raise ProblemError(
@@ -122,7 +126,7 @@ def ground_plan(
 
 
 def sound(polygon: Polygon, field: str) -> BaseGeometry:
-    """Returns a polygon (m) as it is meant, or raises a ProblemError if nobody can know that.
+    """Returns a valid polygon (m), or raises a ProblemError if the polygon is ambiguous.
 
     Rings may pass a point twice, or cross themselves by a rounding.
 
@@ -133,7 +137,7 @@ def sound(polygon: Polygon, field: str) -> BaseGeometry:
     if shapely.is_valid(polygon):
         return polygon
     mended = shapely.make_valid(polygon)
-    # A loop that is run through the other way round counts negative, or twice, in the one area.
+    # In the area, a loop with the other orientation counts negative or twice.
     if abs(polygon.area - mended.area) > SLIVER:
         reason = shapely.is_valid_reason(polygon)
         at = re.search(r"\[(\S+) (\S+?)\]", reason)
@@ -145,9 +149,9 @@ def sound(polygon: Polygon, field: str) -> BaseGeometry:
 
 
 def _named(text: str, name: str | None) -> _Plan:
-    """Returns the ground plan of this name in JSON."""
+    """Returns the ground plan with this name in JSON."""
     try:
-        decode_json(text, msgspec.Raw)  # first of all it must be JSON
+        decode_json(text, msgspec.Raw)  # first check that it is JSON
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(in_words(error, text, msgspec.Raw)) from error
     _refuse_other_json(text)
@@ -170,7 +174,7 @@ def _refuse_other_json(text: str) -> None:
     try:
         keys = msgspec.json.decode(text, type=dict[str, msgspec.Raw])
     except msgspec.MsgspecError:
-        return  # what it should be is said next
+        return  # the next error describes the expected form
     for key in (key for key in _OTHER_JSON if key in keys):
         raise ProblemError(_OTHER_JSON[key])
 
@@ -183,7 +187,7 @@ def _of_polygons(
     meaning: Meaning | None,
     projection: MapProjection,
 ) -> GroundPlan:
-    """Returns the ground plan of GeoJSON or WKT, all of whose polygons mean the same."""
+    """Returns the ground plan in GeoJSON or WKT, all of whose polygons have the same meaning."""
     if name is not None:
         raise ProblemError(f"name: must be left out where the file is {kind.name}")
     if meaning is None:
@@ -225,14 +229,16 @@ def _of_polygons(
 
 
 def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str], StatedSystem]:
-    """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
+    """Returns the polygons of GeoJSON or WKT, counts of its other geometries, and the stated
+    system.
+    """
     if kind == GEOJSON:
         items, others, crs = read_geojson(text)
         found = [item._replace(polygon=_without_flat_holes(item.polygon)) for item in items]
         return found, others, StatedSystem.by_crs(crs)
     stated, plain = StatedSystem.by_srid(text)
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite values are rejected later
             geometry = shapely.force_2d(shapely.from_wkt(plain))
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         if "closed" in str(error):
@@ -251,7 +257,7 @@ def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str],
 
 
 def _without_flat_holes(polygon: Polygon) -> Polygon:
-    """Returns the same area without holes of fewer than three points, which hold nothing."""
+    """Returns the same area without holes of fewer than three points, which have no area."""
     holes = [
         hole for hole in polygon.interiors if len(np.unique(np.array(hole.coords), axis=0)) > 2
     ]
@@ -259,7 +265,7 @@ def _without_flat_holes(polygon: Polygon) -> Polygon:
 
 
 def _left_out(polygons: Sequence[BaseGeometry | None], others: Counter[str]) -> Iterator[str]:
-    """Says what of a file is left out, if anything is."""
+    """Describes the parts of a file that are left out, if any."""
     if others:
         yield f"only polygons count; left out: {_counted(others)}"
     if far := sum(part is None for part in polygons):
@@ -280,6 +286,6 @@ def _shown(properties: Mapping[str, Any]) -> str:
 
 
 def _require_points(polygons: Sequence[Polygon]) -> None:
-    """Raises a ProblemError if polygons are endless."""
+    """Raises a ProblemError if polygons have infinite coordinates."""
     if not np.abs(shapely.get_coordinates(polygons)).max() <= LARGEST:  # true for nan, too
         raise ProblemError(f"coordinates: must be finite numbers within +-{plain(LARGEST)} m")

@@ -1,4 +1,4 @@
-"""The land cover of a recipe: areas of GeoJSON that pictures of the scene show on its ground."""
+"""The land cover of a recipe: areas in GeoJSON, drawn on the ground in pictures of the scene."""
 
 import logging
 from collections import Counter
@@ -22,31 +22,31 @@ from cocap_opt.world.workspace import HeightMap
 
 log = logging.getLogger(__name__)
 
-_MOST_TOLD = 5  # words that are not kinds, in a warning
+_MOST_TOLD = 5  # unknown words listed in a warning
 _BY_WORD: dict[object, Land] = {land: land for land in LANDS}
 
 
 class LandCoverTable(Table):
     """One of the tables `land_cover` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`.
 
-    The file is GeoJSON, in degrees unless it or the table says otherwise.
+    The file is GeoJSON, in degrees unless the file or the table states another unit.
     """
 
     file: str
-    property: str = "kind"  # of the file's features, which says what is there
-    # What words of the file mean that are not kinds themselves.
+    property: str = "kind"  # of the file's features: the property that contains the kind of land
+    # The kinds that other words of the file stand for.
     kinds: dict[str, Land] = msgspec.field(default_factory=dict)
-    unit: Unit | None = None  # None: as the file says, else degrees
+    unit: Unit | None = None  # None: as stated in the file, otherwise degrees
 
     def areas(
         self, folder: Path, height_map: HeightMap, projection: MapProjection = NOWHERE
     ) -> tuple[LandCover, ...]:
-        """Reads the areas of the file, as far as they lie on the map.
+        """Reads the areas of the file, cut off at the edges of the map.
 
         Parameters
         ----------
         folder : of the file that the table names
-        projection : makes metres of longitudes and latitudes
+        projection : converts longitudes and latitudes to metres
 
         Raises
         ------
@@ -80,7 +80,7 @@ class LandCoverTable(Table):
         return tuple(areas)
 
     def _say(self, others: Counter[str]) -> None:
-        """Says which words of the file are not kinds of land."""
+        """Logs which words of the file are not kinds of land."""
         if others:
             told = ", ".join(f"{word!r:.30} ({n})" for word, n in others.most_common(_MOST_TOLD))
             more = ", .." if len(others) > _MOST_TOLD else ""

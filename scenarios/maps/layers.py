@@ -1,7 +1,8 @@
-"""Further maps of heights on the map of a recipe: buildings, canopies of trees, and the like.
+"""Layers on the map of a recipe: maps of the heights of buildings, canopies of trees, and others.
 
-A layer adds what stands on the ground, and never takes anything away: where two say something of a
-cell, the higher one counts. What hangs in the air, as crowns above bare trunks, becomes boxes.
+A layer adds obstacles on the ground and never removes any: if the map and a layer both have a
+height in a cell, the greater one counts. Obstacles above free space, such as crowns above bare
+trunks, become boxes.
 """
 
 import logging
@@ -21,12 +22,12 @@ from cocap_opt.world.workspace import HeightMap, Mesh
 
 log = logging.getLogger(__name__)
 
-UNDERSIDE, TOP = 0.5, 1.0  # m, to which those of crowns are rounded, outwards: fewer boxes
-MOST_BOXES = 5_000  # of a layer: each is a body that may hide people
+UNDERSIDE, TOP = 0.5, 1.0  # m, steps to which crowns are rounded outwards, to have fewer boxes
+MOST_BOXES = 5_000  # of a layer; each box is a body that may hide people
 
 
 class Layered(NamedTuple):
-    """A terrain with a layer on it, and the bodies of the layer that do not reach the ground."""
+    """A terrain that includes a layer, and the bodies of the layer that do not reach the ground."""
 
     terrain: Terrain
     bodies: tuple[Mesh, ...]
@@ -36,22 +37,23 @@ class LayerTable(Table):
     """One of the tables `layer` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str
-    unit: Unit | None = None  # of the heights; None: as the file says, else m
+    unit: Unit | None = None  # of the heights; None: as stated in the file, otherwise m
     heights: Literal["above-ground", "absolute"] = "above-ground"
     band: int | None = None
     nodata: float | None = None
-    lowest: Size = 0.0  # m above the ground; what is lower is not an obstacle
-    trunks: Length | None = None  # m above the ground, up to which crowns leave room; None: none
+    lowest: Size = 0.0  # m above the ground; lower things are not obstacles
+    # m above the ground, height of the free space below crowns; None: no free space
+    trunks: Length | None = None
 
     def onto(self, terrain: Terrain, folder: Path) -> Layered:
-        """Returns a terrain with this layer on it.
+        """Returns a terrain with this layer added.
 
-        A cell takes the highest of all that lies in it, even in part. Where the file has no data
-        it adds nothing. What is no higher than `trunks` is solid down to the ground.
+        The height of a cell is the greatest height that overlaps it. Cells without data add
+        nothing. Obstacles up to the height `trunks` are solid down to the ground.
 
         Parameters
         ----------
-        terrain : what the layer lies on, other layers included
+        terrain : the terrain below the layer, including other layers
         folder : of the file that the table names
 
         Raises
@@ -96,7 +98,7 @@ class LayerTable(Table):
             raise ProblemError(str(error).replace(missed, words)) from error
 
     def _say_holes(self, above: FloatArray) -> None:
-        """Says how much of the map the layer tells nothing of, if it is much."""
+        """Logs which share of the map has no data in the layer, if the share is large."""
         share = float(np.isnan(above).mean())
         if share >= 0.005:
             log.warning(
@@ -105,7 +107,9 @@ class LayerTable(Table):
             )  # fmt: skip
 
     def _crowns(self, terrain: Terrain, tops: FloatArray, hangs: BoolArray) -> tuple[Mesh, ...]:
-        """Returns boxes from where trunks end up to the tops, both rounded outwards."""
+        """Returns boxes from the top of the trunks to the top of the crowns, both rounded
+        outwards.
+        """
         assert self.trunks is not None
         low = np.floor((terrain.ground + self.trunks) / UNDERSIDE).astype(np.int64)
         high = np.ceil(np.where(hangs, tops, 0.0) / TOP).astype(np.int64)
@@ -126,7 +130,7 @@ class LayerTable(Table):
 
 
 def highest_in_cells(raster: Raster, height_map: HeightMap) -> FloatArray:
-    """Returns the highest value of a raster in each cell of a map [X, Y]; nan where it has none.
+    """Returns the highest value of a raster in each cell of a map [X, Y]; nan without data.
 
     A cell of the raster counts for every cell of the map that it overlaps.
     """
@@ -151,7 +155,7 @@ def highest_in_cells(raster: Raster, height_map: HeightMap) -> FloatArray:
 
 
 def _covered(begin: float, length: float, count: int) -> tuple[IntArray, IntArray]:
-    """Returns the first and the last cell [n] that each of n equal intervals overlaps.
+    """Returns the first and the last cell [n] that each of n intervals of equal length overlaps.
 
     Parameters
     ----------
@@ -168,9 +172,11 @@ Box = tuple[int, int, int, int, int, int]  # cells x0, y0, x1, y1 (ends left out
 
 
 def merged(there: BoolArray, low: IntArray, high: IntArray) -> list[Box]:
-    """Returns boxes that together are the columns of some cells from `low` to `high`, all [X, Y].
+    """Returns boxes that together fill the columns of the given cells from `low` to `high`, all [X,
+    Y].
 
-    Each box is a rectangle of cells alike: the longest run along y, as wide as it goes.
+    Each box is a rectangle of cells with equal values: the longest run along y, extended along x as
+    far as possible.
     """
     boxes: list[Box] = []
     left = there.copy()

@@ -7,7 +7,7 @@ from shapely.geometry.base import BaseGeometry
 
 
 def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
-    """Yields the single geometries of one that may be a collection of collections."""
+    """Yields the single geometries of a geometry, which may be a nested collection."""
     if hasattr(geometry, "geoms"):
         for part in geometry.geoms:
             yield from parts_of(part)
@@ -16,7 +16,7 @@ def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
 
 
 def polygons_of(geometry: BaseGeometry) -> Iterator[Polygon]:
-    """Yields the polygons of an area, without those of no area, and without lines and points."""
+    """Yields the polygons of an area; polygons without area, lines and points are left out."""
     for part in parts_of(geometry):
         if isinstance(part, Polygon) and part.area > 0:
             yield part

@@ -1,7 +1,8 @@
-"""In which coordinates polygons of GeoJSON and WKT are, and what they are in metres of the scene.
+"""The coordinate systems of polygons in GeoJSON and WKT, and their conversion to metres.
 
-GeoJSON is in longitudes and latitudes of WGS 84 unless it says otherwise (RFC 7946), whatever its
-extent. WKT says it by a number, "SRID=4326;", as PostGIS writes it first, or not at all.
+GeoJSON is in longitudes and latitudes of WGS 84 unless it states another system (RFC 7946),
+whatever its extent. WKT states its system by a number before the geometry, "SRID=4326;", the form
+of PostGIS, or not at all.
 """
 
 import re
@@ -21,29 +22,30 @@ from cocap_opt.scenarios.kinds import GEOJSON, Kind
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.text import pair
 
-DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
+# names of systems of longitude and latitude that are converted to metres
+DEGREES = ("4326", "CRS84")
 MERCATOR = ("3857", "900913")
 SAYS_LENGTHS = 'unit = "m" in [[walls]] means that they are metres'
-_DIGITS = 9  # of a code, more than any has
+_DIGITS = 9  # of a code, more than any code has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
 _MOST_EAST, _MOST_NORTH = 360.0, 90.0  # degrees; some count them from 0 to 360
-_SMALL_PLAN, _SMALL_PART = 1.0, 0.05  # m, or degrees: what is smaller is hardly in metres
-_LONGEST = 0.01  # degrees, of an edge; straight on the map it is then to 3 cm up to latitude 60
+_SMALL_PLAN, _SMALL_PART = 1.0, 0.05  # m, or degrees: smaller plans are unlikely to be in metres
+_LONGEST = 0.01  # degrees, of an edge; up to latitude 60 it is then straight on the map to 3 cm
 _SAME_UNIT = 1e-5  # relative
 
 
 class StatedSystem(NamedTuple):
-    """The reference system that a file of GeoJSON or WKT states, if it does."""
+    """The reference system that a file of GeoJSON or WKT states, if any."""
 
     field: str
-    name: str = ""  # as GeoJSON has it
+    name: str = ""  # in the form of GeoJSON
     code: int | None = None  # of EPSG
-    is_null: bool = False  # the system is unknown, as GeoJSON 2008 has it
+    is_null: bool = False  # the system is unknown, which GeoJSON 2008 writes as null
 
     @classmethod
     def by_srid(cls, text: str) -> tuple["StatedSystem", str]:
-        """Returns the system that WKT begins with, and the rest of the text."""
+        """Returns the system at the beginning of WKT, and the rest of the text."""
         found = _SYSTEM.match(text)
         if found is None:
             return cls("SRID"), text
@@ -62,7 +64,9 @@ class StatedSystem(NamedTuple):
         return not self.name and self.code is None
 
     def is_one_of(self, systems: Sequence[str]) -> bool:
-        """Returns True if the code, or else a whole word of the name, is one of some."""
+        """Returns True if the code, or else a whole word of the name, is one of the given
+        systems.
+        """
         if self.code is not None:
             return str(self.code) in systems
         return bool(re.search(rf"(?<!\d)({'|'.join(systems)})(?!\d)", self.name))
@@ -75,18 +79,18 @@ def in_metres(
     unit: str | None,
     projection: MapProjection,
 ) -> list[Polygon | None]:
-    """Returns polygons in m of the scene; None in place of those that are far from it.
+    """Returns polygons in m of the scene, and None for those that are far from it.
 
     Parameters
     ----------
     kind : of the file, GeoJSON or WKT
-    unit : of lengths, as the recipe says; None: it says none
+    unit : of lengths, stated by the recipe; None: not stated
 
     Raises
     ------
     ProblemError
-        If their coordinates are unknown, or they are in others than the scene, or none
-        is near it.
+        If their system is unknown or differs from that of the scene, or if no polygon is near the
+        scene.
     """
     if stated.is_one_of(DEGREES):
         if unit is not None:
@@ -111,7 +115,7 @@ def in_metres(
 
 
 def _require_degrees(polygons: Sequence[Polygon]) -> None:
-    """Raises a ProblemError if coordinates of GeoJSON can be no longitudes and latitudes."""
+    """Raises a ProblemError if coordinates of GeoJSON cannot be longitudes and latitudes."""
     points = shapely.get_coordinates(polygons)
     wrong = (np.abs(points) > (_MOST_EAST, _MOST_NORTH)).any(axis=1)
     if wrong.any():
@@ -123,7 +127,7 @@ def _require_degrees(polygons: Sequence[Polygon]) -> None:
 
 
 def _may_be_degrees(polygons: Sequence[Polygon], projection: MapProjection) -> bool:
-    """Returns True if coordinates of WKT lie where degrees do, and are hardly metres."""
+    """Returns True if coordinates of WKT could be degrees and are unlikely to be metres."""
     points = shapely.get_coordinates(polygons)
     if (np.abs(points) > (_MOST_EAST, _MOST_NORTH)).any():
         return False
@@ -140,9 +144,9 @@ def _may_be_degrees(polygons: Sequence[Polygon], projection: MapProjection) -> b
 def _of_degrees(
     polygons: Sequence[Polygon], projection: MapProjection, hint: str
 ) -> list[Polygon | None]:
-    """Returns polygons of longitudes and latitudes in m; None in place of those far away.
+    """Returns polygons of longitudes and latitudes in m, and None for those that are far away.
 
-    Edges are straight in degrees, and are cut so that they can bend on the map.
+    Edges are straight in degrees and are subdivided, so that they can bend on the map.
     """
     here = None if projection.earth is None else projection.place[1]
     whole = [_unwrapped(polygon, here) for polygon in polygons]
@@ -153,7 +157,8 @@ def _of_degrees(
             return found
     longitude, latitude = shapely.get_coordinates(whole).T
     try:
-        projection.metres(latitude, longitude)  # which says why it cannot
+        # raises an error with the reason if it cannot convert
+        projection.metres(latitude, longitude)
     except ProblemError as error:
         raise ProblemError(f"{error}{hint}") from error
     raise AssertionError("points that are near the map make no polygon far from it")
@@ -167,9 +172,9 @@ def _is_near(polygon: Polygon, projection: MapProjection) -> bool:
 
 
 def _unwrapped(polygon: Polygon, longitude: float | None) -> Polygon:
-    """Returns a polygon that may cross 180 degrees with all its longitudes around one of them.
+    """Returns a polygon that may cross 180 degrees, with all longitudes near the given one.
 
-    Its long edges are cut.
+    Its long edges are subdivided.
     """
     around = float(polygon.exterior.coords[0][0]) if longitude is None else longitude
     rings = []
@@ -179,7 +184,7 @@ def _unwrapped(polygon: Polygon, longitude: float | None) -> Polygon:
         if points[0, 0] != points[-1, 0]:
             if abs(points[0, 0] - points[-1, 0]) > 1:
                 raise ProblemError("coordinates: must not go around a pole")
-            points[-1] = points[0]  # a rounding
+            points[-1] = points[0]  # closes the ring, which rounding may have opened
         points[:, 0] += 360 * np.round((around - points[:, 0].mean()) / 360)
         around = float(points[:, 0].mean())
         rings.append(_cut(points))
@@ -189,7 +194,7 @@ def _unwrapped(polygon: Polygon, longitude: float | None) -> Polygon:
 def _cut(ring: FloatArray) -> FloatArray:
     """Returns a ring [n, 2] (degrees) with more points, so that no edge is long.
 
-    It is cut as a line: of a polygon GEOS would change the area where it crosses itself.
+    It is treated as a line, because for a polygon that crosses itself GEOS would change the area.
     """
     if not np.ptp(ring, axis=0).any():
         return ring

@@ -1,7 +1,8 @@
 """Rasters of heights: axes, windows and missing heights, and the square cells of a problem.
 
-Readers have rows [Y, X] with the northernmost first, as files hold them; `Layout.raster` turns
-them. A cell of a `Grid` takes the highest or the mean height of the source cells that it overlaps.
+Readers return rows [Y, X] with the northernmost first, the order of files; `Layout.raster` turns
+them. The height of a cell of a `Grid` is the highest or the mean of the source cells that it
+overlaps.
 """
 
 import math
@@ -14,14 +15,14 @@ from numpy.typing import ArrayLike
 from cocap_opt.data import LARGEST, SMALLEST, FloatArray, ProblemError
 from cocap_opt.text import plain
 
-MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can spell far more
-LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, taken for metres, is smaller
+MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can expand to far more
+LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, read as metres, is smaller
 LOWEST, HIGHEST = -500.0, 9000.0  # m; all land on Earth lies between -430 and 8849
-SLIVER = 1e-6  # cells; less than what rounding of large coordinates leaves
-TINY_CELL, TINY_MAP = 0.05, 10.0  # m; of degrees, 3 minutes and a tile of ten degrees
-MOST_CELLS = 1_000_000  # of a grid; coverage of more cannot be computed
-SQUARE = 0.1  # cells by which a raster of nearly square cells may be off over its whole length
-ROUNDING = 1e-9  # relative: edges that agree so well are the same
+SLIVER = 1e-6  # cells; less than the rounding errors of large coordinates
+TINY_CELL, TINY_MAP = 0.05, 10.0  # m; if read as metres, 3 minutes of arc and a tile of ten degrees
+MOST_CELLS = 1_000_000  # of a grid; coverage of larger grids cannot be computed
+SQUARE = 0.1  # cells; greatest deviation from square cells over the whole length of a raster
+ROUNDING = 1e-9  # relative: edges that differ by less are the same
 
 How = Literal["highest", "mean"]
 Window = tuple[float, float, float, float]  # m: x0, y0, x1, y1
@@ -36,10 +37,10 @@ class Raster(NamedTuple):
     crs: str | None = None  # reference system that the file states, as a code or WKT
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Returns the heights (m) of the cells that hold points (x, y) in m.
+        """Returns the heights (m) of the cells that contain the points (x, y) in m.
 
-        The height is nan outside and in holes. A cell holds its lower edges, not its upper ones,
-        as in `HeightMap.cell_of`. The arrays may have any shapes that broadcast.
+        The height is nan outside and in holes. A cell contains its lower edges, but not its upper
+        ones, as in `HeightMap.cell_of`. The arrays may have any shapes that broadcast.
         """
         with np.errstate(invalid="ignore"):  # inf and nan lie outside
             i = np.floor((np.asarray(x, dtype=float) - self.origin[0]) / self.cell[0])
@@ -70,8 +71,8 @@ class Layout(NamedTuple):
         Raises
         ------
         ProblemError
-            If the axes are out of range, the window is not a rectangle or misses the raster, or the
-            cells are more than can be read.
+            If the axes are out of range, the window is not a rectangle or misses the raster, or
+            there are too many cells.
         """
         self._require_room()
         columns, rows = range(self.cells[0]), range(self.cells[1])
@@ -91,11 +92,11 @@ class Layout(NamedTuple):
         return columns, rows
 
     def refuse_degrees(self, way_out: str) -> None:
-        """Raises a ProblemError if tiny cells lie where degrees do.
+        """Raises a ProblemError if the cells are tiny and the coordinates could be degrees.
 
         Parameters
         ----------
-        way_out : what to do if they are metres all the same
+        way_out : advice for coordinates that are in metres nevertheless
         """
         low, high = np.array(self.lower), np.array(self.upper)
         on_globe = bool((low >= (-180, -90)).all() and (high <= (180, 90)).all())
@@ -109,7 +110,7 @@ class Layout(NamedTuple):
             )
 
     def cut(self, columns: range, rows: range) -> "Layout":
-        """Returns the layout of only these cells along x and along y."""
+        """Returns the layout of only the given cells along x and along y."""
         corner = self._edge(0, columns.start), self._edge(1, rows.start)
         return Layout(corner, self.cell, (len(columns), len(rows)))
 
@@ -135,7 +136,7 @@ class Layout(NamedTuple):
         Raises
         ------
         ProblemError
-            If the scale is of no use, or a height is beyond all land.
+            If the scale is not usable, or a height is outside the range of all land.
         """
         for value in nodata:
             _mark_holes(rows, value)
@@ -169,10 +170,10 @@ class Layout(NamedTuple):
             _require(inside, f"origin: must lie, as all of the raster, within +-{plain(LARGEST)} m")
 
     def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
-        """Refuses values that must mean that there is no data, though the file does not say so."""
+        """Raises a ProblemError if values can only be an unstated mark of missing data."""
         least, most = sorted((limit - offset) / scale for limit in (LOWEST, HIGHEST))
         low, high = np.fmin.reduce(rows, axis=None), np.fmax.reduce(rows, axis=None)
-        if not (low < least or high > most):  # nan where all is a hole
+        if not (low < least or high > most):  # nan if all cells are holes
             return
         value = f"{low if low < least else high:.9g}"
         row, column = np.unravel_index(np.argmax((rows < least) | (rows > most)), rows.shape)
@@ -186,9 +187,9 @@ class Layout(NamedTuple):
 
 
 def _mark_holes(rows: FloatArray, nodata: float | None) -> None:
-    """Makes cells nan that hold the value `nodata`, as far as single precision tells them apart.
+    """Sets cells with the value `nodata` to nan, compared in single precision.
 
-    Files often spell a single precision limit such as -3.4e38 with a few digits only.
+    Files often write only a few digits of a single-precision limit such as -3.4e38.
     """
     if nodata is not None:
         with np.errstate(over="ignore"):
@@ -209,7 +210,7 @@ def _require_rectangle(window: Window) -> None:
     )
 
 
-# -- square cells: rows are reduced first, and then columns, for both ways separate along the axes
+# -- square cells: rows are reduced before columns, because both reductions are separable
 
 
 class Grid(NamedTuple):
@@ -221,7 +222,7 @@ class Grid(NamedTuple):
 
     @classmethod
     def of(cls, raster: Raster, resolution: float | None = None, how: How = "highest") -> "Grid":
-        """Returns the raster on square cells, from its lower left corner on.
+        """Returns the raster on square cells, beginning at its lower left corner.
 
         The last cells may reach over the raster's edge by less than a cell; they take the heights
         that they overlap. A cell that overlaps a hole is a hole.
@@ -231,9 +232,9 @@ class Grid(NamedTuple):
         raster
             The raster.
         resolution
-            Edge of a cell, m. None keeps the raster's own cells where they are square, to within
-            a tenth of a cell over the whole raster (the edge is then the mean of theirs); where
-            they are not, it is the smaller of their edges.
+            Edge of a cell, m. None keeps the raster's own cells if they are square to within a
+            tenth of a cell over the whole raster (the edge is then the mean of their edges);
+            otherwise, it is the smaller of their edges.
         how
             "highest": no obstacle is lost, and obstacles grow by up to a cell. "mean": weighted by
             the area of the overlap.
@@ -289,12 +290,12 @@ def _nearly_square(raster: Raster) -> bool:
 
 
 def refuse_too_many(field: str, name: str, width: float, height: float, resolution: float) -> None:
-    """Raises a ProblemError if width x height m have more cells than are allowed.
+    """Raises a ProblemError if an area of width x height m has more cells than allowed.
 
     Parameters
     ----------
-    field : that has them, for the message
-    name : of what makes them fewer
+    field : that determines the area, for the message
+    name : of the quantity that reduces the number of cells
     """
     x, y = (math.ceil(length / resolution * (1 - ROUNDING)) for length in (width, height))
     if x * y > MOST_CELLS:
@@ -343,7 +344,7 @@ def _mean(values: FloatArray, edges: FloatArray) -> FloatArray:
     return mean
 
 
-# Functions of values along the first axis and edges of target cells: one value per target cell.
+# Functions of values along the first axis and of edges of target cells: a value per target cell.
 _REDUCTIONS: dict[How, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "highest": _highest,
     "mean": _mean,

@@ -4,8 +4,8 @@ They become a `Raster`, with the file's own cells, and holes where the file has 
 `cocap_opt.scenarios.maps.raster` brings it to the square cells of a planning problem.
 
 Source of the format of ESRI ASCII grids (`.asc`): ESRI, "Esri ASCII raster format", ArcGIS
-documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost
-row first. As GDAL does, `dx` and `dy` are taken for cells that are not square.
+documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost row
+first. As in GDAL, `dx` and `dy` are accepted for cells that are not square.
 """
 
 from collections.abc import Iterator
@@ -35,13 +35,13 @@ KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
     "nodata_value",
 )  # fmt: skip
-CHUNK = 1 << 20  # bytes; a file is never held as text
-LONGEST = 200  # bytes, of a line of the header
+CHUNK = 1 << 20  # bytes; a file is never kept in memory as text
+LONGEST = 200  # bytes, longest line of the header
 
-_PLAIN = {"Scale": 1, "Offset": 0}  # GDAL's, of heights that are stored as they are
-_MOST_BESIDE = 1 << 20  # bytes of a file beside a grid; WKT has some thousands
+_PLAIN = {"Scale": 1, "Offset": 0}  # GDAL's fields for heights without scale and offset
+_MOST_BESIDE = 1 << 20  # bytes of a file beside a grid; WKT has a few thousand
 
-# The reference system, None where a file only says its units, and the unit of the heights.
+# The reference system, None if a file states only its units, and the unit of the heights.
 _Said = tuple[str | None, Stated | None]
 Header = dict[str, str]
 
@@ -54,20 +54,21 @@ def read_raster(
     window: Window | None = None,
     unit: Unit | None = None,
 ) -> Raster:
-    """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever numbers the file holds.
+    """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever the type of numbers in the
+    file.
 
-    A GeoTIFF may be south-up, have cells that are not square, and hold integers with a scale
-    and an offset. It must have a geotransform. Coordinates must be metres; where neither the file
-    nor one beside it (`.prj`, `.aux.xml`) says what they are, metres are taken for granted.
+    A GeoTIFF may be south-up, have cells that are not square, and hold integers with a scale and an
+    offset. It must have a geotransform. Coordinates must be in metres, which is assumed if neither
+    the file nor a file beside it (`.prj`, `.aux.xml`) states their unit.
 
     Parameters
     ----------
     path
         The file.
     band
-        Number of the band, from 1; needed where a GeoTIFF has several.
+        Number of the band, from 1; needed if a GeoTIFF has several bands.
     nodata
-        A stored value that means that there is no data, besides the one that the file states.
+        A stored value that marks missing data, in addition to the one that the file states.
     window
         x0, y0, x1, y1 in m: only cells that overlap it are kept, and of a GeoTIFF only those are
         read. None: all.
@@ -203,16 +204,16 @@ def _nodata(header: Header) -> float | None:
     if "nodata_value" not in header:
         return None
     try:
-        return plain_number(header["nodata_value"])  # may be far beyond all heights, or nan
+        return plain_number(header["nodata_value"])  # may be far above all heights, or nan
     except ValueError as error:
         text = header["nodata_value"][:40]
         raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
 
 
 def _require_rows(file: BinaryIO, layout: Layout) -> None:
-    """Raises a ProblemError if lines are rows and have other lengths than the header says.
+    """Raises a ProblemError if the lines are rows but their length differs from the header.
 
-    Values may be wrapped as one likes; but if a line holds a row, each line must.
+    Values may be wrapped in any way; but if one line contains exactly a row, every line must.
     """
     width, height = layout.cells
     counts = _values_per_line(file)
@@ -230,9 +231,9 @@ def _require_rows(file: BinaryIO, layout: Layout) -> None:
 
 
 def _values_per_line(file: BinaryIO) -> IntArray:
-    """Counts the values on each line of the rest of a file; lines without any are left out.
+    """Counts the values on each line of the rest of a file; lines without values are left out.
 
-    The file then stands where it stood.
+    The position in the file does not change.
     """
     start, counts, begun, in_word = file.tell(), [np.zeros(0, int)], 0, False
     while chunk := file.read(CHUNK):
@@ -281,7 +282,7 @@ def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
 
 def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
     try:
-        if b"_" in b" ".join(words):  # see `plain_number`, which would be slow here
+        if b"_" in b" ".join(words):  # see `plain_number`, which would be too slow here
             raise ValueError
         return np.fromiter(map(float, words), np.float64, len(words))
     except ValueError as error:
@@ -293,18 +294,19 @@ def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
         ) from error
 
 
-# -- files beside a grid that tell its reference system
+# -- files beside a grid that state its reference system
 
 
 def _beside(path: Path) -> _Said | None:
     """Reads the system and units of a grid from `.prj`, `.qpj` and `.aux.xml` beside it, if any.
 
-    They are named as the grid, with the ending in its place or after it, in large or small letters.
+    Their names are that of the grid with another or a second ending, in upper or lower case.
 
     Raises
     ------
     ProblemError
-        If one says that x and y are not metres, or nobody can judge what it says; it is named.
+        If a file states that x and y are not in metres, or states a system that is unknown; the
+        message names the file.
     """
     found = [told for other in _files_beside(path) for told in _read_beside(other)]
     if not found:
@@ -347,12 +349,13 @@ def _read_beside(path: Path) -> Iterator[_Said]:
 
 def _of_system(text: str, units: Units) -> _Said:
     require_metres(units)
-    is_one = not text.strip().casefold().startswith("projection")  # Arc/Info's is for people
+    # Arc/Info's format is not machine-readable
+    is_one = not text.strip().casefold().startswith("projection")
     return text.strip() if is_one else None, units.heights
 
 
 def _of_xml(content: bytes) -> Iterator[_Said]:
-    """Yields what GDAL and ArcGIS keep beside a raster: a system, a unit of heights."""
+    """Yields the system and the unit of heights that GDAL and ArcGIS store beside a raster."""
     for element in xml_root(content, "XML").iter():
         text = (element.text or "").strip()
         match element.tag.rpartition("}")[2]:

@@ -25,11 +25,11 @@ from cocap_opt.world.workspace import HeightMap
 
 log = logging.getLogger(__name__)
 
-SURFACE = "surface"  # in place of the ground's file
-DEEP = 1.0  # m below the ground; more in a map of heights above the ground is a mistake
+SURFACE = "surface"  # instead of a file for the ground
+DEEP = 1.0  # m below the ground; a lower value in a map of heights above the ground is an error
 
 
-_HARDLY = 1e-3  # m; lifts by less are none
+_HARDLY = 1e-3  # m; smaller lifts are ignored
 
 
 class Terrain(NamedTuple):
@@ -40,7 +40,8 @@ class Terrain(NamedTuple):
     crs: str | None = None  # reference system that the map's file states
 
     def divided(self, parts: int) -> "Terrain":
-        """Returns the same terrain with each cell divided in so many along x and y.
+        """Returns the same terrain with each cell divided into this number of parts along x and
+        along y.
 
         Flight heights above the ground go from cell to cell without jumps.
         """
@@ -57,9 +58,9 @@ class Terrain(NamedTuple):
         return self._replace(height_map=finer, ground=_repeated(self.ground, parts))
 
     def lifted(self, slope: float, most: float) -> "Terrain":
-        """Returns the terrain with flight heights that rise by no more than a slope, m per m.
+        """Returns the terrain with flight heights whose slope is at most the given one, m per m.
 
-        They are nowhere closer to the ground than before, and higher by `most` (m) at most.
+        They are nowhere closer to the ground than before, and at most `most` (m) higher.
         """
         height_map = self.height_map
         if height_map.datum is None:
@@ -71,19 +72,21 @@ class Terrain(NamedTuple):
         return self._replace(height_map=height_map.replace(lift=lift))
 
     def floor(self, x: float, y: float) -> float:
-        """Returns the altitude of the ground at a point (m); outside, that of the nearest cell."""
+        """Returns the altitude of the ground at a point (m); outside the map, the altitude of the
+        nearest cell.
+        """
         i, j = self.height_map.cell_of(x, y)
         width, depth = self.height_map.shape
         return float(self.ground[min(max(i, 0), width - 1), min(max(j, 0), depth - 1)])
 
 
 def _rise_bounded(ground: FloatArray, rise: float) -> FloatArray:
-    """Returns the lowest surface [X, Y] that is nowhere below another and rises slowly.
+    """Returns the lowest surface [X, Y] that is nowhere below a given one and has a limited slope.
 
     Parameters
     ----------
     ground : [X, Y] m
-    rise : m that it may rise from a cell to one that shares an edge; times sqrt(2) diagonally
+    rise : greatest rise, m, between cells that share an edge; times sqrt(2) diagonally
     """
     found = ground.copy()
     slow = rise, rise * math.sqrt(2)
@@ -103,12 +106,12 @@ def _rise_bounded(ground: FloatArray, rise: float) -> FloatArray:
 
 
 def _repeated(values: FloatArray, parts: int) -> FloatArray:
-    """Returns values [X, Y] of cells in each of the parts that they are divided in."""
+    """Returns values [X, Y] on divided cells, where each part has the value of its cell."""
     return values.repeat(parts, axis=0).repeat(parts, axis=1)
 
 
 def _between(values: FloatArray, parts: int) -> FloatArray:
-    """Returns values [X, Y] of cells in each of the parts that they are divided in, linearly."""
+    """Returns values [X, Y] on divided cells, interpolated linearly."""
     for axis in (0, 1):
         size = values.shape[axis]
         at = ((np.arange(size * parts) + 0.5) / parts - 0.5).clip(0, size - 1)
@@ -120,10 +123,10 @@ def _between(values: FloatArray, parts: int) -> FloatArray:
 
 
 class MapTable(Table):
-    """Table `map` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
+    """The table `map` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str | None = None
-    unit: Unit | None = None  # of the heights in files; None: as the file says, else m
+    unit: Unit | None = None  # of the heights in files; None: as stated in the file, otherwise m
     size: tuple[Length, Length] | None = None
     origin: Point | None = None
     heights: Literal["above-ground", "absolute"] = "above-ground"
@@ -138,15 +141,15 @@ class MapTable(Table):
     def terrain(self, folder: Path, flight: Flight) -> Terrain:
         """Builds the terrain that the table describes.
 
-        Obstacles keep their height above the ground, so that on a slope nobody is sunk into a
-        coarse cell: a cell's ground is the mean of the ground that it covers, and its obstacle
-        the highest.
+        Obstacles keep their height above the ground, so that on a slope no person is inside a
+        coarse cell: the ground of a cell is the mean of the ground that it covers, and its obstacle
+        is the highest one in it.
 
         Parameters
         ----------
         folder : of the files that the table names
         flight : datum of flight heights; "above-ground" makes the ground the map's datum, otherwise
-            the map keeps it beside its heights
+            the map stores the ground separately
 
         Raises
         ------
@@ -171,7 +174,7 @@ class MapTable(Table):
         highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
         level = Grid.of(surface._replace(values=bare), self.resolution, "mean")
         above, ground = highest.filled(None, "file"), level.filled(None, "ground")
-        # Flat ground at 0 is what the heights tell by themselves, if they are what they seem.
+        # Flat ground at 0 is not stored: it is the default of a height map.
         told = ground if ground.any() else None
         is_datum = flight == "above-ground"
         height_map = HeightMap(
@@ -194,7 +197,7 @@ class MapTable(Table):
         return Terrain(HeightMap(heights=flat, resolution=resolution, origin=origin), flat)
 
     def _surface(self, folder: Path) -> Raster:
-        """Reads the map's own file, with `fill` where it has no data."""
+        """Reads the map's own file and replaces missing data by `fill`."""
         raster = read_raster(
             folder / str(self.file), band=self.band, nodata=self.nodata, window=self.window,
             unit=self.unit,
@@ -240,5 +243,5 @@ class MapTable(Table):
         return result
 
 
-# What the fields are of which a flat map has none: their defaults.
+# Default values of the fields that a flat map does not use.
 _FLAT_HAS = {field.name: field.default for field in msgspec.structs.fields(MapTable)}

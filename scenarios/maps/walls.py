@@ -33,18 +33,19 @@ class WallsTable(Table):
     """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`.
 
     The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}, in m
-    unless it says "unit" there, or GeoJSON, in degrees unless it or the table says otherwise, or
-    WKT.
+    unless it has a "unit"; or GeoJSON, in degrees unless the file or the table states another unit;
+    or WKT.
     """
 
     file: str
-    height: Length | None = None  # above base, of what has none in GeoJSON
+    height: Length | None = None  # m above base, of obstacles without a height in GeoJSON
     name: str | None = None  # of a ground plan in the file; None: the only one
-    polygons: Meaning | None = None  # what those of GeoJSON and WKT are
-    unit: Unit | None = None  # None: as the file says, else degrees in GeoJSON, m in others
+    polygons: Meaning | None = None  # the meaning of polygons in GeoJSON and WKT
+    # None: as stated in the file, otherwise degrees in GeoJSON and m in other files
+    unit: Unit | None = None
     border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
-    at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
-    base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
+    at: Point = (0.0, 0.0)  # m, position of the plan's origin
+    base: Coordinate | None = None  # m, altitude of the foot of the walls; None: the lowest ground
 
     def meshes(
         self, folder: Path, lowest: float, projection: MapProjection = NOWHERE
@@ -55,7 +56,7 @@ class WallsTable(Table):
         ----------
         folder : of the file that the table names
         lowest : altitude (m) of the lowest ground
-        projection : makes metres of longitudes and latitudes
+        projection : converts longitudes and latitudes to metres
 
         Raises
         ------
@@ -87,7 +88,9 @@ class WallsTable(Table):
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
 
     def _top(self, extent: Extent, k: int, plan: GroundPlan) -> float:
-        """Returns the top (m above the foot) of the wall of this number, or that of the table."""
+        """Returns the top (m above the foot) of the wall with this number, by default the
+        table's.
+        """
         if extent.top is not None:
             return extent.top
         if self.height is None:
@@ -101,7 +104,7 @@ class WallsTable(Table):
 
 
 def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
-    """Returns the solid above an area (m, of polygons), from one altitude to another.
+    """Returns the solid above an area (polygons, m) between two altitudes.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
     """
     if not bottom < height:
         raise ProblemError(f"height: must be above {bottom:g} m, not {height:g}")
-    # A point that is repeated would make a side of no length, which is no side of a solid.
+    # A repeated point would give a side without length, which a solid must not have.
     parts = [orient(shapely.remove_repeated_points(part)) for part in polygons_of(area)]
     if not parts:
         raise ProblemError("must have an area")

@@ -1,11 +1,12 @@
-"""Meshes in files: bridges and other solids that a height map cannot hold.
+"""Meshes in files: bridges and other solids that a height map cannot represent.
 
-Each reader reads all that a file declares, or refuses it and says why. To add a format: one module
-with a function `read_..(path)` that returns `MeshFaces`, and one line in `FORMATS`.
+Each reader reads everything that a file declares, or rejects the file with a reason. To add a
+format: one module with a function `read_..(path)` that returns `MeshFaces`, and one line in
+`FORMATS`.
 
-There is a reader of our own for each format, for libraries leave out in silence what they do not
-know: trimesh 5.2 sparse accessors, strips beside faces and negative numbers of vertices, assimp 5
-strips and indented lines; plyfile 1.1 takes lists of length -3, and bytes after the last row.
+The project has its own reader for each format, since libraries silently ignore what they do not
+support: trimesh 5.2 sparse accessors, strips beside faces and negative numbers of vertices, assimp
+5 strips and indented lines; plyfile 1.1 accepts lists of length -3, and bytes after the last row.
 """
 
 import math
@@ -28,8 +29,8 @@ from cocap_opt.scenarios.text import naming
 from cocap_opt.text import plain, unread
 from cocap_opt.world.workspace import Mesh
 
-# By the ending of the name: the reader, the axis that is upwards (z as in surveys), and the kind
-# of file that its first bytes tell, if they do.
+# By ending: the reader, the axis that points up (z as in surveys), and the kind of file by its
+# first bytes, if they identify it.
 FORMATS: dict[str, tuple[Callable[[Path], MeshFaces], Literal["y", "z"], Kind | None]] = {
     ".obj": (read_obj, "z", None),
     ".glb": (read_gltf, "y", GLB),
@@ -44,18 +45,19 @@ class MeshTable(Table):
     """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str
-    unit: Unit = "m"  # of its coordinates
-    up: Literal["y", "z"] | None = None  # axis that is upwards; None: y for glTF, z for others
+    unit: Unit = "m"  # unit of its coordinates
+    up: Literal["y", "z"] | None = None  # axis that points up; None: y for glTF, z for others
     turn: Coordinate = 0.0  # degrees about its origin, counter-clockwise seen from above
-    at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, where its origin lies
+    at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, position of its origin
 
     def mesh(self, folder: Path) -> Mesh:
-        """Reads all geometry of the file as one mesh; vertices at the same place become one.
+        """Reads all geometry of the file as one mesh; vertices at the same place are merged.
 
         Raises
         ------
         ProblemError
-            If the file cannot be read whole or holds no triangles; one line, naming the file.
+            If the file cannot be read completely or contains no triangles; the message is one line
+            that names the file.
         """
         path = folder / self.file
         with naming(path):
@@ -68,7 +70,7 @@ class MeshTable(Table):
                 vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
             turn = math.radians(self.turn)
             mesh = Mesh(vertices=_placed(vertices, turn, self.at), triangles=triangles)
-            if not len(mesh.surface):  # the corners of all triangles are in a line
+            if not len(mesh.surface):  # the corners of all triangles are on a line
                 raise ProblemError(_NOTHING)
             return mesh
 
@@ -87,21 +89,21 @@ def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -
 def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]:
     """Reads the vertices [V, 3] (m) and the triangles [M, 3] of a file.
 
-    Vertices at the same place become one. Left out are triangles with two equal corners, and
-    vertices that no triangle has.
+    Vertices at the same place are merged. Triangles with two equal corners, and vertices without
+    triangles, are left out.
 
     Parameters
     ----------
     path : regular file, whose ending names its format
-    per_metre : units of the file in a metre
+    per_metre : units of the file per metre
 
     Raises
     ------
     ProblemError
-        If the file cannot be read whole, or holds no triangles; one line.
+        If the file cannot be read completely, or contains no triangles; the message is one line.
     """
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite values are rejected below
             read, _, _ = FORMATS[path.suffix.lower()]
             faces = read(path)
     except OSError as error:
@@ -117,7 +119,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
 
 
 def _require_sound(faces: MeshFaces) -> None:
-    """Raises a ProblemError if corners are not numbers of vertices, or vertices are not places."""
+    """Raises ProblemError if corners are not numbers of vertices, or vertices are not finite."""
     last = len(faces.vertices) - 1
     wrong = (faces.corners < 0) | (faces.corners > last)
     if wrong.any():

@@ -1,4 +1,5 @@
-"""Numbers in glTF: buffers of bytes, views of them, and accessors that say what is in a view.
+"""Numbers in glTF: buffers of bytes, views of them, and accessors that describe the content of a
+view.
 
 Source: glTF 2.0 Specification, Khronos Group, sections 3.6 and 4.4; normalised integers are of
 KHR_mesh_quantization.
@@ -28,11 +29,11 @@ _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _UNSIGNED = (5121, 5123, 5125)
 _FLOAT = 5126
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_MOST_VALUES = 10_000_000  # of an accessor that has no bytes of its own
+_MOST_VALUES = 10_000_000  # values of an accessor without bytes
 
 
 class Buffer(msgspec.Struct, rename="camel"):
-    """Bytes, in a file beside this one, in the text itself, or in the rest of a GLB."""
+    """Bytes in a separate file, in the text itself, or in the remainder of a GLB."""
 
     byte_length: Whole
     uri: str | None = None
@@ -49,7 +50,7 @@ class BufferView(msgspec.Struct, rename="camel"):
 
 
 class _SparseIndices(msgspec.Struct, rename="camel"):
-    """The place in the file of the indices at which sparse values stand."""
+    """The position in the file of the indices of sparse values."""
 
     buffer_view: Index
     component_type: int
@@ -84,20 +85,20 @@ class Accessor(msgspec.Struct, rename="camel"):
 
 
 def item(items: Sequence[T], index: int, name: str) -> T:
-    """Returns one of a list of the file that another names by its number."""
+    """Returns the item with a given number from a list of the file."""
     if not index < len(items):
         raise ProblemError(f"{name}[{index}]: is named, but there are {len(items)} of {name}")
     return items[index]
 
 
 class Accessors:
-    """The arrays of a file; each is compared with what the file declares of it.
+    """The arrays of a file, each checked against what the file declares.
 
     Parameters
     ----------
-    accessors, views, buffers : as the file has them
-    folder : of the file, in which and below which buffers may be
-    rest : what follows the JSON in a GLB; None: nothing
+    accessors, views, buffers : as in the file
+    folder : folder of the file, which may contain buffers at any depth
+    rest : the bytes after the JSON in a GLB; None: there are none
     """
 
     def __init__(
@@ -113,7 +114,9 @@ class Accessors:
         self._read: dict[int, bytes] = {}
 
     def places(self, index: int, quantized: bool) -> FloatArray:
-        """Returns places or ways [n, 3]; integers are allowed where the file is quantized."""
+        """Returns positions or displacements [n, 3]; integers are allowed if the file is
+        quantized.
+        """
         given = item(self._accessors, index, "accessors")
         if given.component_type != _FLOAT and not quantized:
             raise ProblemError(
@@ -167,7 +170,7 @@ class Accessors:
     def _replaced(
         self, values: np.ndarray[Any, Any], sparse: _Sparse, dtype: str, place: str
     ) -> np.ndarray[Any, Any]:
-        """Returns values [n, width] of which sparse ones replace some."""
+        """Returns values [n, width], some of them replaced by sparse values."""
         if sparse.indices.component_type not in _UNSIGNED:
             raise ProblemError(f"{place}.indices: must be of unsigned integers")
         at = self._view(
@@ -187,7 +190,7 @@ class Accessors:
     def _view(
         self, index: int, offset: int, count: int, width: int, dtype: str, place: str
     ) -> np.ndarray[Any, Any]:
-        """Returns count x width numbers of a view, from an offset in it."""
+        """Returns count x width numbers of a view, starting at an offset."""
         view = item(self._views, index, "bufferViews")
         if compressed := [name for name in view.extensions if "meshopt" in name]:
             raise ProblemError(needs(compressed[0]))
@@ -213,7 +216,7 @@ class Accessors:
         )  # fmt: skip
 
     def _buffer(self, index: int) -> bytes:
-        """Returns the bytes of a buffer, as many as it declares."""
+        """Returns the bytes of a buffer, as many as declared."""
         if index not in self._read:
             given = item(self._buffers, index, "buffers")
             data = self._bytes(given.uri, index)
@@ -235,14 +238,14 @@ class Accessors:
         if uri.startswith("data:"):
             return _of_text(uri, index)
         path = self._folder / unquote(uri)
-        is_name = "\0" not in str(path)  # which no system looks up
+        is_name = "\0" not in str(path)  # file systems do not allow it
         if not (is_name and path.resolve().is_relative_to(self._folder) and os.path.isfile(path)):
             raise ProblemError(f"buffers[{index}]: cannot be read: no file {uri[:60]} beside it")
         return path.read_bytes()
 
 
 def needs(extension: str) -> str:
-    """Returns the message for a file whose geometry needs an extension that is not read."""
+    """Returns the message for a file whose geometry needs an unsupported extension."""
     return (
         f"needs {extension}, which is not read; `gltf-transform cp OLD.glb NEW.glb`, or Blender's "
         "export without compression, writes a file that does not"
@@ -250,7 +253,7 @@ def needs(extension: str) -> str:
 
 
 def _of_text(uri: str, index: int) -> bytes:
-    """Returns the bytes that a URI holds itself."""
+    """Returns the bytes that a URI contains."""
     head, comma, body = uri.partition(",")
     try:
         if not comma:

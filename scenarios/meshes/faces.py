@@ -1,6 +1,6 @@
 """Shared parts of readers of mesh files: lines and numbers of text, faces, their triangles.
 
-Faces have any number of corners. Text may be of any encoding.
+Faces may have any number of corners. Text may have any encoding.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,11 +17,11 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.text import plain_number
 from cocap_opt.world.triangles import close, equal_rows, firsts
 
-_FLAT = 1e-9  # share of a face's size squared; less is no area
+_FLAT = 1e-9  # relative to a face's size squared; smaller areas count as none
 
 
 class MeshFaces(NamedTuple):
-    """The faces of a mesh file by the numbers of their vertices, face after face."""
+    """The faces of a mesh file, given by the numbers of their vertices, face by face."""
 
     vertices: FloatArray  # [V, 3]
     sizes: IntArray  # [F] number of corners of each face
@@ -29,7 +29,7 @@ class MeshFaces(NamedTuple):
 
     @classmethod
     def of_lists(cls, vertices: FloatArray, faces: Sequence[Sequence[int]]) -> Self:
-        """Returns faces that are given as lists of vertices.
+        """Returns faces that are given as lists of vertex numbers.
 
         Raises
         ------
@@ -50,9 +50,9 @@ class MeshFaces(NamedTuple):
         return cls(vertices, np.full(len(corners) // 3, 3), corners)
 
     def welded(self) -> Self:
-        """Returns the same faces of vertices of which one is at each place; repeats are left out.
+        """Returns the same faces with one vertex per place, without repeated corners.
 
-        A corner repeats if it is at the place of the one before it in its face.
+        A corner is repeated if it is at the place of the previous corner in its face.
         """
         number = firsts(self.vertices)
         kept = np.flatnonzero(number == np.arange(len(number)))
@@ -67,7 +67,7 @@ class MeshFaces(NamedTuple):
         return self._replace(vertices=self.vertices[kept], sizes=sizes, corners=corners[stays])
 
     def triangles(self) -> IntArray:
-        """Cuts the faces into triangles [M, 3], which have all corners and edges of the faces.
+        """Cuts the faces into triangles [M, 3] with the same corners and edges.
 
         MeshFaces of fewer than three corners are points and lines, and are left out.
 
@@ -82,7 +82,7 @@ class MeshFaces(NamedTuple):
         return result
 
     def _triangles(self) -> Iterator[tuple[IntArray, IntArray]]:
-        """Yields triangles [n, 3] and the numbers [n] of the faces of which they are."""
+        """Yields triangles [n, 3] and the numbers [n] of their faces."""
         yield np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
         begins = np.cumsum(self.sizes) - self.sizes
         for size in np.unique(self.sizes[self.sizes >= 3]).tolist():
@@ -99,7 +99,7 @@ class MeshFaces(NamedTuple):
 
 
 def strip(corners: IntArray) -> IntArray:
-    """Returns the triangles [n - 2, 3] of a strip [n], all of which look the same way."""
+    """Returns the triangles [n - 2, 3] of a strip [n], all with the same orientation."""
     k = np.arange(max(len(corners) - 2, 0))
     return np.column_stack([corners[k], corners[k + 1 + k % 2], corners[k + 2 - k % 2]])
 
@@ -111,7 +111,8 @@ def fan(corners: IntArray) -> IntArray:
 
 
 def _alike(corners: IntArray) -> IntArray:
-    """Returns faces [F, n], those of the same corners begun at their least one.
+    """Returns faces [F, n]; faces with the same corners begin at the corner with the smallest
+    number.
 
     So a face that is drawn from both sides is cut the same way twice.
     """
@@ -123,7 +124,7 @@ def _alike(corners: IntArray) -> IntArray:
 
 
 def _seen_from_ahead(corners: FloatArray) -> FloatArray:
-    """Returns corners [F, n, 3] without the axis along which each face looks most [F, n, 2].
+    """Returns corners [F, n, 3] without the axis closest to each face's normal [F, n, 2].
 
     All faces are counter-clockwise there.
     """
@@ -137,9 +138,10 @@ def _seen_from_ahead(corners: FloatArray) -> FloatArray:
 
 
 def _turn_one_way(corners: FloatArray, flat: FloatArray) -> BoolArray:
-    """Returns an array [F], true where triangles from the first corner of a face make the face.
+    """Returns an array [F], True if the triangles from a face's first corner cover exactly the
+    face.
 
-    They do if none of them turns back; so they do, too, if none of them has an area.
+    They do if none of them is reversed, and also if none of them has an area.
 
     Parameters
     ----------
@@ -156,7 +158,7 @@ def _turn_one_way(corners: FloatArray, flat: FloatArray) -> BoolArray:
 
 
 def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:
-    """Cuts a face [n] whose places in a plane are [n, 2] into triangles [n - 2, 3]."""
+    """Cuts a face [n] with plane coordinates [n, 2] into triangles [n - 2, 3]."""
     places = [tuple(place) for place in flat.tolist()]
     number = dict(zip(places, corners.tolist(), strict=True))
     try:
@@ -165,7 +167,7 @@ def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:
     except (shapely.errors.GEOSException, KeyError):
         found = []
     triangles = np.array(found, dtype=np.int64).reshape(-1, 3)
-    back = fan(corners[::-1])  # closes what has just the edges of the face
+    back = fan(corners[::-1])  # closes a face that encloses no area
     if len(triangles) != len(corners) - 2 or not close(np.concatenate([triangles, back])):
         raise ProblemError(
             f"faces[{face}]: must not cross itself; in Blender, Face > Triangulate Faces cuts such "
@@ -180,18 +182,18 @@ def _ring(piece: BaseGeometry) -> list[tuple[float, float]]:
 
 
 def lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yields the lines of a file with their numbers from 1; comments need not be UTF-8."""
+    """Yields the lines of a file, numbered from 1; comments need not be UTF-8."""
     content = path.read_bytes()
     if b"\0" in content:
         raise ProblemError("must be text of one byte a letter, not binary or UTF-16")
     text = content.decode("utf-8-sig", errors="replace")
-    # Not by `splitlines`, which ends lines at letters of other encodings, too.
+    # Not with `splitlines`, which also ends lines at letters of other encodings.
     ends = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     yield from enumerate(ends, start=1)
 
 
 def numbers(values: Sequence[str], place: int | str) -> list[float]:
-    """Returns the numbers that words spell at a place, the number of a line or a name.
+    """Returns the numbers that words spell; `place` is a line number or a name for messages.
 
     Raises
     ------

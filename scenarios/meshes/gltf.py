@@ -32,14 +32,14 @@ from cocap_opt.world.workspace import MOST_TRIANGLES
 
 INSTANCED = "EXT_mesh_gpu_instancing"
 _HIDDEN = "KHR_node_visibility"
-# Required extensions that leave the triangles and their places as they are begin with these.
+# Prefixes of required extensions that do not affect the triangles and their places.
 _NO_GEOMETRY = (
     "KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_techniques_", "KHR_animation_",
     "KHR_audio", "EXT_materials_", "EXT_texture_", "EXT_lights_", "EXT_structural_metadata",
     "EXT_mesh_features", "EXT_instance_features", "MSFT_texture_", "MSFT_packing_",
     "ADOBE_materials_", "CESIUM_primitive_outline", "FB_geometry_metadata", "GODOT_single_root",
 )  # fmt: skip
-_PLACING = ("CESIUM_RTC",)  # move everything, though files seldom require them
+_PLACING = ("CESIUM_RTC",)  # these move everything, although files rarely declare them as required
 
 _POINTS, _LINES, _TRIANGLES, _STRIP, _FAN = 0, (1, 2, 3), 4, 5, 6
 
@@ -107,8 +107,8 @@ def read_gltf(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If geometry is in an extension that is not read, a mesh is bent by bones, or buffers,
-        views and accessors have not the numbers that the file declares.
+        If geometry is in an unsupported extension, if bones bend a mesh, or if buffers, views and
+        accessors do not have the declared sizes.
     """
     text, rest = _parts(path.read_bytes())
     model = _decoded(text)
@@ -175,7 +175,7 @@ def _old(version: str) -> str:
 
 
 def _require_readable(model: _Model) -> None:
-    """Raises a ProblemError if the file requires an extension that may change its geometry."""
+    """Raises ProblemError if the file requires an extension that may change its geometry."""
     placing = [name for name in _PLACING if name in model.extensions]
     for name in (*model.extensions_required, *placing):
         if name not in (QUANTIZED, INSTANCED) and not name.startswith(_NO_GEOMETRY):
@@ -183,7 +183,7 @@ def _require_readable(model: _Model) -> None:
 
 
 def _placed(model: _Model) -> Iterator[tuple[int, FloatArray]]:
-    """Yields the nodes of the scene, each with the matrix [4, 4] of its place in it."""
+    """Yields the nodes of the scene, each with the matrix [4, 4] of its placement."""
     met: set[int] = set()
     ahead = [(index, np.eye(4)) for index in _roots(model)]
     while ahead:
@@ -211,10 +211,10 @@ def _roots(model: _Model) -> list[int]:
 
 
 def _own_place(node: _GltfNode, index: int) -> FloatArray:
-    """Returns the matrix [4, 4] of a node in that above it."""
+    """Returns the matrix [4, 4] of a node relative to its parent."""
     if node.matrix is not None:
-        matrix: FloatArray = np.reshape(node.matrix, (4, 4)).T  # they are by columns
-        if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-6):  # of float32
+        matrix: FloatArray = np.reshape(node.matrix, (4, 4)).T  # stored by columns
+        if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-6):  # float32 accuracy
             raise ProblemError(
                 f"nodes[{index}].matrix: must turn, scale and shift, so that its last row is "
                 f"0 0 0 1, not {' '.join(f'{part:g}' for part in matrix[3])}"
@@ -224,7 +224,7 @@ def _own_place(node: _GltfNode, index: int) -> FloatArray:
 
 
 def _transform(translation: Any, rotation: Any, scale: Any, place: str) -> FloatArray:
-    """Returns the matrix [4, 4] that scales, turns by a quaternion x, y, z, w, and shifts."""
+    """Returns the matrix [4, 4] that scales, rotates by a quaternion x, y, z, w, and translates."""
     length = float(np.linalg.norm(rotation))
     if not length > 0:
         raise ProblemError(f"{place}.rotation: must be a quaternion x, y, z, w, not all 0")
@@ -241,7 +241,7 @@ def _transform(translation: Any, rotation: Any, scale: Any, place: str) -> Float
 
 
 class _Reader:
-    """Reads the meshes of nodes, and counts what is drawn but no surface."""
+    """Reads the meshes of nodes, and counts drawn primitives that are not surfaces."""
 
     def __init__(self, path: Path, model: _Model, rest: bytes | None) -> None:
         self._path, self._model = path, model
@@ -253,7 +253,7 @@ class _Reader:
         self._met: set[int] = set()
 
     def meshes(self, index: int, transform: FloatArray) -> Iterator[tuple[FloatArray, IntArray]]:
-        """Yields vertices [n, 3] and triangles [m, 3] of a node, of each of its instances."""
+        """Yields vertices [n, 3] and triangles [m, 3] of a node, for each of its instances."""
         node = self._model.nodes[index]
         if node.mesh is None:
             return
@@ -283,14 +283,14 @@ class _Reader:
                     f"{len(triangles) * len(instances)}"
                 )
             for matrix in instances:
-                mirrored = np.linalg.det(matrix[:3, :3]) < 0  # which turns the triangles round
+                mirrored = np.linalg.det(matrix[:3, :3]) < 0  # this reverses the triangles
                 yield (
                     points @ matrix[:3, :3].T + matrix[:3, 3],
                     triangles[:, ::-1] if mirrored else triangles,
                 )
 
     def say_left_out(self) -> None:
-        """Logs what the file has and the scene has not: points and lines, and meshes elsewhere."""
+        """Logs what is left out: points and lines, and meshes in no node of the scene."""
         for count, name in ((self._points, "points"), (self._lines, "lines")):
             if count:
                 _log.warning(
@@ -309,7 +309,7 @@ class _Reader:
         return primitive.mode in (_TRIANGLES, _STRIP, _FAN)
 
     def _instances(self, node: _GltfNode, index: int) -> list[FloatArray]:
-        """Returns the matrices [4, 4] of the places at which a node has its mesh."""
+        """Returns the matrices [4, 4] of the places at which a node's mesh is placed."""
         if INSTANCED not in node.extensions:
             return [np.eye(4)]
         place = f"nodes[{index}].extensions.{INSTANCED}"
@@ -339,7 +339,7 @@ class _Reader:
         return [_transform(*part, place) for part in zip(*parts, strict=True)]
 
     def _points_of(self, primitive: _Primitive, weights: list[float], place: str) -> FloatArray:
-        """Returns the vertices [n, 3] of a primitive, moved as far as the morph targets weigh."""
+        """Returns the vertices [n, 3] of a primitive, moved by its weighted morph targets."""
         if "POSITION" not in primitive.attributes:
             compressed = next(iter(primitive.extensions), None)
             raise ProblemError(
@@ -356,7 +356,7 @@ class _Reader:
         return points
 
     def _require_own_numbers(self, primitive: _Primitive) -> None:
-        """Raises a ProblemError if only an extension of a primitive has its numbers."""
+        """Raises ProblemError if only an extension of a primitive contains its numbers."""
         for index in (primitive.attributes["POSITION"], primitive.indices):
             if index is None or not primitive.extensions:
                 continue

@@ -1,4 +1,4 @@
-"""Reader of Wavefront OBJ: polygons, whose corners are numbered from 1, or back from the last.
+"""Reader of Wavefront OBJ: polygons, whose corners are numbered from 1, or backwards from the last.
 
 Source: Object Files (.obj), appendix B1 of the manual of Wavefront's Advanced Visualizer.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.meshes.faces import MeshFaces, lines, numbers
 
-# Statements that give no geometry: names, groups, materials, texture and display.
+# Statements without geometry: names, groups, materials, texture and display.
 _NO_GEOMETRY = (
     "vt", "vn", "vp", "g", "o", "s", "mg", "usemtl", "usemap", "mtllib", "maplib", "bevel",
     "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech",
@@ -24,7 +24,8 @@ _FREE_FORM = (
     "end", "con", "bsp", "bzp", "cdc", "cdp", "res",
 )  # fmt: skip
 _CORNER = re.compile(r"([-+]?[0-9]{1,18})(?:/(?:[-+]?[0-9]+)?){0,2}")  # 3, 3/1, 3//2 or 3/1/2
-_COORDINATES = (3, 4, 6, 7)  # x y z, then a weight, or a colour, or a colour and its opacity
+# x y z, optionally followed by a weight, or a colour, or a colour and its opacity
+_COORDINATES = (3, 4, 6, 7)
 
 _log = logging.getLogger(__name__)
 
@@ -35,8 +36,8 @@ def read_obj(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If a statement gives geometry that is not a polygon, or is none of OBJ's, or a face names a
-        vertex that is not there.
+        If a statement contains geometry other than polygons, or is not part of OBJ, or if a face
+        names a vertex that does not exist.
     """
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
@@ -45,7 +46,7 @@ def read_obj(path: Path) -> MeshFaces:
         name, *values = text.split()
         if name == "v":
             vertices.append(_vertex(values, number))
-        elif name in ("f", "fo"):  # fo is f of older versions
+        elif name in ("f", "fo"):  # fo means f in older versions
             faces.append([_corner(value, len(vertices), number) for value in values])
             if len(values) < 3:
                 raise ProblemError(f"line {number}: a face must have at least 3 corners")
@@ -64,7 +65,7 @@ def read_obj(path: Path) -> MeshFaces:
 
 
 def _statements(path: Path) -> Iterator[tuple[int, str]]:
-    """Yields each statement and the number of its first line; a backslash continues a line."""
+    """Yields each statement with the number of its first line; a backslash continues a line."""
     begun, first = "", 0
     for number, line in lines(path):
         first = first if begun else number
@@ -92,7 +93,7 @@ def _vertex(values: list[str], line: int) -> list[float]:
 
 
 def _corner(value: str, count: int, line: int) -> int:
-    """Returns the number, from 0, of the vertex of a corner such as 3, 3/1, 3//2, 3/1/2 or -1."""
+    """Returns the vertex number, from 0, of a corner such as 3, 3/1, 3//2, 3/1/2 or -1."""
     found = _CORNER.fullmatch(value)
     if not found:
         raise ProblemError(

@@ -1,4 +1,4 @@
-"""Reader of OFF as text: numbers of vertices and faces, then one of them a line.
+"""Reader of OFF as text: numbers of vertices and faces, followed by one per line.
 
 Source: Geomview's manual, "OFF Files".
 """
@@ -21,7 +21,7 @@ def read_off(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If it is binary or of other than three dimensions, or has not the rows that it declares.
+        If it is binary, does not have three dimensions, or does not have the declared rows.
     """
     if _BINARY.match(path.read_bytes()):
         raise ProblemError("must be OFF as text, not binary; MeshLab writes text")
@@ -32,7 +32,7 @@ def read_off(path: Path) -> MeshFaces:
         raise ProblemError("is empty")
     (number, first), *rest = rows
     header = _HEADER.match(" ".join(first))
-    if header is None and not first[0].isdigit():  # Geomview does without, too
+    if header is None and not first[0].isdigit():  # Geomview accepts files without it, too
         raise ProblemError("must begin with OFF")
     if header and (header[4] or header[5]):
         raise ProblemError(f"must have three dimensions, not those of {header[0]}")
@@ -56,18 +56,18 @@ def read_off(path: Path) -> MeshFaces:
 
 
 def _vertex(row: list[str], line: int, header: re.Match[str] | None) -> list[float]:
-    """Returns x, y, z of a row, after which what the header names may follow."""
+    """Returns x, y, z of a row, which further values named in the header may follow."""
     if len(row) < 3:
         raise ProblemError(f"line {line}: a vertex must be x, y, z, not {' '.join(row)[:40]!r}")
     given = numbers(row, line)
-    # Colours of 3 or 4 numbers are common without a C, too.
+    # Colours of 3 or 4 numbers are common even without a C in the header.
     if len(row) not in (3, 6, 7) and not (header and any(header.group(1, 2, 3))):
         raise ProblemError(f"line {line}: must be one vertex, x, y, z, not {len(row)} numbers")
     return given[:3]
 
 
 def _face(row: list[str], line: int) -> list[int]:
-    """Returns the corners of a row: their number, then they, then a colour."""
+    """Returns the corners of a row: their number, the corners, then an optional colour."""
     (size,) = whole(row[:1], line)
     if not 0 <= size < len(row):
         raise ProblemError(f"line {line}: must have {size} corners, not {len(row) - 1}")

@@ -1,4 +1,4 @@
-"""Reader of PLY, text and binary: a header declares elements and their properties, rows follow.
+"""Reader of PLY, text and binary: a header declares elements and their properties; rows follow.
 
 Source: G. Turk, The PLY Polygon File Format, 1994.
 """
@@ -21,24 +21,24 @@ _TYPES = {
     "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-# What the module struct calls these types.
+# Codes of these types in the module struct.
 _CODES = {
     "i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d",
 }  # fmt: skip
 _FACES, _STRIPS = "face", ("tristrips", "tristrip")
-_CORNERS = ("vertex_indices", "vertex_index")  # names of the property that both have
-_NO_GEOMETRY = ("camera", "material")  # elements that are left out without a word
-_RESTART = -1  # ends a strip, and begins the next one
+_CORNERS = ("vertex_indices", "vertex_index")  # names of this property in both elements
+_NO_GEOMETRY = ("camera", "material")  # elements that are silently left out
+_RESTART = -1  # ends a strip and begins the next one
 _END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r\n|\n|\r)")
 
 _log = logging.getLogger(__name__)
 
 
 class _Property(NamedTuple):
-    """A property of an element: one number, or a list of numbers with its length before it."""
+    """A property of an element: a number, or a list of numbers preceded by its length."""
 
     name: str
-    type: str  # as numpy names it, without the order of bytes
+    type: str  # numpy's name, without the byte order
     length: str | None  # type of the length; None: it is not a list
 
 
@@ -52,7 +52,7 @@ class _Element(NamedTuple):
         return [given for given in self.properties if given.name in _CORNERS and given.length]
 
 
-Columns = dict[str, Sequence[Any]]  # of each property its numbers, or its lists of numbers
+Columns = dict[str, Sequence[Any]]  # for each property its numbers, or its lists of numbers
 
 
 def read_ply(path: Path) -> MeshFaces:
@@ -61,8 +61,8 @@ def read_ply(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If the rows are not those that the header declares, or an element lists corners in
-        another way than faces and strips.
+        If the rows do not match the header, or if an element other than faces and strips lists
+        corners.
     """
     content = path.read_bytes()
     end = _END.search(content)
@@ -124,7 +124,7 @@ def _cut(corners: list[int]) -> list[list[int]]:
 
 
 def _header(text: str) -> tuple[str, list[_Element]]:
-    """Returns the order of bytes, "" of text, and the elements that a header declares."""
+    """Returns the byte order, "" for text, and the elements that a header declares."""
     order: str | None = None
     elements: list[_Element] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -157,7 +157,7 @@ def _header(text: str) -> tuple[str, list[_Element]]:
 
 
 def _text(body: bytes, elements: list[_Element]) -> Iterator[Columns]:
-    """Yields the columns of each element; every row is a line."""
+    """Yields the columns of each element; each row is one line."""
     lines = [line for line in body.decode("ascii", errors="replace").splitlines() if line.strip()]
     wanted = sum(element.rows for element in elements)
     if len(lines) != wanted:
@@ -192,7 +192,7 @@ def _row(words: list[str], element: _Element, k: int) -> list[Any]:
 
 
 def _binary(body: bytes, elements: list[_Element], order: str) -> Iterator[Columns]:
-    """Yields the columns of each element; every number has the width of its type."""
+    """Yields the columns of each element; each number has the width of its type."""
     at = 0
     for element in elements:
         try:
@@ -210,7 +210,9 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> Iterator[Colum
 
 
 def _equal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[Columns, int] | None:
-    """Returns the columns and where they end, if lists have the same length in all rows."""
+    """Returns the columns and the position of their end, if lists have the same length in all
+    rows.
+    """
     if not element.rows:
         return None
     first, _ = _rows(body, at, element._replace(rows=1), order)
@@ -236,7 +238,7 @@ def _equal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[Co
 
 
 def _rows(body: bytes, at: int, element: _Element, order: str) -> tuple[Columns, int]:
-    """Returns the columns and where they end, of lists of any length."""
+    """Returns the columns and the position of their end, for lists of any length."""
     columns: dict[str, list[Any]] = {given.name: [] for given in element.properties}
     for _ in range(element.rows):
         for given in element.properties:

@@ -11,10 +11,10 @@ import numpy as np
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.meshes.faces import MeshFaces, lines, numbers
 
-_HEAD = 84  # bytes before the triangles of a binary file; its number of triangles is the last 4
+_HEAD = 84  # bytes before the triangles of a binary file; the last 4 are the number of triangles
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _WORDS = {"facet": 5, "outer": 2, "vertex": 4, "endloop": 1, "endfacet": 1}  # of statements
-_NEXT = {  # what may follow
+_NEXT = {  # what may follow each statement
     "solid": ("facet", "endsolid"), "facet": ("outer",), "outer": ("vertex",),
     "vertex": ("vertex", "endloop"), "endloop": ("endfacet",), "endfacet": ("facet", "endsolid"),
     "endsolid": ("solid",),
@@ -24,8 +24,8 @@ _NEXT = {  # what may follow
 def read_stl(path: Path) -> MeshFaces:
     """Reads all triangles of all solids of a file.
 
-    A file is binary if it has just the length that its number of triangles makes; it may begin
-    with the word solid, too.
+    A file is binary if its length matches its number of triangles, even if it begins with the word
+    solid.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def read_stl(path: Path) -> MeshFaces:
 
 def _read_text(path: Path) -> MeshFaces:
     places: list[list[float]] = []
-    ends: list[int] = [0]  # numbers of places at which loops end
+    ends: list[int] = [0]  # number of vertices at the end of each loop
     last = "endsolid"
     for number, line in lines(path):
         for name, values in _statements(line, number):
@@ -72,7 +72,9 @@ def _read_text(path: Path) -> MeshFaces:
 
 
 def _statements(line: str, number: int) -> Iterator[tuple[str, list[str]]]:
-    """Yields the statements of a line and their values; names of solids are all that follows."""
+    """Yields the statements of a line and their values; the rest of a line is the name of a
+    solid.
+    """
     words = line.split()
     while words:
         name = words[0].lower()

@@ -1,11 +1,11 @@
-"""Reader of recipes: scenes of a map, meshes, people whom others tracked, and drones.
+"""Reader of recipes: scenes that consist of a map, meshes, tracked or walking people, and drones.
 
-The file is TOML. Files are named relative to its folder; lengths are in metres, angles in
-degrees, times in seconds. `example` has every table once, and `schema` says which there are; the
-tables of one kind of part are in `drones`, `people`, `takes`, `cameras`, `objective` and `rules`.
-`contents` puts onto the map all but the drones, which `strides` makes able to fly their moves, and
-`scenes` makes the scene; `names` has the drones' names for messages. `lighter` changes a recipe to
-what costs less to plan.
+The file is TOML. Files are named relative to its folder; lengths are in metres, angles in degrees,
+times in seconds. `example` contains every table once, and `schema` lists them; the tables of each
+kind of part are in `drones`, `people`, `takes`, `cameras`, `objective` and `rules`. `contents` puts
+everything except the drones onto the map, `strides` adapts the drones' moves so that they can be
+flown, and `scenes` makes the scene; `names` has the drones' names for messages. `lighter` changes a
+recipe so that planning takes less.
 """
 
 from cocap_opt.scenarios.recipe.example import EXAMPLE

@@ -1,4 +1,4 @@
-"""The camera of a recipe's drones: one that is known by name, or numbers of any other."""
+"""The camera of a recipe's drones: a known camera by name, or the numbers of any other."""
 
 import logging
 import math
@@ -16,18 +16,20 @@ from cocap_opt.scenarios.text import naming
 log = logging.getLogger(__name__)
 
 ASSUMED = "greedy-perspectives"  # camera of drones whose table names none
-FILM_35MM = math.hypot(36.0, 24.0)  # mm, diagonal of the image to which 35 mm lenses refer
+# mm, diagonal of the film frame to which 35 mm equivalent focal lengths refer
+FILM_35MM = math.hypot(36.0, 24.0)
 
 _Pixels = Annotated[int, Meta(ge=1, le=MOST_PIXELS)]
 _Angle = Annotated[float, Meta(gt=0, lt=180)]  # degrees
-_NARROWEST = 3.2  # degrees; more than pi, so that no angle in radians is taken for one in degrees
+# degrees; more than pi, so that an angle in radians is never mistaken for one in degrees
+_NARROWEST = 3.2
 _ACROSS = 0.2, 170.0  # degrees
 _LENSES = "focal", "fov", "fov_vertical", "fov_diagonal", "lens", "lens_35mm"
-_OF_PHOTOS = "fov_diagonal", "fov_vertical", "lens_35mm"  # which refer to more than the width
+_OF_PHOTOS = "fov_diagonal", "fov_vertical", "lens_35mm"  # these refer to more than the width
 
 
 class CameraTable(Table):
-    """A camera by numbers: the size of its images, and its lens in one of six ways.
+    """A camera given by numbers: the size of its images, and its lens in one of six ways.
 
     The pixels are square, and the principal point is in the middle of the image.
     """
@@ -41,7 +43,8 @@ class CameraTable(Table):
     sensor: Length | None = None  # mm, width of the part of the sensor that makes the image
     lens: Length | None = None  # mm, true focal length
     lens_35mm: Length | None = None  # mm, focal length of the same diagonal angle on 35 mm film
-    photo: tuple[_Pixels, _Pixels] | None = None  # shape of the photos of which the lens is told
+    # aspect ratio of the photos for which the lens is specified
+    photo: tuple[_Pixels, _Pixels] | None = None
 
     def camera(self, tilts: tuple[float, ...]) -> Camera:
         """Returns the pinhole camera with these tilts (rad).
@@ -49,7 +52,7 @@ class CameraTable(Table):
         Raises
         ------
         ProblemError
-            If nothing, or more than one thing, gives the lens, or numbers contradict each other.
+            If the lens is not given exactly once, or if numbers contradict each other.
         """
         given = [name for name in _LENSES if getattr(self, name) is not None]
         if not given:
@@ -101,9 +104,10 @@ class CameraTable(Table):
         return self.lens_35mm / FILM_35MM * diagonal
 
     def _whole_height(self) -> float:
-        """Returns the height (px) of the picture that the lens is stated for, as wide as the image.
+        """Returns the height (px) of the picture for which the lens is specified, with the width of
+        the image.
 
-        It is that of the photos, of which film mostly keeps the width and cuts off the rest.
+        This is the height of photos; video usually keeps their full width and crops their height.
         """
         if self.photo is None:
             return self.height
@@ -117,7 +121,7 @@ class CameraTable(Table):
 
 
 def _focal(length: float, degrees: float) -> float:
-    """Returns the focal length of an image that is so long and seen under so many degrees."""
+    """Returns the focal length of an image with the given length and angle of view (degrees)."""
     return length / 2 / math.tan(math.radians(degrees) / 2)
 
 
@@ -132,8 +136,8 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
     Raises
     ------
     ProblemError
-        If there is no camera of that name, numbers do not fit together, or tilts are out of range
-        or out of order.
+        If no camera has the name, numbers contradict each other, or tilts are out of range or not
+        in order.
     """
     for angle in tilts:
         if not abs(angle) <= 90:
@@ -150,7 +154,8 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
 
 
 def say_cameras(given: Sequence[str | CameraTable | None]) -> None:
-    """Says which camera is assumed, and which names stand for photos of another shape than film.
+    """Logs which camera is assumed, and which names mean photos with another aspect ratio than
+    video.
 
     Parameters
     ----------

@@ -19,11 +19,11 @@ from cocap_opt.world.workspace import HeightMap, Mesh
 
 log = logging.getLogger(__name__)
 
-_ROUND = 5.0  # m, to which the corner of a map is rounded that a message proposes
+_ROUND = 5.0  # m, to which the corner of a proposed map is rounded
 
 
 def earth_of(recipe: Recipe, terrain: Terrain) -> Earth | None:
-    """Returns where the scene is on the Earth, if the recipe or the map's file says it."""
+    """Returns the scene's place on the Earth, if the recipe or the map's file defines it."""
     if recipe.earth is None:
         return None if terrain.crs is None else Earth(crs=terrain.crs)
     with naming("earth"):
@@ -33,7 +33,7 @@ def earth_of(recipe: Recipe, terrain: Terrain) -> Earth | None:
 def meshes_of(
     recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
 ) -> Iterator[Mesh]:
-    """Yields the meshes of files, in their parts, and those of walls; all must lie on the map."""
+    """Yields the meshes of files, part by part, and those of walls; all must be on the map."""
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
             mesh = given.mesh(folder)
@@ -49,7 +49,7 @@ def meshes_of(
 def land_cover_of(
     recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
 ) -> Iterator[LandCover]:
-    """Yields the areas of land that files have, those of the first file below all others."""
+    """Yields the areas of land in files, those of the first file below all others."""
     for k, given in enumerate(recipe.land_cover):
         with naming(f"land_cover[{k}]"):
             areas = given.areas(folder, terrain.height_map, projection)
@@ -61,7 +61,7 @@ def land_cover_of(
 
 
 def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:
-    """Suggests ways to bring a map and the walls that do not lie on it together."""
+    """Suggests how to align a map and walls that are not on it."""
     if recipe.map.file is not None:
         return "`at` moves them, `unit` scales them"
     low = np.concatenate([wall.vertices for wall in walls]).min(axis=0)
@@ -75,7 +75,7 @@ def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:
 def require_on_map(
     meshes: list[Mesh], height_map: HeightMap, way_out: str = "`at` moves it, `unit` scales it"
 ) -> None:
-    """Raises a ProblemError, with a way out, if all of some meshes is beside the map."""
+    """Raises ProblemError, with a remedy, if meshes are entirely off the map."""
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
     first, last = height_map.ends
@@ -87,7 +87,7 @@ def require_on_map(
 
 
 def _say_moments(begins: dict[int, Epoch]) -> None:
-    """Warns if tables of dated tracks begin at moments that differ, by number of the table."""
+    """Warns if tables of dated tracks begin at different moments."""
     for k, begin in list(begins.items())[1:]:
         first = next(iter(begins))
         if begin.is_universal == begins[first].is_universal and begin != begins[first]:
@@ -102,7 +102,7 @@ def _say_moments(begins: dict[int, Epoch]) -> None:
 def people_of(
     recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
 ) -> Iterator[tuple[Actor, float | None]]:
-    """Yields the people, and the factor of each one's weight in the objective's views."""
+    """Yields the people, each with the factor of their weight in the objective's views."""
     begins: dict[int, Epoch] = {}
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
@@ -122,6 +122,6 @@ def people_of(
 
 
 def _require_views(recipe: Recipe, table: TracksTable | WalkTable) -> None:
-    """Raises a ProblemError if people have a factor for views that nobody counts."""
+    """Raises ProblemError if people have a factor for views that the objective does not count."""
     if table.views_weight is not None and recipe.objective.views is None:
         raise ProblemError("views_weight: must be left out where [objective] has no views")

@@ -1,4 +1,4 @@
-"""The drones of a recipe, placed as stated, or at random near the people."""
+"""The drones of a recipe, placed as stated, or at random near people."""
 
 import logging
 import math
@@ -41,7 +41,7 @@ from cocap_opt.text import meant, pair
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
-_MOVED = 0.5001  # of a cell, by which a drone may start elsewhere than stated without a word
+_MOVED = 0.5001  # of a cell; a larger shift of a drone's start is logged
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ _Several = Annotated[tuple[_T, ...], Meta(min_length=1)]
 
 
 class Surroundings(NamedTuple):
-    """The scene that drones are put into, without any drones.
+    """The scene into which drones are placed, without any drones.
 
     Attributes
     ----------
@@ -81,20 +81,22 @@ class _StartTable(Table):
 
 
 class _AreaTable(Table):
-    """The area in which drones may start, wherever it is best: metres, and degrees from +x."""
+    """The area in which drones may start: metres, and degrees from +x; planners choose the best
+    place.
+    """
 
     area: Literal["anywhere"] | list[Point]
     heights: _Several[Coordinate] | None = None  # some of the layers; None: all
     headings: _Several[Heading] | None = None  # None: all
 
     def starts(self, motion: Motion, height_map: HeightMap) -> StartArea:
-        """Returns the area of the cells whose middles lie in the polygon.
+        """Returns the area of the cells whose middles are in the polygon.
 
         Raises
         ------
         ProblemError
-            If it is not a polygon, no cell's middle lies in it, or drones have no such layer or
-            heading.
+            If it is not a polygon, if it contains no cell's middle, or if drones do not have the
+            layer or heading.
         """
         cells = None
         if self.area != "anywhere":
@@ -114,7 +116,7 @@ class _AreaTable(Table):
 
 
 def _cells_in(corners: Sequence[Point], height_map: HeightMap) -> tuple[tuple[int, int], ...]:
-    """Returns the cells whose middles lie in a polygon or on its edge."""
+    """Returns the cells whose middles are in a polygon or on its edge."""
     if len(corners) < 3:
         raise ProblemError(f"must have at least 3 corners, not {len(corners)}")
     polygon = sound(Polygon(corners), "polygon")
@@ -131,7 +133,7 @@ def _cells_in(corners: Sequence[Point], height_map: HeightMap) -> tuple[tuple[in
 
 
 class _LimitsTable(Table):
-    """The limits of a drone, of which those that are given take the place of the airframe's."""
+    """The limits of a drone; given ones replace those of the airframe."""
 
     speed: Length | None = None  # m/s
     climb: Length | None = None  # m/s
@@ -162,17 +164,17 @@ class DronesTable(Table):
     motion: Motion = Motion()
     airframe: str | None = None
     limits: _LimitsTable = msgspec.field(default_factory=_LimitsTable)
-    homes: _Several[Point] | None = None  # m, of each drone of the table
-    land: Literal["ground"] | None = None  # above which they end; None: anything
+    homes: _Several[Point] | None = None  # m, for each drone of the table
+    land: Literal["ground"] | None = None  # above which drones end; None: anywhere
 
     def added_to(
         self, team: list[Robot], around: Surroundings, rng: np.random.Generator
     ) -> list[Robot]:
         """Returns a team with the drones of this table added.
 
-        Drones without a stated start or area are put into random free cells of their lowest layer,
-        apart from the rest of the team, from which they can come near somebody, and look at the
-        actor that is nearest to them at step 0.
+        Drones without a stated start or area are placed in random free cells of their lowest layer,
+        apart from the rest of the team, from which they can come near somebody, and face the actor
+        that is nearest at step 0.
 
         Raises
         ------
@@ -227,7 +229,7 @@ class DronesTable(Table):
             return ground_to_land_on(around.workspace, around.land_cover, self.motion)
 
     def _homes(self, height_map: HeightMap) -> list[tuple[int, int] | None]:
-        """Returns the cells of the homes, one for each drone of the table; None where none is."""
+        """Returns the cells of the homes, one for each drone of the table; None without homes."""
         drones = self.count or len(self.stated)
         if self.homes is None:
             return [None] * drones
@@ -248,7 +250,7 @@ class DronesTable(Table):
 
     @property
     def known_limits(self) -> Limits | None:
-        """The limits of the drones; None if nothing is known of them."""
+        """The limits of the drones; None if they are unknown."""
         return self._limits()
 
     @property
@@ -262,27 +264,27 @@ class DronesTable(Table):
         return self.count or len(self.stated)
 
     def without_limits(self) -> "DronesTable":
-        """Returns the table of drones of whose limits nothing is known."""
+        """Returns the table with unknown limits."""
         return msgspec.structs.replace(self, airframe=None, limits=_LimitsTable())
 
     def with_motion(self, motion: Motion) -> "DronesTable":
-        """Returns the table of drones that move otherwise."""
+        """Returns the table with another motion."""
         return msgspec.structs.replace(self, motion=motion)
 
     @property
     def stated(self) -> tuple[_StartTable, ...]:
-        """The starts that are stated one by one."""
+        """The starts that are stated individually."""
         return () if isinstance(self.starts, _AreaTable) else self.starts or ()
 
     @property
     def stated_heights(self) -> set[float]:
-        """The flight heights of starts that are stated."""
+        """The flight heights of stated starts."""
         if isinstance(self.starts, _AreaTable):
             return set(self.starts.heights or ())
         return {start.height for start in self.stated if start.height is not None}
 
     def require_likely(self, resolution: float, step: float) -> None:
-        """Raises a ProblemError if no drone could be so fast, or something of it is not known.
+        """Raises ProblemError if a speed is impossible, or if a name in the table is unknown.
 
         Parameters
         ----------
@@ -300,7 +302,7 @@ class DronesTable(Table):
             )
 
     def require_pace(self, resolution: float, step: float) -> None:
-        """Raises a ProblemError if the drones' limits do not allow some move at an even pace."""
+        """Raises ProblemError if the drones' limits do not allow some move at constant speed."""
         limits = self._limits()
         words = limits and limits.broken_by(
             self.motion, camera_of(self.camera, self.tilts).tilts, resolution, step
@@ -317,7 +319,7 @@ class DronesTable(Table):
         return self.limits.over(AIRFRAMES[self.airframe] if self.airframe else None)
 
     def _room(self, around: Surroundings) -> str:
-        """Says how much room there is for drones."""
+        """Describes how much room there is for drones."""
         workspace, actors = around.workspace, around.actors
         free = self.motion.free_places(workspace)[0]
         words = (
@@ -337,11 +339,12 @@ class DronesTable(Table):
         return f"{words}; rules: {around.rules}"
 
     def _can_meet(self, around: Surroundings, far: float = math.inf) -> BoolArray:
-        """Returns the cells [X, Y] of the lowest layer from which a drone comes near somebody.
+        """Returns the cells [X, Y] of the lowest layer from which a drone can come near somebody.
 
         Parameters
         ----------
-        far : m, from where people are at any step; drones do not fly farther from there
+        far : largest distance in m from where people are at any step; drones do not fly farther
+            away
         """
         workspace, actors, horizon, *_ = around
         height_map, motion = workspace.height_map, self.motion
@@ -354,7 +357,7 @@ class DronesTable(Table):
         return found
 
     def _meeting(self, around: Surroundings, free: BoolArray) -> BoolArray:
-        """Returns the cells [X, Y] out of some from which a drone comes near somebody."""
+        """Returns those of some cells [X, Y] from which a drone can come near somebody."""
         if self.near is None:
             return free & self._can_meet(around)
         height_map, near_people = around.height_map, np.zeros_like(free)
@@ -363,14 +366,17 @@ class DronesTable(Table):
             cell = height_map.cell_of(*actor.poses[0, :2].tolist())
             window = Window.around([cell], reach, around.workspace)
             window.of(near_people)[...] = window.of(free)
-        # Mostly all of them do without leaving the surroundings of people, which is quick to see.
+        # Usually all of them qualify without leaving the surroundings of people, which is quick to
+        # check.
         found = self._can_meet(around, self.near + NEAR)
         if not found[near_people].all():
             found = self._can_meet(around)
         return near_people & found
 
     def _candidates(self, around: Surroundings, rng: np.random.Generator) -> list[State]:
-        """Returns free cells near someone in random order, with headings to the nearest actor."""
+        """Returns free cells near someone in random order, with headings towards the nearest
+        actor.
+        """
         actors, allowed = around.actors, self.motion.free_places(around.workspace)[0]
         if actors:
             allowed = self._meeting(around, allowed)
@@ -389,18 +395,20 @@ class DronesTable(Table):
         ]
 
 
-@lru_cache(maxsize=4)  # of several tables with one motion
+@lru_cache(maxsize=4)  # for several tables with the same motion
 def _that_can_meet(
     workspace: Workspace, motion: Motion, actors: tuple[Actor, ...], horizon: int, window: Window
 ) -> BoolArray:
-    """Returns the cells [X, Y] of a window from whose lowest layer a drone comes near somebody."""
+    """Returns the cells [X, Y] of a window from whose lowest layer a drone can come near
+    somebody.
+    """
     encounters = Encounters(workspace, motion, actors, horizon, NEAR, window)
     found: BoolArray = encounters.graph.without_border(encounters.can_meet())[0]
     return found
 
 
 def _require_people_on_map(around: Surroundings) -> None:
-    """Raises a ProblemError if people are filmed of whom nobody is ever on the map."""
+    """Raises ProblemError if there are people but none of them is ever on the map."""
     if not around.actors:
         return
     steps = around.horizon + 1
@@ -435,7 +443,7 @@ def _layer(height: float, motion: Motion, field: str) -> int:
 
 
 def _stated_heading(degrees: float, motion: Motion, field: str) -> int:
-    """Returns the index of a heading, which must be one of those that drones have."""
+    """Returns the index of a heading, which must be one of the drones' headings."""
     heading = _heading(math.radians(degrees), motion)
     step = 360 / motion.headings
     off = math.remainder(degrees - heading * step, 360)
@@ -451,7 +459,7 @@ def _stated_heading(degrees: float, motion: Motion, field: str) -> int:
 
 
 def say_moved(tables: Sequence[DronesTable], height_map: HeightMap) -> None:
-    """Says in one line how far drones start from where they are stated, if it is far."""
+    """Logs in one line how far starts are moved from where they are stated, if that is far."""
     starts = [start for table in tables for start in table.stated]
     if not starts:
         return
@@ -477,7 +485,8 @@ def _heading(yaw: float, motion: Motion) -> int:
 
 
 def _ways(height_map: HeightMap, cells: IntArray, actors: tuple[Actor, ...]) -> FloatArray:
-    """Returns the ways [n, 2] (m) from the middles of cells [n, 2] to the nearest actor at step 0.
+    """Returns the vectors [n, 2] (m) from the middles of cells [n, 2] to the nearest actor at step
+    0.
 
     Without actors they are 0.
     """
@@ -505,9 +514,9 @@ def _crowded(
 
 
 def _gets_away(state: State, motion: Motion, around: Surroundings) -> bool:
-    """Returns True if a drone that people send away from its start can go, all the time.
+    """Returns True if a drone at a start can keep moving away from people, at all steps.
 
-    Where drones have no limits it is not asked for.
+    This is not checked for drones without limits.
     """
     airspace, workspace, horizon = around.airspace, around.workspace, around.horizon
     if not airspace.people_stray:

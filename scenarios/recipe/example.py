@@ -1,4 +1,4 @@
-"""An example of a recipe, which has every table and explains in comments what its fields mean."""
+"""An example of a recipe, with every table, and comments that explain its fields."""
 
 EXAMPLE = """\
 name = "example"            # default: the name of the file

@@ -1,4 +1,4 @@
-"""The cells of a recipe's map in which drones can land straight below the places where they end."""
+"""The cells of a recipe's map in which drones can land straight below their last places."""
 
 import numpy as np
 
@@ -13,15 +13,15 @@ _NO_GROUND = [LANDS.index("building"), LANDS.index("water")]
 def ground_to_land_on(
     workspace: Workspace, land_cover: tuple[LandCover, ...], motion: Motion
 ) -> GoalArea:
-    """Returns the cells in which such a drone may be and below which there is ground.
+    """Returns the cells that such a drone may be in and that have free ground below.
 
-    Nothing stands there, neither a roof nor an obstacle, nothing hangs above, and as far as the
-    land cover tells there is neither water nor a building. No-fly zones are left out, however high.
+    Free ground means no roof and no obstacle on or above it and, according to the land cover,
+    neither water nor a building. No-fly zones are excluded at any height.
 
     Raises
     ------
     ProblemError
-        If the height of the ground is unknown, or there is no such cell; one line.
+        If the height of the ground is unknown, or there is no such cell; the message is one line.
     """
     height_map = workspace.height_map
     if not height_map.knows_ground:
@@ -45,5 +45,5 @@ def ground_to_land_on(
 
 
 def _covered(low: FloatArray) -> BoolArray:
-    """Returns the cells [X, Y] above which a mesh is, by the feet of their columns [n, X, Y]."""
+    """Returns the cells [X, Y] covered by a mesh, given the lower ends of its columns [n, X, Y]."""
     return np.asarray(np.isfinite(low[1:]).any(axis=0))

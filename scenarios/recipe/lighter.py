@@ -1,7 +1,7 @@
-"""Recipes of which coverage costs less: changes of a recipe's fields, the mildest first.
+"""Changes of a recipe's fields that reduce the time for coverage, mildest first.
 
-A window loses nothing of what is seen inside it: the way from a drone to a person never leaves a
-rectangle in which both are.
+A window affects no view inside it: the line from a drone to a person never leaves a rectangle that
+contains both.
 """
 
 import math
@@ -19,11 +19,12 @@ from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.scenes import read
 from cocap_opt.scenarios.recipe.schema import Recipe, decoded
 
-_MARGINS = 30.0, 20.0, 10.0  # m around all people and starts, of windows
-_COARSER = 1.5, 2.0, 3.0, 4.0  # times the resolution
+_MARGINS = 30.0, 20.0, 10.0  # m around all people and starts, for windows
+_COARSER = 1.5, 2.0, 3.0, 4.0  # factors on the resolution
 _ROUND = 5.0  # m, to which windows are rounded
 _FEWEST_HEADINGS = 4
-_WORTH_IT = 0.9  # of what drones reach: a window that leaves more only makes the advice longer
+# share of the states that drones reach; a window that leaves more is not worth advising
+_WORTH_IT = 0.9
 
 
 class Change(NamedTuple):
@@ -31,10 +32,10 @@ class Change(NamedTuple):
 
     Attributes
     ----------
-    fields : as they are to be written, by the tables that they are in
-    share : of the states that drones can reach now, about, that are left
-    of : makes the other recipe
-    note : what else it changes, in words
+    fields : the changed fields as written, by table
+    share : approximate share of the reachable states that remain
+    of : function that makes the changed recipe
+    note : other effects, in words
     """
 
     fields: dict[str, tuple[str, ...]]
@@ -44,7 +45,7 @@ class Change(NamedTuple):
 
     @classmethod
     def all_of(cls, changes: "Sequence[Change]") -> "Change":
-        """Returns several changes as one."""
+        """Returns several changes combined into one."""
         fields: dict[str, tuple[str, ...]] = {}
         for change in changes:
             for table, words in change.fields.items():
@@ -58,22 +59,24 @@ class Change(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Its fields, and the tables that they are in; each table is named once."""
+        """The changed fields by table; each table is named once."""
         by_table = (f"{', '.join(fields)} in {table}" for table, fields in self.fields.items())
         return " and ".join(by_table) + (f" ({self.note})" if self.note else "")
 
     def scene(self, path: Path, seed: int) -> Problem:
-        """Reads a recipe with this change; a ProblemError says why it does not fit the rest."""
+        """Reads a recipe with this change; a ProblemError says why it does not fit the other
+        fields.
+        """
         return read(path, seed, self.of)
 
 
 def lighter(path: Path, problem: Problem) -> list[list[Change]]:
-    """Returns changes of a recipe, a list for each kind; first those that are soon tried.
+    """Returns changes of a recipe, a list for each kind; the first in each are the quickest to try.
 
     Parameters
     ----------
-    path : of the recipe
-    problem : what it is
+    path : path of the recipe
+    problem : the recipe's problem
     """
     recipe = decoded(path)
     return [
@@ -86,7 +89,7 @@ def lighter(path: Path, problem: Problem) -> list[list[Change]]:
 
 
 def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
-    """Yields windows around all people and starts; a map that has no file has none."""
+    """Yields windows around all people and starts, if the map has a file."""
     if recipe.map.file is None:
         return
     low, high = problem.height_map.ends
@@ -111,7 +114,7 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
 
 
 def _reached(problem: Problem, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the lower left and the upper right corner [2] (m) of where drones may come."""
+    """Returns the lower left and upper right corner [2] (m) of the area that drones can reach."""
     low, high = problem.height_map.ends
     radius = max(robot.motion.radius for robot in problem.robots)
     far = (radius * problem.horizon + 1) * problem.height_map.resolution
@@ -119,9 +122,10 @@ def _reached(problem: Problem, starts: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
-    """Yields larger cells, with as many fewer of them to a step, so that drones keep their speed.
+    """Yields larger cells, with correspondingly fewer cells per step, so that drones keep their
+    speed.
 
-    Where there is no such number, it says how much farther they fly.
+    If the speed cannot be kept exactly, the note says how much farther drones then fly.
     """
     for times in _COARSER:
         edge = float(f"{problem.height_map.resolution * times:.3g}")
@@ -149,7 +153,7 @@ def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
 
 
 def _fewer(recipe: Recipe, field: str) -> Iterator[Change]:
-    """Yields fewer layers, tilts or headings of the drones that have the most of them."""
+    """Yields fewer layers, tilts or headings for the drones that have most of them."""
     most = max(_count(table, field) for table in recipe.drones)
     tables = [k for k, table in enumerate(recipe.drones) if _count(table, field) == most]
     for count in _counts(field, most):
@@ -173,7 +177,7 @@ def _count(table: DronesTable, field: str) -> int:
 
 
 def _with(recipe: Recipe, k: int, field: str, count: int) -> Change:
-    """Returns the change that gives the drones of a table fewer of something."""
+    """Returns the change that gives the drones of a table fewer values in a field."""
     table = recipe.drones[k]
     if field == "headings":
         return _of_motion(recipe, k, f"headings = {count}", headings=count)

@@ -1,4 +1,4 @@
-"""The names that a recipe has for drones, which a scene numbers."""
+"""The names of drones in a recipe; a scene numbers them."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,7 @@ _DRONE = re.compile(r"robots\[(\d+)\](\.start|\.home)?")
 
 
 class DroneName(NamedTuple):
-    """The name of a drone's table, and those of its start and home."""
+    """The name of a drone's table, and the names of its start and home."""
 
     table: str
     start: str
@@ -25,7 +25,7 @@ def names_of(recipe: Recipe) -> Iterator[DroneName]:
 
 
 def names_in_table(k: int, given: DronesTable) -> Iterator[DroneName]:
-    """Yields the names of the drones of a table, by its number."""
+    """Yields the names of the drones in a table, given its number."""
     table, stated = f"drones[{k}]", len(given.stated)
     area = f"{table}.starts" if given.starts is not None and not stated else table
     for n in range(stated or given.count or 0):
@@ -34,7 +34,7 @@ def names_in_table(k: int, given: DronesTable) -> Iterator[DroneName]:
 
 
 def renamed(words: str, names: Sequence[DroneName]) -> str:
-    """Returns words in which drones, their starts and homes have the recipe's names."""
+    """Returns a message in which drones, their starts and homes have the recipe's names."""
 
     def name(found: re.Match[str]) -> str:
         table, start, home = names[int(found[1])]

@@ -1,4 +1,4 @@
-"""The objective of a recipe, in which the weight of views may be left out."""
+"""The objective of a recipe, in which the weight of views has a default."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -21,30 +21,30 @@ class ViewsTable(Table):
         self, actors: Sequence[Actor], factors: Sequence[float], robots: Sequence[Robot],
         horizon: int, objective: Objective, chance: float,
     ) -> Views:  # fmt: skip
-        """Returns the views, with a number for each person.
+        """Returns the views, with a weight for each person.
 
         Parameters
         ----------
         actors, factors : the people [A], and the factor of each one's weight
-        robots : whose cameras weights are computed of
-        horizon, objective : T, and what counts besides views
-        chance : least probability of a take
+        robots : the drones, from whose cameras weights are computed
+        horizon, objective : T, and the objective without views
+        chance : smallest probability of a take
 
         Raises
         ------
         ProblemError
-            If a number is out of range, there are not as many as people, or there is no default.
+            If a number is out of range, there is not one per person, or there is no default.
         """
         weight = self.weight
         if weight is None:
             weight = default_weights(actors, robots)
         elif weight == FIRST:
             weight = weight_before_all(actors, robots, horizon, objective, chance)
-        # Each number is checked before it is multiplied, under the name that the recipe has.
+        # Each number is checked before it is multiplied, under its name in the recipe.
         given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least, share=self.share)
         given.require_for(len(actors))
         weights = given.weights(len(actors))
-        if self.weight == FIRST:  # the least factor leaves it as it is
+        if self.weight == FIRST:  # the smallest factor leaves it unchanged
             least = min((factor for factor in factors if factor > 0), default=1.0)
             factors = [factor / min(least, 1.0) for factor in factors]
         return given.replace(weight=tuple(w * f for w, f in zip(weights, factors, strict=True)))
@@ -66,20 +66,20 @@ class ObjectiveTable(Table):
         self, actors: Sequence[Actor], factors: Sequence[float | None], robots: Sequence[Robot],
         horizon: int, chance: float = 1.0,
     ) -> Objective:  # fmt: skip
-        """Returns the objective, which holds numbers only.
+        """Returns the objective, which contains only numbers.
 
         Parameters
         ----------
         actors : the people [A]
-        factors : of each one's weight in `views`; None: 1
+        factors : factor of each person's weight in `views`; None: 1
         robots : the drones
         horizon : T
-        chance : least probability of a take
+        chance : smallest probability of a take
 
         Raises
         ------
         ProblemError
-            If something is out of range; the message names the field.
+            If a value is out of range; the message names the field.
         """
         plain = {name: getattr(self, name) for name in self.__struct_fields__ if name != "views"}
         objective = Objective(**plain)

@@ -1,4 +1,4 @@
-"""The people of a recipe, from recorded tracks or walking along given legs."""
+"""The people of a recipe, who follow recorded tracks or walk along given legs."""
 
 import logging
 import math
@@ -30,21 +30,21 @@ from cocap_opt.text import distance, pair, plain
 
 log = logging.getLogger(__name__)
 
-FASTEST = 12.0  # m/s; nobody runs faster, and few ride
-IMPOSSIBLE = 100.0  # m/s; above it a unit, a frame rate or a step is wrong
+FASTEST = 12.0  # m/s; nobody runs faster, and few riders are faster
+IMPOSSIBLE = 100.0  # m/s; above it, a unit, a frame rate or a step must be wrong
 
 Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
 
-_REACH = 100.0  # m off the map; nobody farther away is filmed from above it
-_MOSTLY = 0.5  # of all ways between rows; if more are long, rows are too far apart for anything
-_LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
-_LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
+_REACH = 100.0  # m off the map; people farther away are not filmed
+_MOSTLY = 0.5  # share of all intervals between rows; if more are long, rows are too far apart
+_LONGEST = 60.0  # s; longest interval in which a straight walk may be intended
+_LEAST_WALK = 0.5  # share of the scene's duration; a shorter walk may be unintended
 
 
 class TracksTable(Table):
     """One of the tables `tracks` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
-    file: str | Annotated[list[str], Meta(min_length=1)]  # several are on one clock
+    file: str | Annotated[list[str], Meta(min_length=1)]  # several files share one clock
     columns: list[str] | None = None
     unit: Unit | None = None
     fps: float | None = None
@@ -63,22 +63,22 @@ class TracksTable(Table):
     def actors(
         self, folder: Path, terrain: Terrain, step: float, steps: int, projection: MapProjection
     ) -> tuple[list[Actor], Epoch | None]:
-        """Reads the people of the files who are there at all steps, standing on the ground.
+        """Reads the people of the files who are present at all steps, standing on the ground.
 
-        Returns them, and the moment of step 0 where times are dates.
+        Also returns the moment of step 0 if times are dates.
 
         Parameters
         ----------
-        folder : of the files that the table names
+        folder : folder of the files that the table names
         terrain : the ground
         step : seconds between steps
         steps : horizon T
-        projection : makes metres of latitudes and longitudes
+        projection : converts latitudes and longitudes to metres
 
         Raises
         ------
         ProblemError
-            If a file cannot be read or has no such people; one line.
+            If a file cannot be read or has no such people; the message is one line.
         """
         tracks = self._tracks(folder, projection)
         begin, chosen = self._chosen(tracks, step, steps)
@@ -119,14 +119,14 @@ class TracksTable(Table):
         return files[self._files[0]] if len(files) == 1 else on_one_clock(files)
 
     def _begin(self, tracks: list[Track]) -> float | None:
-        """Returns the second of step 0 that is wished; it may count from 1970 as the file does."""
+        """Returns the requested second of step 0, which may count from 1970 like the file."""
         clock = tracks[0].clock
         if self.begin is None or clock is None or self.begin < SINCE_1970:
             return self.begin
         return self.begin - clock.nanoseconds / 1e9
 
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
-        """Returns the time (s) of step 0, and the people who are filmed."""
+        """Returns the time (s) of step 0, and the people to film."""
         wished = self._begin(tracks)
         if (self.ids is None) == (self.count is None):
             present = _present(tracks, steps * step, wished)
@@ -139,7 +139,7 @@ class TracksTable(Table):
             )
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
         wanted = self.count or len(candidates)
-        # More people are there only from a time at which someone appears.
+        # The number of people present only grows at times at which someone appears.
         moments = sorted({begin for track in candidates for begin, _ in track.spans()})
         most = 0
         for begin in moments if wished is None else [wished]:
@@ -161,7 +161,7 @@ class TracksTable(Table):
         )
 
     def _say_begin(self, tracks: list[Track], wanted: int, begin: float, seconds: float) -> None:
-        """Says that step 0 is not where the tracks begin, and why, if it is so."""
+        """Logs that step 0 is not at the beginning of the tracks, and the reason."""
         first = min(float(track.times[0]) for track in tracks)
         if begin <= first + SLACK:
             return
@@ -177,7 +177,9 @@ class TracksTable(Table):
         self, tracks: list[Track], wanted: int, step: float, steps: int, begin: float | None,
         who: str,
     ) -> None:  # fmt: skip
-        """Raises a ProblemError that names the steps for which so many people are there at once."""
+        """Raises ProblemError, naming the possible number of steps, unless enough people are
+        present long enough.
+        """
         spans = [span for track in tracks for span in track.spans()]
         moments = {a for a, _ in spans} if begin is None else {begin}
         lasting = [
@@ -201,7 +203,7 @@ class TracksTable(Table):
         )
 
     def _require_dense(self, tracks: list[Track]) -> None:
-        """Raises a ProblemError if rows of a person are too far apart for following anybody."""
+        """Raises ProblemError if rows of a person are too far apart to follow anybody."""
         ways = np.concatenate([np.zeros(0), *(np.diff(track.times) for track in tracks)])
         lost = np.concatenate([np.zeros(0, bool), *(track.lost() for track in tracks)])
         apart = float(np.median(ways)) if len(ways) else 0.0
@@ -221,7 +223,7 @@ class TracksTable(Table):
         )
 
     def _way_out(self, apart: float) -> str:
-        """Suggests options of the recipe where rows of a person are so many seconds apart."""
+        """Suggests options of the recipe for rows of a person that are this far apart (s)."""
         unit = likely_unit(apart) if self.time_unit is None and self.fps is None else None
         ways = []
         if unit not in (None, "s"):
@@ -244,7 +246,7 @@ class WalkTable(Table):
     take: Takes = None
 
     def actor(self, terrain: Terrain, step: float, steps: int) -> Actor:
-        """Returns a person who walks along the legs, and stands where they end.
+        """Returns a person who walks along the legs, and stands still at the end.
 
         Parameters
         ----------
@@ -255,9 +257,9 @@ class WalkTable(Table):
         Raises
         ------
         ProblemError
-            If the way begins beyond its end, is far off the map, or nobody could be so fast.
+            If the walk begins beyond its end, is far off the map, or is impossibly fast.
         """
-        if self.speed > IMPOSSIBLE:  # a short way may end before it shows
+        if self.speed > IMPOSSIBLE:  # a short walk may end before the speed shows
             raise ProblemError(f"speed: must be at most {IMPOSSIBLE:g} m/s, not {self.speed:g}")
         points = self._along(step, steps)
         floor = [terrain.floor(x, y) for x, y in points.tolist()]
@@ -275,7 +277,7 @@ class WalkTable(Table):
         return actor
 
     def _rest(self, seconds: float) -> str:
-        """Returns a warning about a person who stands for most of the scene after a walk."""
+        """Returns a warning about a person who stands still for most of the scene after a walk."""
         way = float(np.hypot(*np.diff(np.array(self.points), axis=0).T).sum()) - self.first
         if not way > 0 or not self.speed:
             return ""
@@ -311,13 +313,14 @@ def _named(ids: list[int | str], tracks: list[Track]) -> list[Track]:
 
 
 def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
-    """Says who is in a file, and when most of them are there for some seconds."""
+    """Describes who is in a file, and when most of them are present for some seconds."""
     spans = np.array([span for track in tracks for span in track.spans()])
     lasting = spans[spans[:, 1] - spans[:, 0] >= seconds - SLACK]
     noun = "person" if len(tracks) == 1 else "people"
     words = f"the file has {len(tracks)} {noun} ({_listed(tracks)})"
     moments = np.unique(lasting[:, 0]) if begin is None else np.array([begin])
-    # Who is there at a moment has come by then, and does not leave before the seconds are over.
+    # A person present for the whole period has appeared by its beginning, and does not leave before
+    # its end.
     counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
     counts -= np.searchsorted(np.sort(lasting[:, 1]), moments + seconds - SLACK)
     if not len(lasting) or counts.max() == 0:
@@ -335,7 +338,7 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
 
 
 def _is_there(track: Track, begin: float, seconds: float) -> bool:
-    """Returns True if a person is there without a gap for some seconds."""
+    """Returns True if a person is present without a gap for some seconds."""
     return any(a <= begin + SLACK and begin + seconds <= b + SLACK for a, b in track.spans())
 
 
@@ -347,12 +350,12 @@ def _listed(tracks: list[Track]) -> str:
 def _require_near_map(
     names: Sequence[str], actors: Sequence[Actor], terrain: Terrain, way_out: str
 ) -> None:
-    """Refuses people who are far off the map at all steps; who walks into it or out of it may.
+    """Rejects people who are far off the map at all steps; people may walk onto the map or off it.
 
     Parameters
     ----------
-    names : of the people, as messages have them
-    way_out : what moves people or the map, in words
+    names : names of the people in messages
+    way_out : how to move people or the map, in words
     """
     first, last = terrain.height_map.ends
     for name, actor in zip(names, actors, strict=True):
@@ -368,18 +371,18 @@ def _require_near_map(
 
 
 def _pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, causes: str) -> str:
-    """Returns a warning about the first of some people who is too fast, or nothing if nobody is.
+    """Returns a warning about the first person who is too fast; empty if nobody is.
 
     Parameters
     ----------
-    names : of the people, as messages have them
+    names : names of the people in messages
     step : seconds between steps
-    causes : what may be wrong, in words
+    causes : possible causes, in words
 
     Raises
     ------
     ProblemError
-        If nobody on the ground could be so fast.
+        If the speed is impossible on the ground.
     """
     warnings = []
     for name, actor in zip(names, actors, strict=True):

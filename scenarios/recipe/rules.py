@@ -1,4 +1,4 @@
-"""The tables of a recipe that say where drones may not be, though nothing is there."""
+"""The tables of a recipe that define where drones may not fly although there is no obstacle."""
 
 from shapely import Polygon
 
@@ -12,7 +12,7 @@ from cocap_opt.world.workspace import Mesh
 
 
 class NoFlyTable(Table):
-    """One of the tables `no_fly`: a polygon that no drone enters between two altitudes."""
+    """One of the tables `no_fly`: a polygon that no drone may enter between two altitudes."""
 
     polygon: list[Point]
     bottom: Coordinate = -LARGEST  # m, altitude
@@ -24,8 +24,8 @@ class NoFlyTable(Table):
         Raises
         ------
         ProblemError
-            If the polygon has fewer than three corners or crosses itself, or nothing is between
-            bottom and top.
+            If the polygon has fewer than three corners or crosses itself, or bottom is not below
+            top.
         """
         if len(self.polygon) < 3:
             raise ProblemError(f"polygon: must have at least 3 corners, not {len(self.polygon)}")
@@ -38,12 +38,14 @@ class NoFlyTable(Table):
 class AirspaceTable(Table):
     """The table `airspace`: the ceiling, and the distance that drones keep from people."""
 
-    ceiling: Coordinate | None = None  # m, as layers are; None: there is none
-    people: Size = 0.0  # m, seen from above
-    over_people: Size | None = None  # m above heads at which they may; None: they may not
+    # m, relative to the same datum as layers; None: there is none
+    ceiling: Coordinate | None = None
+    people: Size = 0.0  # m, horizontally
+    # m above heads at which drones may be closer; None: they may not
+    over_people: Size | None = None
 
     def airspace(self, zones: tuple[NoFlyTable, ...]) -> Airspace:
-        """Returns the limits of where drones may fly."""
+        """Returns the limits of the airspace."""
         solids = []
         for k, table in enumerate(zones):
             with naming(f"no_fly[{k}]"):
@@ -59,11 +61,11 @@ class AirspaceTable(Table):
 
 
 class RulesTable(Table):
-    """The collision rules of a scene that is to be flown: drones are never closer than that."""
+    """The collision rules of a scene, whose default is that of flown scenes."""
 
     vertex: bool = True
     swap: bool = True
-    separation: Size | None = None  # m; None: SEPARATION, if drones may not share a cell
+    separation: Size | None = None  # m; None: SEPARATION, unless drones may share a cell
     vertical: Size = 0.0  # m
 
     def rules(self) -> CollisionRules:

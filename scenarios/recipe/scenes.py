@@ -1,4 +1,4 @@
-"""Scenes that recipes make."""
+"""Makes scenes from recipes."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -50,13 +50,13 @@ def read(
     seed
         Chooses the starts of drones that have a `count`.
     change
-        Makes another recipe of the one in the file (default: no change).
+        Returns a changed recipe, given the one in the file (default: no change).
 
     Raises
     ------
     ProblemError
-        If a file cannot be read, or something is not allowed or does not fit together; one
-        line, naming file and field.
+        If a file cannot be read, or a value is not allowed or contradicts others; the message is
+        one line that names the file and the field.
     """
     with naming(path), _naming_examples():
         place = _Place.of(change(decoded(path)), path)
@@ -65,7 +65,9 @@ def read(
 
 @contextmanager
 def _naming_examples() -> Iterator[None]:
-    """Says where recipes with all their files are, if one that the example names is missing."""
+    """Adds where to find complete recipes to the error if a file named by the example is
+    missing.
+    """
     try:
         yield
     except ProblemError as error:
@@ -79,7 +81,7 @@ def _naming_examples() -> Iterator[None]:
 
 
 def parts(path: Path) -> list[Path]:
-    """Returns the files that the tables of a recipe name, whether or not they are there."""
+    """Returns the files named in the tables of a recipe, whether or not they exist."""
     tables = msgspec.to_builtins(decoded(path))
     return [path.parent / name for name in _named(tables)]
 
@@ -97,12 +99,12 @@ def _named(value: Any, key: str = "") -> Iterator[str]:
 
 
 def site(path: Path, seed: int = 0) -> Site:
-    """Reads a recipe whose drones need not have places yet, nor be there at all.
+    """Reads a recipe whose drones need not have places yet, nor be defined at all.
 
     Raises
     ------
     ProblemError
-        If anything else is wrong; one line, naming file and field.
+        If anything else is wrong; the message is one line that names the file and the field.
     """
     with naming(path), _naming_examples():
         place = _Place.of(decoded(path), path)
@@ -139,7 +141,7 @@ def site(path: Path, seed: int = 0) -> Site:
 
 
 class _Place(NamedTuple):
-    """All that a recipe makes but its drones and the objective, which depends on them."""
+    """Everything that a recipe makes except its drones and the objective, which depends on them."""
 
     recipe: Recipe
     name: str
@@ -153,7 +155,7 @@ class _Place(NamedTuple):
 
     @classmethod
     def of(cls, recipe: Recipe, path: Path) -> "_Place":
-        """Reads all files that a recipe names."""
+        """Reads all files named in a recipe."""
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight or ABOVE_GROUND)
         crowns: list[Mesh] = []
@@ -171,7 +173,8 @@ class _Place(NamedTuple):
         with naming("rules"):
             rules = recipe.rules.rules()
         if recipe.earth is not None and earth is not None and terrain.crs is None:
-            with naming("earth"):  # walls or tracks off the map say first where it should be
+            # errors about walls or tracks off the map come first, as they name the right place
+            with naming("earth"):
                 require_likely(earth, terrain.height_map)
         airspace = recipe.airspace.airspace(recipe.no_fly)
         if airspace.people_aside:
@@ -188,7 +191,7 @@ class _Place(NamedTuple):
         return cls(recipe, name, terrain, solid, land, people, filmed, earth, around)
 
     def team(self, rng: np.random.Generator) -> list[Robot]:
-        """Returns the drones of all tables, each of which keeps away from those before."""
+        """Returns the drones of all tables, each clear of those before."""
         recipe, height_map = self.recipe, self.around.height_map
         if not recipe.drones:
             raise ProblemError(
@@ -203,13 +206,13 @@ class _Place(NamedTuple):
         return team
 
     def say(self) -> None:
-        """Says what is doubtful in the tables of drones."""
+        """Logs doubtful entries in the tables of drones."""
         tables = self.recipe.drones
         say_cameras([given.camera for given in tables])
         say_moved(tables, self.around.height_map)
 
     def fields(self, team: Sequence[Robot]) -> dict[str, Any]:
-        """Returns the fields of a scene but the objective."""
+        """Returns the fields of a scene except the objective."""
         return {
             "name": self.name,
             "height_map": self.terrain.height_map,
@@ -227,7 +230,7 @@ class _Place(NamedTuple):
         }
 
     def problem(self, team: Sequence[Robot]) -> Problem:
-        """Returns the problem; what is wrong with a drone in it has the names of the recipe."""
+        """Returns the problem; errors about a drone use the recipe's names."""
         with naming("objective"):
             given, factors = [person for person, _ in self.people], [f for _, f in self.people]
             objective = self.recipe.objective.objective(
@@ -240,12 +243,12 @@ class _Place(NamedTuple):
 
 
 def _flyable(recipe: Recipe, terrain: Terrain) -> tuple[Recipe, Terrain, float]:
-    """Returns a recipe whose drones can fly all of their moves smoothly, in any order.
+    """Returns a recipe whose drones can fly all their moves smoothly, in any order.
 
     Returns
     -------
-    recipe, terrain : with other motions, cells and flight heights, where limits ask for that
-    stray : share of a move by which drones may then stray from their even pace
+    recipe, terrain : with other motions, cells and flight heights, if limits require it
+    stray : share of a move by which drones may then deviate from constant speed
     """
     for k, given in enumerate(recipe.drones):
         with naming(f"drones[{k}]"):

@@ -1,4 +1,4 @@
-"""The schema of a recipe's file: its tables, of which the other modules have one kind each."""
+"""The schema of a recipe file: its tables, which are defined by kind in the other modules."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -23,7 +23,7 @@ from cocap_opt.scenarios.recipe.takes import SpreadTable, TakeTable
 from cocap_opt.scenarios.tables import Flight, Table
 from cocap_opt.scenarios.text import read_text
 
-MOST_DIGITS = 4300  # of a whole number, that Python reads
+MOST_DIGITS = 4300  # digits of a whole number that Python reads
 
 
 class Recipe(Table):
@@ -31,8 +31,8 @@ class Recipe(Table):
 
     steps: Annotated[int, Meta(ge=1, le=MOST_STEPS)]
     map: MapTable
-    drones: tuple[DronesTable, ...] = ()  # to look at; a problem needs one
-    name: str | None = None  # None: as the file
+    drones: tuple[DronesTable, ...] = ()  # may be empty in a recipe to examine; a problem needs one
+    name: str | None = None  # None: the name of the file
     step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
     flight: Flight | None = None  # None: above the ground, and level where that is too steep
     flown: Literal["smooth", "straight"] = "smooth"
@@ -53,13 +53,13 @@ class Recipe(Table):
 
 
 def decoded(path: Path) -> Recipe:
-    """Returns the content of a recipe's file; a ProblemError says what is wrong with it."""
-    text = read_text(path, (JSON,))  # `[[1]]` is TOML, too
+    """Returns the content of a recipe file; a ProblemError describes what is wrong with it."""
+    text = read_text(path, (JSON,))  # `[[1]]` is valid TOML, too
     try:
         return msgspec.toml.decode(text, type=Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(in_words(error, text, Recipe)) from error
-    except ValueError as error:  # Python's own, of numbers of thousands of digits
+    except ValueError as error:  # raised by Python for numbers with thousands of digits
         raise ProblemError(f"must hold whole numbers of at most {MOST_DIGITS} digits") from error
 
 

@@ -1,10 +1,11 @@
-"""The moves of drones with limits that they can fly in any order: of which plans have flights.
+"""The moves of drones with limits that can be flown in any order, so that every plan has a flight.
 
-A drone that rests at each step can fly whatever the plan asks for next. So the moves of a recipe
-are those that a drone makes from rest to rest within a step (`cocap_opt.flight.rests`); a smooth
-flight rests only where it must. Moves that are longer are left out. Where even the shortest one is,
-cells and headings are divided. Where the ground is too steep for layers to follow it, they are
-level, or as steep as drones can climb, and nowhere closer to the ground than stated.
+A drone that rests at each step can fly any move that the plan requires next. So a recipe's moves
+are restricted to those that a drone can make from rest to rest within a step
+(`cocap_opt.flight.rests`); a smooth flight rests only where it must. Longer moves are left out. If
+even the shortest move is too long, cells and headings are divided. If the ground is too steep for
+layers to follow it, layers are level, or as steep as drones can climb, and nowhere closer to the
+ground than stated.
 """
 
 import logging
@@ -24,20 +25,20 @@ from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.world.workspace import HeightMap
 
 _MOST_HEADINGS = 360
-_UPHILL = 0.97  # of a stride that a cell takes at most where ground is uneven: a slope of 1 : 4
+_UPHILL = 0.97  # share of a stride that a cell may take if the ground is uneven: a slope of 1 : 4
 _LESS = 1 - 1e-9
 
 log = logging.getLogger(__name__)
 
 
 class Strides(NamedTuple):
-    """The moves that drones of all tables can make between rests.
+    """The moves that the drones of all tables can make between rests.
 
     Attributes
     ----------
-    law : of time, by which they then move
-    tables : with the motions that are left
-    terrain : with cells and flight heights of which these motions are
+    law : time law of these moves
+    tables : tables with the remaining motions
+    terrain : terrain with the cells and flight heights of these motions
     told : the differences from the recipe, a line for each table, and one for the ground
     """
 
@@ -55,9 +56,9 @@ class Strides(NamedTuple):
 
         Parameters
         ----------
-        step : s
+        step : length of a step, s
         follows_ground : True: flight heights are above the ground, however steep it is
-        ceiling : m, of flight heights
+        ceiling : ceiling of flight heights, m
         """
         law = max(LAWS, key=lambda law: _merit(tables, terrain, law, step))
         parts = _parts(tables, terrain, law, step)
@@ -77,7 +78,7 @@ class Strides(NamedTuple):
         return cls(law, tuple(changed), finer, tuple(told))
 
     def say(self) -> None:
-        """Logs what differs from the recipe."""
+        """Logs the differences from the recipe."""
         for words in self.told:
             log.warning("%s", words)
 
@@ -85,7 +86,9 @@ class Strides(NamedTuple):
 def _merit(
     tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: float
 ) -> tuple[int, int, float]:
-    """Returns the merit of a law: drones that can move, few parts of cells, then long moves."""
+    """Returns the merit of a law: number of drones that can move, few parts of cells, then long
+    moves.
+    """
     parts = _parts(tables, terrain, law, step)
     edge = terrain.height_map.resolution / parts
     moving = sum(
@@ -97,7 +100,9 @@ def _merit(
 
 
 def _worth(table: DronesTable, terrain: Terrain, law: Rests, step: float) -> float:
-    """Returns the shares of the recipe's longest moves that drones of a table have by some law."""
+    """Returns the shares of the recipe's longest moves that a table's drones can make with a
+    law.
+    """
     limits, motion = table.known_limits, table.motion
     if limits is None:
         return 0.0
@@ -115,7 +120,9 @@ def _worth(table: DronesTable, terrain: Terrain, law: Rests, step: float) -> flo
 
 
 def _parts(tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: float) -> int:
-    """Returns in how many parts cells are divided, so that each drone can move by a cell."""
+    """Returns the number of parts into which cells are divided, so that each drone can move by a
+    cell.
+    """
     height_map = terrain.height_map
     most = min(MOST_MOVED, math.isqrt(MOST_CELLS // height_map.heights.size))
     share = _UPHILL if height_map.is_uneven else 1.0
@@ -131,12 +138,12 @@ def _parts(tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: fl
 
 
 def _farthest(stride: Stride) -> float:
-    """Returns the longest way (m) of a level move; inf where there is no bound."""
+    """Returns the length (m) of the longest level move; inf if it is unlimited."""
     return min(most for most in (math.inf, stride.aside, stride.space) if most is not None)
 
 
 def _motion(table: DronesTable, terrain: Terrain, parts: int, law: Rests, step: float) -> Motion:
-    """Returns the motion of a table's drones on cells that are divided in parts."""
+    """Returns the motion of a table's drones on divided cells."""
     motion, limits = table.motion, table.known_limits
     radius, spacing = motion.radius * parts, motion.spacing * parts
     edge = terrain.height_map.resolution
@@ -144,7 +151,7 @@ def _motion(table: DronesTable, terrain: Terrain, parts: int, law: Rests, step: 
         return motion.replace(radius=_within(radius, spacing), spacing=spacing)
     stride = law.stride(limits, step).within(motion.stride)
     far = _farthest(stride)
-    if far < spacing * edge * math.sqrt(2):  # not even all of its neighbours
+    if far < spacing * edge * math.sqrt(2):  # not even to all neighbours of a cell
         spacing = motion.spacing
     if far < radius * edge:
         radius = math.floor(far / edge / _LESS)
@@ -159,12 +166,12 @@ def _motion(table: DronesTable, terrain: Terrain, parts: int, law: Rests, step: 
 
 
 def _within(radius: int, spacing: int) -> int:
-    """Returns the largest multiple of a spacing within a radius that motions may have."""
+    """Returns the largest multiple of a spacing within the radius that motions may have."""
     return min(radius, MOST_MOVED) // spacing * spacing
 
 
 def _unbound(motion: Motion, height_map: HeightMap, stated: Stride | None) -> Motion:
-    """Returns the motion without a stride, where none of its moves on a map is longer."""
+    """Returns the motion without a stride, if none of its moves on a map exceeds it."""
     if motion.stride is None or motion.stride == stated:
         return motion
     reaches = rises(height_map, motion)
@@ -174,7 +181,9 @@ def _unbound(motion: Motion, height_map: HeightMap, stated: Stride | None) -> Mo
 
 
 def _turning(motion: Motion, limits: Limits, step: float) -> Motion:
-    """Returns a motion with turns that drones can make from rest to rest, and more headings."""
+    """Returns a motion with turns that drones can make from rest to rest, and with more
+    headings.
+    """
     if limits.yaw_rate is None or not motion.turn:
         return motion
     most, unit = limits.yaw_rate * step / TURNS.rate, math.tau / motion.headings
@@ -188,7 +197,7 @@ def _turning(motion: Motion, limits: Limits, step: float) -> Motion:
 
 
 def _slope(motions: Sequence[Motion], terrain: Terrain) -> float:
-    """Returns the steepest rise per m that all drones can follow; inf if any will do."""
+    """Returns the steepest rise per m that all drones can follow; inf if there is no limit."""
     edge, found = terrain.height_map.resolution, math.inf
     if not terrain.height_map.is_uneven:
         return found
@@ -217,7 +226,7 @@ def _lifted(terrain: Terrain, slope: float) -> Iterator[str]:
 def _changed(
     k: int, table: DronesTable, motion: Motion, before: Terrain, after: Terrain, step: float
 ) -> Iterator[str]:
-    """Yields the moves that a table's drones have in place of those of the recipe, in words."""
+    """Yields the differences between a table's motion and that of the recipe, in words."""
     old, edge = table.motion, after.height_map.resolution
     words = []
     if motion.spacing * edge < old.spacing * before.height_map.resolution:

@@ -1,4 +1,4 @@
-"""The takes of a recipe: ways in which people may walk, said one by one or drawn."""
+"""The takes of a recipe: ways in which people may walk, listed individually or drawn at random."""
 
 from collections.abc import Sequence
 
@@ -34,19 +34,19 @@ def people_in_takes(
     tables: Sequence[TakeTable], spread: SpreadTable | None, actors: Sequence[Actor],
     workspace: Workspace, steps: int, step: float,
 ) -> PeopleInTakes:  # fmt: skip
-    """Returns the people of the takes that a recipe says or has drawn.
+    """Returns the people of the takes that a recipe lists or draws.
 
     Parameters
     ----------
-    tables, spread : of the recipe, which has one of both or neither
+    tables, spread : tables of the recipe, which has at most one of the two
     actors : the people, who name their takes
-    workspace : which drawn ways do not enter
-    steps, step : T, and the s of each
+    workspace : obstacles that drawn walks do not enter
+    steps, step : T, and the length of a step in s
 
     Raises
     ------
     ProblemError
-        If takes do not fit together, or something is out of range; it names the table.
+        If takes contradict each other, or a value is out of range; the message names the table.
     """
     if spread is None:
         takes = []
@@ -70,12 +70,12 @@ def people_in_takes(
 def in_takes(
     actor: Actor, named: str | list[str] | None, takes: Sequence[TakeTable]
 ) -> list[Actor]:
-    """Returns a person who is in some takes, once for each of them; once, if there in all.
+    """Returns a person once for each of their takes, or once if they are in all.
 
     Raises
     ------
     ProblemError
-        If a name is no take's, or comes twice.
+        If a name is not that of a take, or occurs twice.
     """
     if named is None:
         return [actor]

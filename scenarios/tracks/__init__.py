@@ -1,18 +1,18 @@
-"""People whom others tracked, as actors: tracks from files, their points at steps, and headings.
+"""Recorded tracks of people as actors: tracks from files, their points at the steps, and headings.
 
-Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), whose columns are
-id, frame, x, y, z with z the height of the head above the floor, CSV files like them, the
-databases of JuPedSim, and GPX. A track is the way of one person:
+Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), whose columns are id,
+frame, x, y, z with z the height of the head above the floor, CSV files like them, the databases of
+JuPedSim, and GPX. A track is the path of one person:
 
     tracks = Track.read_all(Path("walk.txt"), unit="cm", fps=16)
     there = [track for track in tracks if track.is_there(begin=5.0, step=0.5, steps=20)]
     actors = [track.actor(5.0, 0.5, 20) for track in there]
 
 People are there from their first frame to their last. Between frames they walk straight on. In a
-gap of more than `MOST_GAP` their position is unknown, and at a step inside it they are not
-there. Receivers of GPS leave out points on straight ways, and begin a segment where they had no
-satellites, so that gaps in GPX are longer, `MOST_GAP_GPX`, within a segment. Steps at the times of
-frames have the frames' points.
+gap of more than `MOST_GAP` their position is unknown, and at a step inside it they are not there.
+GPS receivers leave out points on straight paths and begin a new segment after losing their
+satellites, so the longer `MOST_GAP_GPX` applies to gaps within a segment of GPX. A step at the time
+of a frame has the point of that frame.
 """
 
 import logging
@@ -45,27 +45,28 @@ BODY = Prism(sides=6, apothem=0.25, height=1.75)  # m, as wide as shoulders
 STILL = 0.1  # m/s, below which people keep their heading
 MOST_GAP = 1.0  # s, between frames
 MOST_GAP_GPX = 10.0  # s, between points of a segment
-LEAST_HEIGHT = HEIGHTS[0]  # m, of a head; what is lower is the height of the floor, or of a box
+LEAST_HEIGHT = HEIGHTS[0]  # m, of a head; a lower z is the height of the floor or of a box
 _NANO = 10**9
-SLACK = 1e-6  # s, by which rounding may shift times
+SLACK = 1e-6  # s, by which rounding may change times
 
 
 READERS: dict[Kind | str, Callable[[Path, Form, MapProjection], TrackTable]] = {
-    # by what the first bytes tell, or else by the ending of the name; all others are text
+    # Recognised by the first bytes or else by the ending of the name; all other files are text.
     SQLITE: read_database,
     GPX: read_gpx,
 }
 
 
 class Track(NamedTuple):
-    """The way of one person. Arrays are read-only."""
+    """The path of one person. Arrays are read-only."""
 
     id: int | str  # as in the file
     times: FloatArray  # [n] s, increasing
     points: FloatArray  # [n, 2] m, x and y
-    height: float | None  # m, of the head above the floor; None where the file has none
+    height: float | None  # m, of the head above the floor; None if the file has none
     gaps: BoolArray | None = None  # [n-1] where the path is unknown; None: by `MOST_GAP`
-    clock: Epoch | None = None  # that tells when 0 s is; None: a clock of the file's own
+    # says at what date 0 s is; None: the file's own clock, without dates
+    clock: Epoch | None = None
 
     @classmethod
     def read_all(
@@ -83,29 +84,30 @@ class Track(NamedTuple):
         """Reads the tracks of a file, in the order of their ids; rows may have any order.
 
         Signs of a wrong unit or frame rate are logged as warnings. A track's height is the median
-        of its z, and None where that is below `LEAST_HEIGHT`, as in files whose z is the floor's.
+        of its z, and None if that is below `LEAST_HEIGHT`, as in files whose z is the height of the
+        floor.
 
         Parameters
         ----------
         path
-            A text file, a database or GPX; `cocap_opt.scenarios.tracks.text` says how the
-            lines of text look.
+            A text file, a database or GPX; `cocap_opt.scenarios.tracks.text` describes the lines of
+            text.
         columns
             Names of all its columns: id, frame or time, x, y and, if there, z; others are not
             read. None: the names in its header or in a comment, or else id, frame, x, y, z.
         unit
             Unit of x, y and z. None: as the file states.
         fps
-            Frames per second. None: as the file states; not needed where there are times.
+            Frames per second. None: as the file states; not needed for files with times.
         delimiter
             " " (any blanks), tabulator, "," or ";". None: as in the first row.
         time_unit
             Unit of times. None: as the file states, else seconds; dates have none.
         gap
-            Seconds between rows of a person in which the way is known to be straight. None:
+            Longest time, s, between rows of a person in which the path counts as straight. None:
             `MOST_GAP`, or `MOST_GAP_GPX` within a segment of GPX.
         projection
-            Makes metres of latitudes and longitudes, as in GPX, or where columns are named so.
+            Converts latitudes and longitudes to metres, in GPX and in columns with such names.
 
         Raises
         ------
@@ -135,7 +137,7 @@ class Track(NamedTuple):
         return tracks
 
     def is_there(self, begin: float, step: float, steps: int) -> bool:
-        """Returns True if the person is there at all steps, so that `at_steps` works.
+        """Returns True if the person is present at all steps, so that `at_steps` works.
 
         Raises
         ------
@@ -181,14 +183,14 @@ class Track(NamedTuple):
         still: float = STILL,
         ground: Callable[[float, float], float] = lambda x, y: 0.0,
     ) -> Actor:
-        """Returns the actor that walks the track, looking where it goes.
+        """Returns the actor that walks along the track and looks in the direction of its movement.
 
         Parameters
         ----------
         begin, step, steps
             As in `at_steps`.
         shape
-            Its body; the height is the track's where the track has one.
+            Its body; if the track has a height, it replaces the height of the shape.
         still
             Speed (m/s) below which it keeps its heading, see `headings`.
         ground
@@ -210,12 +212,13 @@ class Track(NamedTuple):
 
     @staticmethod
     def headings(points: FloatArray, still: float) -> FloatArray:
-        """Returns the yaw [T+1] of a person who passes points [T+1, 2] (m), one at each step.
+        """Returns the yaw [T+1] of a person at the points [T+1, 2] (m), one at each step.
 
-        It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the step before
-        to the step after, or at the ends from or to the end itself. A person who moves by less
-        than `still` metres a step keeps the heading of the last step in which it moved; before it
-        first moves it has the heading of its first move, and 0 if it never moves.
+        It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the point of the
+        previous step to that of the next one; at the ends, the point of the step itself replaces
+        the missing one. A person who moves by less than `still` metres a step keeps the heading of
+        the last step in which it moved; before it first moves it has the heading of its first move,
+        and 0 if it never moves.
 
         Raises
         ------
@@ -237,7 +240,7 @@ class Track(NamedTuple):
         return np.where(yaw <= -math.pi, math.pi, yaw)
 
     def spans(self) -> list[tuple[float, float]]:
-        """Returns the times (s) from when to when the person is there, between gaps."""
+        """Returns the periods (s) in which the person is present, as pairs of begin and end."""
         gaps = np.flatnonzero(self.lost())
         begins, ends = self.times[[0, *(gaps + 1)]], self.times[[*gaps, -1]]
         return list(zip(begins.tolist(), ends.tolist(), strict=True))
@@ -249,11 +252,13 @@ class Track(NamedTuple):
         return np.asarray(np.diff(self.times) > MOST_GAP + SLACK)
 
     def longest(self) -> float:
-        """Returns the longest time (s) to the next point on a way that is known; 0 without any."""
+        """Returns the longest time (s) between consecutive points of the known path; 0 without
+        any.
+        """
         return float(np.diff(self.times)[~self.lost()].max(initial=0.0))
 
     def presence(self) -> str:
-        """Says from when to when the person is there."""
+        """Describes the periods in which the person is present."""
         spans = [f"from {a:.12g} to {b:.12g} s" for a, b in self.spans()]
         return " and ".join(
             spans if len(spans) < 5 else [*spans[:3], f"at {len(spans) - 3} more times"]
@@ -319,15 +324,14 @@ def _times(begin: float, step: float, steps: int) -> FloatArray:
     return begin + step * np.arange(steps + 1, dtype=np.float64)
 
 
-# -- several files: people who each recorded their own way
+# -- several files, each with the path that one person recorded
 
 
 def on_one_clock(files: dict[str, list[Track]]) -> list[Track]:
     """Returns the tracks of all files, with times that count from the same moment.
 
-    Dates count from the first of all files; files without dates count as they stand. Where two
-    files give a person the same id, people have the names of their files, if each file has one
-    person.
+    Dates count from the first of all files; files without dates keep their times. If two files use
+    the same id and each file has one person, the people get the names of their files.
 
     Parameters
     ----------
@@ -336,8 +340,8 @@ def on_one_clock(files: dict[str, list[Track]]) -> list[Track]:
     Raises
     ------
     ProblemError
-        If some files have dates and others have none, or only some say how far they are from UTC;
-        or if an id is in two files that have several people. One line.
+        If some files have dates and others have none, or only some have an offset from UTC; or if
+        an id is in two files that have several people. One line.
     """
     clocks = {name: tracks[0].clock for name, tracks in files.items()}
     _require_comparable(clocks)
@@ -353,7 +357,7 @@ def on_one_clock(files: dict[str, list[Track]]) -> list[Track]:
 
 
 def _shifted(track: Track, first: int) -> Track:
-    """Returns a track whose times count from a moment, in ns since 1970, if it has dates."""
+    """Returns a track whose dates, if it has any, count from a moment in ns since 1970."""
     if track.clock is None:
         return track
     times = track.times + (track.clock.nanoseconds - first) / _NANO
@@ -377,7 +381,7 @@ def _require_comparable(clocks: dict[str, Epoch | None]) -> None:
 
 
 def _require_names(files: dict[str, list[Track]]) -> None:
-    """Raises a ProblemError if nothing tells people of several files apart."""
+    """Raises a ProblemError if neither ids nor files distinguish the people of several files."""
     where: dict[int | str, str] = {}
     for name, tracks in files.items():
         for track in tracks:

@@ -1,9 +1,9 @@
-"""Trajectories as JuPedSim writes them: an SQLite database, in metres, with its frame rate.
+"""Reader of JuPedSim's trajectories: an SQLite database, in metres, with its frame rate.
 
 Source of the format: JuPedSim (jupedsim.org), whose table trajectory_data has a row for each person
-at each frame, and whose table metadata has the frames per second under the key fps, and the
-version of the format. Version 2, the newest that is known, has the columns of version 1 that are
-read here; newer ones may mean something else by them, and are refused.
+at each frame, and whose table metadata has the frames per second under the key fps, and the version
+of the format. Version 2, the newest known one, has all columns of version 1 that are read here.
+Newer versions are rejected, because their columns may have another meaning.
 """
 
 import sqlite3
@@ -30,18 +30,18 @@ _NEWEST = 2  # version of the format
 
 
 def read_database(path: Path, form: Form, projection: MapProjection) -> TrackTable:
-    """Reads the trajectories of a database, which stays as it is.
+    """Reads the trajectories of a database, which is not changed.
 
     Raises
     ------
     ProblemError
-        If it is damaged, no database of JuPedSim, of a newer version than is known, or has a row
-        that is not of numbers.
+        If it is damaged, is not a database of JuPedSim, has an unknown newer version, or has a row
+        with values that are not numbers.
     """
     form.require_left_out("a database of JuPedSim", "columns", "delimiter", "time_unit")
     with _opened(path) as connection:
         tables = dict(connection.execute("select name, type from sqlite_master").fetchall())
-        if tables.get(_TABLE) != "table":  # a view may run for ever
+        if tables.get(_TABLE) != "table":  # a view could run forever
             raise ProblemError(
                 f"must have the table {_TABLE}, as databases of JuPedSim do, not only "
                 f"{', '.join(sorted(map(str, tables))[:5]) or 'none'}"
@@ -90,7 +90,9 @@ def _values(rows: list[tuple[object, ...]]) -> dict[str, FloatArray]:
 
 
 def _require_known_version(connection: sqlite3.Connection, tables: dict[str, str]) -> None:
-    """Refuses a format that is newer than what is known; where none is stated, it is an old one."""
+    """Raises a ProblemError if the format is newer than the known ones; unstated means an old
+    one.
+    """
     for version in _stated(connection, tables, "version"):
         if version not in range(1, _NEWEST + 1):
             raise ProblemError(
@@ -100,7 +102,9 @@ def _require_known_version(connection: sqlite3.Connection, tables: dict[str, str
 
 
 def _stated(connection: sqlite3.Connection, tables: dict[str, str], key: str) -> set[float]:
-    """Returns the numbers that the metadata states under a key: one, or none."""
+    """Returns the number that the metadata states under a key, in a set that is empty if it has
+    none.
+    """
     if tables.get("metadata") != "table":
         return set()
     stated = connection.execute("select value from metadata where key = ?", (key,)).fetchall()

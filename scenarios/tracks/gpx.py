@@ -1,10 +1,10 @@
-"""Reader of GPX, the ways that receivers of GPS record, versions 1.0 and 1.1.
+"""Reader of GPX 1.0 and 1.1, the format of the paths that GPS receivers record.
 
 Source of the format: topografix.com/GPX/1/0 and 1/1. A track (trk) is one person. A new segment
 (trkseg) begins where the receiver had lost its satellites or was off. Times are in UTC. Elevations
-(ele) are of the ground or of the receiver, which is unknown, and are not read.
+(ele) are not read, because they may be those of the ground or of the receiver.
 
-gpxpy reads no names with a prefix, and takes a time that it cannot read for none.
+gpxpy is not used, because it ignores names with a prefix and times that it cannot parse.
 """
 
 import math
@@ -23,7 +23,7 @@ from cocap_opt.scenarios.tracks.table import Form, TrackTable, settled
 from cocap_opt.scenarios.tracks.times import moment_of, nanoseconds_of, since_first
 from cocap_opt.text import unread
 
-_OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are not ways
+_OTHERS = {"rte": "route", "wpt": "waypoint"}  # elements without times, or that are not paths
 
 
 class _TrackPoint(NamedTuple):
@@ -89,9 +89,9 @@ def _points(root: Element, stem: str) -> Iterator[_TrackPoint]:
 
 
 def _distinct(points: Iterable[_TrackPoint]) -> list[_TrackPoint]:
-    """Returns points without those that say again where somebody was at a moment.
+    """Returns the points without repetitions of the same place at the same moment.
 
-    Receivers write the last point once more where a segment begins.
+    Receivers repeat the last point at the beginning of the next segment.
     """
     found: dict[tuple[object, ...], _TrackPoint] = {}
     for point in points:
@@ -101,7 +101,7 @@ def _distinct(points: Iterable[_TrackPoint]) -> list[_TrackPoint]:
 
 
 def _require_one_place_at_a_time(points: Iterable[_TrackPoint]) -> None:
-    """Raises a ProblemError if a segment of somebody begins before another one has ended."""
+    """Raises a ProblemError if a segment of a person begins before an earlier one has ended."""
     segments: dict[tuple[str, int], list[_TrackPoint]] = {}
     for point in points:
         segments.setdefault((point.person, point.segment), []).append(point)
@@ -123,7 +123,9 @@ def _has_points(track: Element) -> bool:
 
 
 def _names(tracks: list[Element], stem: str) -> list[str]:
-    """Returns the names of people: those of their tracks where they differ, else the file's."""
+    """Returns the names of people: the names of their tracks if these differ, otherwise the
+    file's.
+    """
     names = [_text(track, "name") for track in tracks]
     if all(names) and len(set(names)) == len(names):
         return names
@@ -157,7 +159,7 @@ def _degrees(point: Element, name: str, most: float, place: str) -> float:
 
 
 def _instead(root: Element) -> str:
-    """Says what a file without tracks has."""
+    """Describes what a file without tracks contains."""
     counts = {word: sum(1 for _ in _children(root, name)) for name, word in _OTHERS.items()}
     found = [f"{count} {word}{'s' * (count > 1)}" for word, count in counts.items() if count]
     if next(_children(root, "trk"), None) is not None:
@@ -166,7 +168,7 @@ def _instead(root: Element) -> str:
 
 
 def _children(element: Element, name: str) -> Iterator[Element]:
-    """Yields the children of a name, in any namespace."""
+    """Yields the child elements with a name, in any namespace."""
     return (child for child in element if str(child.tag).rpartition("}")[2] == name)
 
 

@@ -1,7 +1,7 @@
-"""The form of a text file of tracks: what stands before its rows, and what names of columns say.
+"""The layout of a text file of tracks: the lines before its rows, and the names of its columns.
 
 Source of the names and of the comments: the files of PeTrack, JuPedSim, PedPy and Pathfinder, and
-tables like them.
+similar tables.
 """
 
 import io
@@ -14,14 +14,14 @@ from cocap_opt.scenarios.earth.lengths import unit_of_length
 from cocap_opt.scenarios.tables import PER_METRE, PER_SECOND
 from cocap_opt.scenarios.tracks.table import settled_rate
 
-_ORDER = ("id", "frame", "x", "y", "z")  # where nothing names the columns; z may be missing
+_ORDER = ("id", "frame", "x", "y", "z")  # if nothing names the columns; z may be missing
 
-_ANNOTATIONS = 10  # values in a row of annotations.txt; the last is a word
+_ANNOTATIONS = 10  # values in a row of annotations.txt; the last one is a word
 
 _UNIT = (
     r"(mm|cm|m|(?:centi|milli)?met(?:re|er)s?"
     r"|(?:(?:us|american|international|survey)[\s_-]*){0,2}(?:ft|foot|feet)|ft[\s_-]*us"
-    r"|px|pixels?|inch(?:es)?|yards?|dm|km)(?![\w/])"  # the last are refused
+    r"|px|pixels?|inch(?:es)?|yards?|dm|km)(?![\w/])"  # the last ones are rejected
 )
 _UNIT_OF_COMMENT = re.compile(
     r"(?:\bunits?\s*[:=]\s*|(?<![\w/])[xyz]\s*[/\[(]\s*"
@@ -44,7 +44,7 @@ _PLAIN_NUMBER = re.compile(
     r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?|nan|inf(?:inity)?)", re.IGNORECASE
 )
 
-# Names of columns, spelt without capitals, blanks and underscores, and without a unit.
+# Names of columns, in lower case, without blanks, underscores and units.
 _SPELLINGS = {
     "id": "id persid personid person pedid pedestrianid pedestrian ped agentid agent trackid track",
     "frame": "frame frames fr frameid framenumber",
@@ -57,7 +57,7 @@ _SPELLINGS = {
     "longitude": "lon lng long longitude",
 }
 _ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
-_AXES = {"x", "y"}, {"latitude", "longitude"}  # of which a file has one pair
+_AXES = {"x", "y"}, {"latitude", "longitude"}  # of which a file uses one pair
 
 _REFUSED = {"px", "pixel", "pixels", "inch", "inches", "yd", "yard", "yards", "dm", "km"}
 
@@ -69,36 +69,38 @@ _TIMES = {
     "ns": "ns nsec nsecs nano nanos nanosec nanosecs nanosecond nanoseconds",
 }
 _TIME_UNITS = {word: unit for unit, words in _TIMES.items() for word in words.split()}
-_NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}  # what else may stand there
+# words in the place of a unit that are not units
+_NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}
 
-_NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}  # what is no unit, below a header
-# As in "x/m", "x [m]" and "x (US survey feet)", where any word but an axis is a unit.
+# entries below a header that mean "no unit"
+_NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}
+# Matches "x/m", "x [m]" and "x (US survey feet)"; any word but an axis counts as a unit.
 _UNIT_OF_NAME = re.compile(r"(.*?)\s*[/\[(]\s*(([^\W_]+)[^\])]*)")
 _IN_BRACKETS = re.compile(r"[\[(]\s*(.*?)\s*[\])]")
 
-# What a table of boxes in an image has, spelt as above, besides x and y.
+# Columns of a table of boxes in an image besides x and y, spelt as above.
 _BOX = r"(?:bb|bbox|box|boundingbox|rect)?"
 _WIDTH, _HEIGHT = re.compile(rf"{_BOX}(?:w|width)"), re.compile(rf"{_BOX}(?:h|height)")
 _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x1", "y1", "x2",
             "y2", "bbleft", "bbtop", "bboxleft", "bboxtop"}  # fmt: skip
-_EDGES = 2  # of a box, at least, where it is told by its corners
+_EDGES = 2  # edges of a box that the columns must name to be recognised as corners
 
 Places = dict[str, int]  # role -> place in a row
 
 
 class TextLayout(NamedTuple):
-    """The form of a file: its comments, header and units, and the first row."""
+    """The layout of a file: its comments, header and units, and the first row."""
 
     comments: list[str]  # before the first row, without #
     header: list[str] | None
-    below: list[str]  # units in the row below the header, by column; empty where there is none
+    below: list[str]  # units in the row below the header, by column; empty without such a row
     first: int  # line of the first row, from 1
     row: list[str]  # fields of the first row
     delimiter: str | None  # None: blanks
 
     @classmethod
     def of(cls, text: str, delimiter: str | None) -> "TextLayout":
-        """Returns the form of a text; without a delimiter as in the first row.
+        """Returns the layout of a text; by default, the delimiter is that of the first row.
 
         Raises
         ------
@@ -116,7 +118,7 @@ class TextLayout(NamedTuple):
             found = _separator(content) if delimiter is None else delimiter
             separator = None if found == " " else found
             fields = fields_of(content, separator)
-            # All fields are looked at, since an id may be a word.
+            # All fields are checked, because an id may be a word.
             is_row = any(map(is_number, fields))
             if not (is_row or below) and (header or any(comments)) and _is_units(fields):
                 below = _units_of(content, fields, header, line)
@@ -128,7 +130,7 @@ class TextLayout(NamedTuple):
         raise ProblemError("must hold at least one row of numbers")
 
     def names(self, columns: Sequence[str] | None) -> Sequence[str]:
-        """Returns the names of the columns; those that nothing names are called "-"."""
+        """Returns the names of the columns; columns without a name are called "-"."""
         count = len(self.row)
         names = columns or self.header
         if names is not None:
@@ -151,7 +153,7 @@ class TextLayout(NamedTuple):
         return self.header is None and self.names_of_comment() is None
 
     def names_of_comment(self) -> list[str] | None:
-        """Returns the names of columns that a comment states, if one does."""
+        """Returns the names of columns that a comment states; None if no comment does."""
         for comment in reversed(self.comments):
             for delimiter in (self.delimiter, None):
                 names = fields_of(comment, delimiter)
@@ -176,7 +178,7 @@ class TextLayout(NamedTuple):
         return _units_of_time(names[place], stated) | of_header
 
     def rate(self, places: Places, fps: float | None) -> float | None:
-        """Returns the frames per second; None where the column of times is used instead."""
+        """Returns the frames per second; None if the column of times is used instead."""
         if "time" in places and (fps is None or "frame" not in places):
             if fps is not None:
                 raise ProblemError("fps: must be left out if the file has times instead of frames")
@@ -184,7 +186,9 @@ class TextLayout(NamedTuple):
         return settled_rate(self._stated_rates(), fps)
 
     def _stated_rates(self) -> set[float]:
-        """Returns the rates that comments state by name, or else in words: 10 frames per second."""
+        """Returns the rates that comments state by a name or in words, such as 10 frames per
+        second.
+        """
         named = [rate for comment in self.comments for rate in _FRAME_RATE.findall(comment)]
         rates = named or [
             rate
@@ -204,14 +208,14 @@ def fields_of(line: str, delimiter: str | None) -> list[str]:
 
 
 def is_number(text: str) -> bool:
-    """Returns True for what other programs read as a number, too, unlike 1_0 in Python."""
+    """Returns True if other programs also read the text as a number, unlike 1_0 in Python."""
     return _PLAIN_NUMBER.fullmatch(text) is not None
 
 
 def require_values(line: int, count: int, row: list[str], delimiter: str | None) -> None:
-    """Raises a ProblemError if a row has another number of fields than there are columns."""
+    """Raises a ProblemError if the number of fields in a row differs from the number of columns."""
     if len(row) != count:
-        # A person has two or three coordinates, each of which a decimal comma cuts in two.
+        # A person has two or three coordinates; a decimal comma splits each of them in two.
         cut = delimiter == "," and len(row) - count in (2, 3)
         raise ProblemError(
             f"line {line}: must have {count} values, not {len(row)}"
@@ -220,7 +224,7 @@ def require_values(line: int, count: int, row: list[str], delimiter: str | None)
 
 
 def _units_of(content: str, fields: list[str], header: list[str] | None, line: int) -> list[str]:
-    """Returns the fields of a row of units, of which some may be empty."""
+    """Returns the fields of a row of units; some may be empty."""
     if header is None or len(header) == len(fields):
         return fields
     between = fields_of(content, "\t")
@@ -237,7 +241,7 @@ def _separator(line: str) -> str:
     if ";" in line:
         return ";"
     first = line.partition(",")[0].split()
-    # In a line like "1 0 2,5" commas are decimal; the numbers are refused later.
+    # In a line like "1 0 2,5" commas are decimal; the numbers are rejected later.
     return "," if "," in line and not (len(first) > 1 and is_number(first[0])) else " "
 
 
@@ -248,7 +252,7 @@ class Name(NamedTuple):
     """The role and the unit that the name of a column states."""
 
     role: str | None  # a key of `_SPELLINGS`; None: it is not used
-    unit: str | None = None  # short, where it is known
+    unit: str | None = None  # short name, if it is known
 
     @classmethod
     def of(cls, name: str) -> "Name":
@@ -260,21 +264,21 @@ class Name(NamedTuple):
         if plain in _TIME_UNITS and len(plain) > 1:  # such as "seconds"
             return cls("time", _TIME_UNITS[plain])
         ends = (k for k in range(1, len(plain)) if plain[k:] in _TIME_UNITS)
-        for k in ends:  # the first leaves the longest unit, as in "timestampmicroseconds"
+        for k in ends:  # the first end gives the longest unit, as in "timestampmicroseconds"
             if _ROLES.get(plain[:k]) == "time":
                 return cls("time", _TIME_UNITS[plain[k:]])
         return cls(None)
 
 
 def _is_units(fields: Sequence[str]) -> bool:
-    """Returns True for words that are units, as below a header: s, -, m, m/s."""
+    """Returns True if all words are units, as in a row below a header: s, -, m, m/s."""
     known = {*PER_METRE, *_REFUSED, *PER_SECOND}
     others = [field for field in fields if _of_row(field) not in known]
     return len(others) < len(fields) and not any(Name.of(field).role for field in others)
 
 
 def _units_of_length(names: Sequence[str], row: Sequence[str]) -> Iterator[str]:
-    """Yields the units of x, y and z by the names of columns, and by a row of units below."""
+    """Yields the units of x, y and z that the names of columns or the row of units state."""
     for place, name in enumerate(names):
         role, unit = Name.of(name)
         if role not in ("x", "y", "z"):
@@ -286,7 +290,7 @@ def _units_of_length(names: Sequence[str], row: Sequence[str]) -> Iterator[str]:
 
 
 def _require_known_unit(unit: str) -> str:
-    """Returns the short name of a unit of length, if x and y may be in it."""
+    """Returns the short name of a unit of length, if x and y may have it."""
     short = _short(unit)
     if short not in PER_METRE:
         raise ProblemError(
@@ -297,12 +301,12 @@ def _require_known_unit(unit: str) -> str:
 
 
 def _units_of_time(name: str, stated: Iterable[str]) -> set[str]:
-    """Returns the units of time by the name of the column, and by what else a file states.
+    """Returns the units of time in the name of the column and in other statements of the file.
 
     Raises
     ------
     ProblemError
-        If one is none that is known.
+        If a unit is unknown.
     """
     known = Name.of(name)
     found = [known.unit if known.role == "time" else None, *map(_of_row, stated)]
@@ -318,7 +322,7 @@ def places_of(names: Sequence[str], field: str) -> Places:
     Raises
     ------
     ProblemError
-        If one is missing or named twice, or they are of boxes; it names the field.
+        If a column is missing or named twice, or if the columns describe boxes; it names the field.
     """
     _refuse_boxes(names, field)
     places: Places = {}
@@ -327,7 +331,7 @@ def places_of(names: Sequence[str], field: str) -> Places:
     for place, name in enumerate(names):
         role = Name.of(name).role
         if role == "time" and len(plain) == 1 < len(times) and name not in plain:
-            continue  # the same moments, told otherwise
+            continue  # the same moments in another form
         if role in places:
             raise ProblemError(f"{field}: must name one column {role}, not two")
         if role is not None:
@@ -338,13 +342,13 @@ def places_of(names: Sequence[str], field: str) -> Places:
             f"{field}: must name the columns id, frame or time, and x and y or latitude and "
             f"longitude, not {', '.join(names)}{_about_corners(names)}"
         )
-    for axis in _AXES[metres]:  # that are not used, or not both there
+    for axis in _AXES[metres]:  # columns that are not used or not both present
         places.pop(axis, None)
     return places
 
 
 def _is_plain_time(name: str) -> bool:
-    """Returns True for the commonest names of times, which are taken where there are several."""
+    """Returns True for the most common names of times, which take precedence over others."""
     return _spelt(_bare(name)) in ("time", "t", "seconds", "timestamp") and Name.of(name).unit in (
         None,
         "s",
@@ -359,7 +363,7 @@ def _names_people(names: Sequence[str]) -> bool:
 
 
 def _refuse_boxes(names: Sequence[str], field: str) -> None:
-    """Raises a ProblemError where height is that of a box, and not of a head above the floor."""
+    """Raises a ProblemError if height is the height of a box instead of that of a head."""
     spelt = [_spelt(_bare(name)) for name in names]
     widths = [name for name, word in zip(names, spelt, strict=True) if _WIDTH.fullmatch(word)]
     heights = [name for name, word in zip(names, spelt, strict=True) if _HEIGHT.fullmatch(word)]
@@ -396,7 +400,7 @@ def _bare(name: str) -> str:
 
 
 def _parts(name: str) -> tuple[str, str | None]:
-    """Returns a name without its unit, and the short name of that, or the word as it stands."""
+    """Returns a name without its unit, and the short name of the unit or else the original word."""
     if found := _UNIT_OF_NAME.match(name):
         return found[1], _unit(found[2], first=found[3])
     word, _, unit = name.rpartition("_")
@@ -405,10 +409,11 @@ def _parts(name: str) -> tuple[str, str | None]:
 
 
 def _unit(text: str, first: str) -> str:
-    """Returns the short name of the unit that a text is or begins with, or its first word."""
+    """Returns the short name of the unit that a text is or begins with, or else its first word."""
     if short := _known(text):
         return short
-    return text.lower() if first == "US" else _short(first)  # US/Eastern is no microseconds
+    # "us" in US/Eastern does not mean microseconds
+    return text.lower() if first == "US" else _short(first)
 
 
 def _spelt(word: str) -> str:
@@ -416,14 +421,16 @@ def _spelt(word: str) -> str:
 
 
 def _of_row(field: str) -> str:
-    """Returns the unit that a field of a row of units states, maybe in brackets; "" if none."""
+    """Returns the unit that a field of a row of units states, possibly in brackets; "" if none."""
     found = _IN_BRACKETS.fullmatch(field)
     unit = _short(found[1] if found else field)
     return "" if unit in _NONE else unit
 
 
 def _short(unit: str) -> str:
-    """Returns the short name of a unit, which may be spelt out; of others the word itself."""
+    """Returns the short name of a unit, which may be spelt out; an unknown word is returned as it
+    is.
+    """
     return _known(unit) or unit.strip().lower()
 
 

@@ -15,17 +15,17 @@ from cocap_opt.scenarios.tables import PER_METRE, PER_SECOND
 from cocap_opt.scenarios.tracks.times import Epoch
 from cocap_opt.text import plain
 
-Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
+Values = dict[str, FloatArray]  # role -> [n]; ids that are words are stored separately
 DELIMITERS = (" ", "\t", ",", ";")
 MOST_FPS = 1e6
-MOST = 1e12  # of ids, frames and times
+MOST = 1e12  # largest id, frame and time
 _MOST = {"x": LARGEST, "y": LARGEST, "z": LARGEST, "latitude": 90.0, "longitude": 180.0}
 
 T = TypeVar("T", str, float)
 
 
 class Form(NamedTuple):
-    """The form of a file as the caller states it; None: the file states it."""
+    """The form of a file as stated by the caller; None: as stated in the file."""
 
     columns: Sequence[str] | None = None
     unit: str | None = None
@@ -34,7 +34,7 @@ class Form(NamedTuple):
     time_unit: str | None = None
 
     def require_allowed(self) -> None:
-        """Raises a ProblemError if a field is none of what it may be."""
+        """Raises a ProblemError if a field has a value that is not allowed."""
         if self.unit is not None and self.unit not in PER_METRE:
             raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
         if self.time_unit is not None and self.time_unit not in PER_SECOND:
@@ -48,7 +48,7 @@ class Form(NamedTuple):
             raise ProblemError(f"delimiter: must be {allowed}, not {self.delimiter!r}")
 
     def require_left_out(self, what: str, *fields: str) -> None:
-        """Raises a ProblemError if a field is given that a kind of files has no use for."""
+        """Raises a ProblemError if a field is given that has no use for a kind of file."""
         for field in fields:
             if getattr(self, field) is not None:
                 raise ProblemError(f"{field}: must be left out for {what}")
@@ -61,12 +61,13 @@ class TrackTable(NamedTuple):
     times: FloatArray  # [n] s
     points: FloatArray  # [n, 2] m
     heights: FloatArray | None  # [n] m, the column z
-    where: Callable[[int], str]  # names a row's place, such as "line 7"; slow, for messages
+    # describes the place of a row, such as "line 7"; slow, for messages only
+    where: Callable[[int], str]
     unit: str  # of the file
     rate: float | None  # frames/s; None: the file has times
-    clock: Epoch | None = None  # of times that are dates
+    clock: Epoch | None = None  # if times are dates
     segments: IntArray | None = None  # [n] numbers of parts between which nothing was recorded
-    stamps: FloatArray | None = None  # [n] s, of a column of times where frames are used instead
+    stamps: FloatArray | None = None  # [n] s, the column of times if frames are used instead
 
     @classmethod
     def of(
@@ -81,9 +82,9 @@ class TrackTable(NamedTuple):
 
         Parameters
         ----------
-        values : as they stand in the file, but times in seconds
-        words : ids where they are words; None: they are numbers
-        where : names the place of a row
+        values : as in the file, but times in seconds
+        words : ids that are words; None: ids are numbers
+        where : describes the place of a row
         unit : of x, y and z, a key of `PER_METRE`
         rate : frames per second; None: there are times
 
@@ -104,7 +105,7 @@ class TrackTable(NamedTuple):
         )
 
 
-# What to write where a file does not state a field.
+# What to write if a file does not state a field.
 _EXAMPLES = {
     "unit": f'unit = "m" (or {", ".join(list(PER_METRE)[1:])})',
     "time_unit": f'time_unit = "s" (or {", ".join(list(PER_SECOND)[1:])})',
@@ -130,7 +131,7 @@ def require_numbers(values: Values, where: Callable[[int], str]) -> None:
 
 
 def settled(field: str, stated: set[T], given: T | None) -> T:
-    """Returns the value that the file states or the caller gives, which must be the same."""
+    """Returns the value that the file or the caller states; if both do, they must agree."""
     if len(stated) > 1:
         both = " and ".join(sorted(f"{value}" for value in stated))
         raise ProblemError(f"{field}: must be one, but the file states {both}")
@@ -145,7 +146,7 @@ def settled(field: str, stated: set[T], given: T | None) -> T:
 
 
 def settled_rate(stated: set[float], fps: float | None) -> float:
-    """Returns the frames per second that the file states or the caller gives."""
+    """Returns the frames per second that the file or the caller states."""
     if fps is not None:  # 29.97 is 29.97003
         fps = next((rate for rate in stated if math.isclose(fps, rate, rel_tol=1e-5)), float(fps))
     rate = settled("fps", stated, fps)
@@ -154,6 +155,6 @@ def settled_rate(stated: set[float], fps: float | None) -> float:
 
 
 def _check_rate(fps: float) -> None:
-    """Raises a ProblemError if a frame rate is none."""
+    """Raises a ProblemError if a frame rate is out of range."""
     if not 0 < fps <= MOST_FPS:  # false for nan, too
         raise ProblemError(f"fps: must be > 0 and at most {MOST_FPS:g} frames/s, not {fps:g}")

@@ -1,13 +1,13 @@
 """Reader of tracked people in text files.
 
 Fields are separated by blanks, commas or semicolons; `#` begins a comment; numbers have decimal
-points; ids may be words. Before the rows may stand a line of names, and comments that state the
-columns, their unit and the frame rate, as PeTrack and JuPedSim write them:
+points; ids may be words. The rows may be preceded by a line of names and by comments that state the
+columns, their unit and the frame rate, in the style of PeTrack and JuPedSim:
 
     # framerate: 25 fps
     # id frame x/m y/m z/m
 
-A row of units may follow the names, as Pathfinder writes it.
+A row of units may follow the names, as in files of Pathfinder.
 """
 
 import io
@@ -46,8 +46,9 @@ from cocap_opt.scenarios.tracks.times import (
 
 log = logging.getLogger(__name__)
 
-HEADS = 0.9, 2.5  # m, the median of what is called a height; names such as z promise less
-_FAR_CLEARER = 10.0  # times farther apart are the rows of one id in the wrong order of columns
+HEADS = 0.9, 2.5  # m, allowed median of a column called height; a name such as z is less specific
+# by which factor the distances in the wrong order of columns must exceed the others
+_FAR_CLEARER = 10.0
 _FASTEST = 12.0  # m/s, of people
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
@@ -80,7 +81,7 @@ def _of_layout(
     stamps = None
     if rate is not None:
         form.require_left_out("frames, whose rate is fps", "time_unit")
-        with suppress(ProblemError):  # what is not used may be anything
+        with suppress(ProblemError):  # values of unused columns are not checked
             if "time" in places:
                 stamps = _values(text, layout, places, len(names), time_unit)[0]["time"]
         places.pop("time", None)
@@ -133,7 +134,7 @@ def _time_unit(
 
 
 def _require_heads(table: TrackTable, names: Sequence[str]) -> None:
-    """Raises a ProblemError if a column called height is hardly one of heads above the floor."""
+    """Raises a ProblemError if a column called height is unlikely to contain heights of heads."""
     heights = table.heights
     if heights is None or not (heights > 0).any():
         return
@@ -152,7 +153,7 @@ def _require_heads(table: TrackTable, names: Sequence[str]) -> None:
 
 @contextmanager
 def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
-    """Says in errors that nothing names the columns, where that is so."""
+    """Adds to errors that nothing names the columns, if that is so."""
     try:
         yield
     except ProblemError as error:
@@ -174,13 +175,13 @@ def _numbers_of(
     words = not is_number(layout.row[places["id"]])
     if not words:
         try:
-            # This is a hundred times faster than the loop, and refuses all but plain numbers.
+            # This is a hundred times faster than the loop, but reads only plain numbers.
             table = np.loadtxt(
                 io.StringIO(text), delimiter=layout.delimiter, skiprows=layout.first - 1, ndmin=2
             )
             return {role: table[:, place] for role, place in places.items()}, None
         except ValueError:
-            pass  # the loop reads it, or names the line that is wrong
+            pass  # the loop reads the rows or names the wrong line
     columns = {role: place for role, place in places.items() if not (words and role == "id")}
     rows = _rows(text, layout, count)
     numbers = (_number(row[k], line, role) for line, row in rows for role, k in columns.items())
@@ -194,12 +195,12 @@ def _numbers_of(
 
 
 def _column_of(text: str, layout: TextLayout, place: int, count: int) -> Iterator[tuple[int, str]]:
-    """Yields the fields of a column as they stand, each with the number of its line."""
+    """Yields the fields of a column as in the file, each with its line number."""
     return ((line, row[place]) for line, row in _rows(text, layout, count))
 
 
 def _row_lines(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
-    """Yields the lines that are rows, without comments, each with its number."""
+    """Yields the lines that are rows, without comments, each with its line number."""
     for line, raw in enumerate(io.StringIO(text), start=1):
         content = raw.partition("#")[0]
         if line >= layout.first and content.strip():
@@ -230,13 +231,13 @@ def _word(text: str, line: int) -> str:
     return text
 
 
-# -- the order of the columns id and frame in files that do not name them
+# -- the order of the columns id and frame in files without names of columns
 
 
 def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
-    """Returns the columns with id and frame in the order that the rows tell.
+    """Returns the columns; the rows decide which of the first two is the id and which the frame.
 
-    Of one id, rows that follow in time are near each other and no faster than people are; rows of
+    Consecutive rows of the right id are near each other and no faster than people are; rows of
     different people at one frame are not.
 
     Parameters
@@ -265,7 +266,7 @@ def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
 
 
 def _pace(ids: FloatArray, frames: FloatArray, points: FloatArray) -> tuple[float, float]:
-    """Returns the median way (m) between rows of one id that follow in time, and that per frame.
+    """Returns the median distance (m) between consecutive rows of one id, and the median per frame.
 
     Both are infinite if no id has two rows.
     """

@@ -1,8 +1,8 @@
 """The column of times of tracks, in seconds: numbers in any unit, and dates.
 
-Dates, and numbers that count since 1970, tell when something was. They count from the first of
-them, and `Epoch` says when that is, so that files can be put on one clock. They are read as whole
-nanoseconds, since a double has no digits left for parts of a microsecond since 1970.
+Dates, and numbers that count since 1970, say when something happened. Their times count from the
+first of them, and `Epoch` records when that was, so that files can be put on one clock. They are
+read as whole nanoseconds, because a double cannot represent parts of a microsecond since 1970.
 """
 
 import re
@@ -19,22 +19,22 @@ from cocap_opt.scenarios.tables import PER_SECOND
 A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_YEARS = 1678, 2261  # whose nanoseconds since 1970 an int64 holds
-SINCE_1970 = 1e8  # s; no clock but that of dates is so late
+_YEARS = 1678, 2261  # years whose nanoseconds since 1970 fit into an int64
+SINCE_1970 = 1e8  # s; later times can only be times since 1970
 _DATES = SINCE_1970, 4.2e9  # s since 1970; from 1973 to 2103
-_MOST = 1e11  # s, of any clock; 3,000 years
+_MOST = 1e11  # s, the latest time of any clock; 3,000 years
 _NANO = 10**9
-_LIKELY = 0.002, 2.0  # s, between the rows of a person
+_LIKELY = 0.002, 2.0  # s, usual time between the rows of a person
 
 
 class Epoch(NamedTuple):
     """The moment of second 0."""
 
     nanoseconds: int  # since 1970
-    is_universal: bool  # False: by a clock of the place, whose difference to UTC nobody says
+    is_universal: bool  # False: local time, whose offset from UTC is unknown
 
     def later(self, seconds: float) -> "Epoch":
-        """Returns the clock whose second 0 is so many seconds later."""
+        """Returns the clock whose second 0 is later by the given seconds."""
         return self._replace(nanoseconds=self.nanoseconds + round(seconds * _NANO))
 
     def __str__(self) -> str:
@@ -42,7 +42,7 @@ class Epoch(NamedTuple):
         return moment.isoformat(sep=" ").split("+")[0] + " UTC" * self.is_universal
 
 
-# Seconds of rows [n], and their clock; None: the file's own, which tells no date.
+# Seconds of rows [n], and their clock; None: the file's own clock, which has no date.
 Times = tuple[FloatArray, Epoch | None]
 
 
@@ -59,12 +59,12 @@ def is_date(text: str) -> bool:
 
 
 def moment_of(text: str) -> datetime:
-    """Returns the moment that a date with a time tells.
+    """Returns the moment that a date with a time describes.
 
     Raises
     ------
     ValueError
-        If it is none; a date alone would be midnight.
+        If it is not a date with a time; a date alone would mean midnight.
     """
     if not is_date(text):
         raise ValueError(text)
@@ -72,12 +72,12 @@ def moment_of(text: str) -> datetime:
 
 
 def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:
-    """Returns the times of dates, each with the line that it is in.
+    """Returns the times of dates, each given with its line number.
 
     Raises
     ------
     ProblemError
-        If one is none, or some but not all say how far they are from UTC.
+        If one is not a date, or if some but not all have an offset from UTC.
     """
     moments: list[int] = []
     zoned: bool | None = None
@@ -100,12 +100,12 @@ def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:
 
 
 def nanoseconds_of(moment: datetime) -> int:
-    """Returns the whole nanoseconds since 1970; without an offset as if it were UTC.
+    """Returns the whole nanoseconds since 1970; a moment without an offset counts as UTC.
 
     Raises
     ------
     ValueError
-        If it is centuries away.
+        If the year is out of range.
     """
     if not _YEARS[0] <= moment.year <= _YEARS[1]:
         raise ValueError("an implausible year")
@@ -123,19 +123,19 @@ def times_of_numbers(
 
     Parameters
     ----------
-    values : [n] as they stand in the file
-    ids : [n] of people, for guessing a unit in words; None: they are words
+    values : [n] as in the file
+    ids : [n] ids of people, for guessing a unit in messages; None if the ids are words
     unit : a key of `PER_SECOND`; None if unspecified: seconds
-    texts : gives the lines and fields, in which no digit is lost
+    texts : gives the lines and fields as text, without loss of digits
 
     Raises
     ------
     ProblemError
-        If no clock shows such seconds; it names the likely unit.
+        If the seconds are implausible for any clock; it names the likely unit.
     """
     per_second = PER_SECOND[unit or "s"]
     if not len(values) or not np.isfinite(values).all():
-        return values / per_second, None  # refused later, with the line
+        return values / per_second, None  # rejected later, with the line
     seconds = values / per_second
     if np.abs(seconds).max() > _MOST:
         raise ProblemError(_too_late(values, ids, unit))
@@ -146,7 +146,9 @@ def times_of_numbers(
 
 
 def likely_unit(apart: float) -> str | None:
-    """Names the unit in which rows of a person that are so far apart are some to a second."""
+    """Names the unit in which rows of a person at this distance in time would be a few per
+    second.
+    """
     for unit, per_second in PER_SECOND.items():
         if _LIKELY[0] <= apart / per_second <= _LIKELY[1]:
             return unit
@@ -154,7 +156,7 @@ def likely_unit(apart: float) -> str | None:
 
 
 def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> str:
-    """Says which unit times may have that are not seconds."""
+    """Says which unit implausibly late times may have instead of seconds."""
     value = float(values[np.argmax(np.abs(values))])
     words = f"time: {value:.16g} {unit or 's'} is not a plausible time"
     likely = [
@@ -182,7 +184,7 @@ def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> s
 
 
 def _apart(values: FloatArray, ids: FloatArray) -> float:
-    """Returns the median difference between rows of a person that follow in time; 0 if none do."""
+    """Returns the median time between consecutive rows of a person; 0 if no person has two rows."""
     order = np.lexsort((values, ids))
     ways = np.diff(values[order])[np.diff(ids[order]) == 0]
     return float(np.median(ways)) if len(ways) else 0.0

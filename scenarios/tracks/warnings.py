@@ -1,6 +1,6 @@
-"""Signs that a file of tracks is misread: a wrong unit or frame rate, ids that jump, z downwards.
+"""Signs that a file of tracks is misread: a wrong unit, frame rate or id, or z pointing down.
 
-Nothing here is refused, for people may race, and files may be odd and right.
+These are only warnings: people may run fast, and an unusual file may be right.
 """
 
 from collections.abc import Iterator
@@ -13,25 +13,25 @@ from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.tracks.table import TrackTable
 from cocap_opt.text import distance, pair
 
-# Limits beyond which a unit or a frame rate is likely to be wrong.
+# Values outside these ranges suggest a wrong unit or frame rate.
 HEIGHTS = 0.4, 2.6  # m
 SPEEDS = 0.2, 10.0  # m/s
 EXTENTS = 0.5, 1e5  # m, of all points
-APART = 0.2, 5.0  # m, between people and those nearest to them
+APART = 0.2, 5.0  # m, between people and their nearest neighbours
 
 _FASTEST = 12.0  # m/s, of people between two rows
-_BLUR = 1.0  # m, by which a position may be wrong
-_FEW = 0.1  # of all moves; if more are too fast, it is no matter of single rows
-_CLOCKS = 0.01  # relative, by which clocks of frames and of times may differ
-_MOMENTS = 20  # that are looked at, evenly spread, for how far people are apart
-_MOST = 500  # people at a moment whose distances are looked at
+_BLUR = 1.0  # m, possible error of a position
+_FEW = 0.1  # of all moves; if more are too fast, the cause is not a few wrong rows
+_CLOCKS = 0.01  # relative difference that the clocks of frames and of times may have
+_MOMENTS = 20  # evenly spread moments at which distances between people are measured
+_MOST = 500  # people per moment whose distances are measured
 
 
 class _Moves(NamedTuple):
-    """The ways between rows of one person that follow in time, person by person."""
+    """The moves between consecutive rows of one person, person by person."""
 
-    rows: IntArray  # [n] to which they lead
-    ways: FloatArray  # [n] m
+    rows: IntArray  # [n] rows at which the moves end
+    ways: FloatArray  # [n] m, lengths of the moves
     seconds: FloatArray  # [n]
     persons: IntArray  # [n] numbers of people
 
@@ -66,7 +66,7 @@ def track_warnings(table: TrackTable) -> Iterator[str]:
     if single:
         yield _jump(table, moves, jumps)
     elif (speed := moves.speed()) > SPEEDS[1]:
-        # The unit is right where heights are.
+        # If the heights are plausible, the unit is right.
         known = heights[heights > 0]
         fits = len(known) > 0 and bool(_within(known, HEIGHTS).all())
         unit_of = None if fits else _likely(speed, table.unit, SPEEDS)
@@ -80,7 +80,7 @@ def track_warnings(table: TrackTable) -> Iterator[str]:
 
 
 def _jump(table: TrackTable, moves: _Moves, jumps: IntArray) -> str:
-    """Says at which row somebody is suddenly elsewhere."""
+    """Describes the first row at which a person is suddenly far away."""
     first = jumps[np.argmin(moves.rows[jumps])]
     row, way, seconds = int(moves.rows[first]), moves.ways[first], moves.seconds[first]
     more = f", the first of {len(jumps)} such rows" if len(jumps) > 1 else ""
@@ -100,7 +100,7 @@ def _heights(table: TrackTable) -> FloatArray:
 
 
 def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
-    """Yields warnings about the heights of people [n], m; 0 throughout is none."""
+    """Yields warnings about the heights of people [n], m; if all are 0, the file has no heights."""
     names = np.unique(table.ids)
     below, known = np.flatnonzero(heights < 0), np.flatnonzero(heights > 0)
     if len(below):
@@ -124,7 +124,7 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
 
 
 def _about_stamps(table: TrackTable) -> Iterator[str]:
-    """Says whether frames and times of a file agree on how long it lasts."""
+    """Yields a warning if frames and times of a file disagree on its duration."""
     if table.stamps is None or table.rate is None:
         return
     by_frames, by_times = float(np.ptp(table.times)), float(np.ptp(table.stamps))
@@ -145,7 +145,7 @@ def _about_room(table: TrackTable) -> Iterator[str]:
             "degrees? "
             "Columns named longitude and latitude become metres, by [earth] of the recipe"
         )
-    elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
+    elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # a standing person has extent 0
         yield f"all points lie within {distance(extent)}: is the unit {table.unit} right?"
     elif (apart := _apart(table)) < APART[0]:
         unit_of = _likely(apart, table.unit, APART) or f"the unit {table.unit} right"
@@ -153,13 +153,13 @@ def _about_room(table: TrackTable) -> Iterator[str]:
 
 
 def _may_be_degrees(table: TrackTable) -> bool:
-    """Returns True if points lie where a longitude and a latitude would, and not around 0."""
+    """Returns True if the points could be longitudes and latitudes and are not around 0."""
     x, y = np.abs(table.points * PER_METRE[table.unit]).T
     return bool(x.max() <= 180 and y.max() <= 90 and max(x.min(), y.min()) > 1)
 
 
 def _apart(table: TrackTable) -> float:
-    """Returns the median distance (m) of people from those nearest to them; inf if all are alone.
+    """Returns the median distance (m) from a person to the nearest other one; inf if all are alone.
 
     It is measured at some of the moments at which several people are there, evenly spread.
     """
@@ -181,7 +181,7 @@ def _within(values: FloatArray, limits: tuple[float, float]) -> BoolArray:
 
 
 def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
-    """Names the unit in which a length or speed, read in another, would be within limits."""
+    """Names the unit in which a length or speed, read in another unit, would be within limits."""
     for other, per_metre in PER_METRE.items():
         if other != unit and limits[0] <= value * PER_METRE[unit] / per_metre <= limits[1]:
             return f"the unit {other}"

@@ -347,7 +347,7 @@ def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     Run(capsys, "plan", scene, "-o", plan)
     said = (
         "is off the map",
-        "cannot move from rest within a step",
+        "cannot move from rest to rest within a step",
         "start at (2.1, 6.1) m is moved by 0.57",
     )
     assert all(words in caplog.text for words in said)
@@ -1044,7 +1044,9 @@ def test_of_a_proved_optimum_nothing_is_left_to_explain(
     for words in ((), ("--all",)):
         out = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", *words).out
         assert out.startswith(said)
-        assert not any(cause in out for cause in ("costs", "part", "overestimates", "What the gap"))
+        assert not any(
+            cause in out for cause in ("costs", "part", "overestimates", "Parts of the gap")
+        )
     told = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--json").json
     (sentence,) = told["explanation"]["sentences"]
     assert sentence.startswith(said) and told["explanation"]["terms"]
@@ -1079,7 +1081,7 @@ def test_a_gap_is_explained(
     assert re.search("optimal +not proved", short)
     assert others[0].startswith("The largest single term: ")
     assert third in told["sentences"] and "replanning" in third.lower()
-    assert "valid" in rest[0] and "--all" in rest[-1] and "What the gap is" not in short
+    assert "valid" in rest[0] and "--all" in rest[-1] and "Parts of the gap" not in short
     text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--all").out
     total, difference = re.findall(r"^(?:sum|bound - J) +([\d,.]+)", text, re.MULTILINE)
     assert total == difference
@@ -1138,8 +1140,8 @@ WRONG = [
     (["plan", "corridor", "-o", "no/such/folder/plan.json"], "no/such/folder"),
     (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
     (["export", "corridor", "--views", "0", "-o", "x.json"], "--views: must be 1..64, not 0"),
-    (["export", "corridor", "--views-weight", "2", "-o", "x.json"], "is for a scene with --views"),
-    (["export", "corridor", "--views-share", "0.9", "-o", "x.json"], "is for a scene with --views"),
+    (["export", "corridor", "--views-weight", "2", "-o", "x.json"], "requires --views"),
+    (["export", "corridor", "--views-share", "0.9", "-o", "x.json"], "requires --views"),
     (
         ["export", "corridor", "--views", "2", "--views-share", "2", "-o", "x.json"],
         "--views-share: must be 0..1, not 2.0",
@@ -1277,7 +1279,7 @@ def test_show_draws_any_step(
     for steps, name, words in (
         ("9", "a.png", "--steps: must be 0..8, not 9"),
         ("1-", "a.png", "--steps: must be numbers and ranges"),
-        ("1", "a.html", "--steps: needs a plan, and a picture"),
+        ("1", "a.html", "--steps: requires a plan, and a picture"),
     ):
         run = Run(capsys, *show, "--steps", steps, "-o", tmp_path / name)
         assert run.code == 2 and words in run.err
@@ -1566,7 +1568,7 @@ def test_a_scene_is_not_overwritten(
     Run(capsys, "export", "tiny-share", "-o", scene)
     before = scene.read_bytes()
     run = Run(capsys, words[0], scene, *words[1:], "-o", scene)
-    assert run.code == 2 and "must be another file than what is read" in run.err
+    assert run.code == 2 and "must not be an input file" in run.err
     assert scene.read_bytes() == before
 
 
@@ -1596,7 +1598,7 @@ def test_a_file_that_a_recipe_names_is_not_overwritten(
     walls.write_text(json.dumps(SQUARE))
     before = walls.read_bytes()
     run = Run(capsys, words[0], scene, words[1], tmp_path / ".." / tmp_path.name / "w.json")
-    assert run.code == 2 and "must be another file than what is read" in run.err
+    assert run.code == 2 and "must not be an input file" in run.err
     assert walls.read_bytes() == before
     assert Run(capsys, "export", scene, "-o", tmp_path / "other.json").code == 0
 

@@ -202,11 +202,12 @@ def test_steps_end_any_file_earlier(
 REFUSED = [
     (("--steps", 0, "-o", "x.mps"), "--steps: must be 1..3, not 0"),
     (("--steps", 4, "-o", "x.json"), "--steps: must be 1..3, not 4"),
-    (("--root-error", 1e-3, "-o", "x.cbf"), "--root-error: is for a file that ends in .mps or .lp"),
+    (("--root-error", 1e-3, "-o", "x.cbf"), "--root-error: applies only to files that end in "
+        ".mps or .lp"),
     (("--root-error", -1, "-o", "x.lp"), "--root-error: must be at least 0 and less than 1"),
     (("-o", "seen.csv"), "-o: name a table: drones.csv, goals.csv, coverage.csv, views.csv"),
-    (("-o", "views.csv"), "-o: views.csv is for a scene with --views"),
-    (("--over-time", "--root-error", 0, "-o", "x.lp"), "error must be more than 0"),
+    (("-o", "views.csv"), "-o: views.csv requires a scene with --views"),
+    (("--over-time", "--root-error", 0, "-o", "x.lp"), "error above 0"),
 ]  # fmt: skip
 
 
@@ -241,7 +242,10 @@ def test_solutions_that_are_none_are_told_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A file without a variable of ours, or that is no text, is refused with its name."""
-    for content, words in ((b"infeasible\n", "has no variables"), (b"\xff\xfe", "text in UTF-8")):
+    for content, words in (
+        (b"infeasible\n", "contains no variables"),
+        (b"\xff\xfe", "text in UTF-8"),
+    ):
         file = tmp_path / "answer.sol"
         file.write_bytes(content)
         run = Run(capsys, "verify", "tiny-doorway", file)

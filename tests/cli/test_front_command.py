@@ -44,7 +44,7 @@ def test_a_folder_is_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_one_plan_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing else is tried where it is the best of both."""
     code, out, _ = said(capsys, "tiny-share", "--seconds", 2)
-    assert code == 0 and "one plan is best for both" in out
+    assert code == 0 and "one plan is best in both" in out
 
 
 def test_a_lower_bound_than_is_proved_is_refused(
@@ -98,7 +98,7 @@ def test_a_scene_asks_for_a_share(tmp_path: Path, capsys: pytest.CaptureFixture[
     code, out, _ = said(capsys, path, "--directions", 2, "--seconds", 2, "--json")
     answer = json.loads(out)
     assert code == 0 and answer["cameras"] == 2
-    assert "no plan of these drones keeps 100 %: that is proved" in answer["notes"]
+    assert "proved: no plan of these drones keeps 100 %" in answer["notes"]
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_export_writes_the_graph_of_a_drone(
     assert f"node or edge 0/{len(graph) + graph.number_of_edges()}" in run.err
     for words, message in (
         (("-o", tmp_path / "a.graphml", "--drone", 2), "--drone: must be 0..1, not 2"),
-        (("-o", tmp_path / "a.json", "--drone", 1), "--drone: is for a file whose name ends with"),
+        (("-o", tmp_path / "a.json", "--drone", 1), "--drone: applies only to files that end in"),
     ):
         run = Run(capsys, "export", "tiny-share", *words)
         assert (run.code, run.err.count("\n")) == (2, 1)
@@ -80,7 +80,7 @@ def test_graphs_that_cannot_be_written(
     run = Run(capsys, "export", "tiny-share", "-o", tmp_path / "a.graphml")
     assert run.code == 2
     assert (
-        run.err == "cocap-opt: robots[0]: the graph has more than 3 edges; GraphML is for fewer\n"
+        run.err == "cocap-opt: robots[0]: the graph has more than 3 edges, too many for GraphML\n"
     )
     assert list(tmp_path.iterdir()) == []
 

@@ -98,7 +98,7 @@ def test_wrong_input_is_one_line(
         ((SCENE, plan, "--attitude-error", 181), "--attitude-error: must be 0..180 degrees, not"),
         ((SCENE, plan, "--exposure", "nan"), "--exposure: must be 0..3600 s, not nan"),
         ((SCENE, plan, "--csv", tmp_path / "x.txt"), "--csv: name a file that ends in .csv"),
-        ((SCENE, plan, "-o", tmp_path), "-o: is for bounds; add --bound"),
+        ((SCENE, plan, "-o", tmp_path), "-o: applies to bounds; add --bound"),
         ((SCENE, plan, "--bound", "--cameras", 0), "--cameras: must be 1..64, not 0"),
         ((SCENE, plan, "--bound", "--seconds", 0), "--seconds: must be more than 0"),
         (("corridor", plan), "the plan was made for tiny-queue, not corridor"),

@@ -35,7 +35,7 @@ def test_the_rest_is_planned_again_and_written(
     answer = run.json
     assert answer["old_reward"] < answer["reward"] <= answer["bound"]
     assert answer["gap"] <= 0.01 and answer["drones"] == [0, 1, 2, 3] and answer["from_step"] == K
-    assert "the plan is written, its bound is looked for" in run.err
+    assert "the plan is written; computing its bound" in run.err
     verified = Run(capsys, "verify", SCENE, whole, "--json").json
     assert verified["reward"] == pytest.approx(answer["whole_reward"])
     verified = Run(capsys, "verify", scene, rest, proof, "--json").json
@@ -80,7 +80,7 @@ def test_a_drone_is_lost_and_people_walk_elsewhere(
     words = ("--from-step", K, "--plan", flown, "-o", new, "--bound-limit", 0)
     run = Run(capsys, "plan", moved, *words, "--json")
     assert run.code == 0 and run.json["old_reward"] <= run.json["reward"]
-    assert "its steps 0..3 keep the rules here, too, and are taken as flown" in caplog.text
+    assert "its steps 0..3 obey the rules here, too, and count as flown" in caplog.text
     assert Run(capsys, "verify", moved, new).code == 0
 
 
@@ -105,9 +105,9 @@ def test_wrong_input_is_refused_in_one_line(
         ((*start, "--without", 1, "-o", out), "-o: must be left out with --without"),
         ((*start, "--bound-limit", -1), "--bound-limit: must be a number of seconds"),
         ((*start, "--bound-limit", 0, "--certificate", out), "--certificate: must be left out"),
-        ((*start, "-o", out, "--rest-plan", out), "--rest-plan: must be another file than -o"),
-        ((*start, "-o", flown), "must be another file than what is read"),
-        ((*start, "--seed", 1), "plan.json: the steps 0..3 cannot be those that were flown in"),
+        ((*start, "-o", out, "--rest-plan", out), "--rest-plan: must differ from the file of -o"),
+        ((*start, "-o", flown), "must not be an input file"),
+        ((*start, "--seed", 1), "plan.json: the steps 0..3 cannot have been flown in"),
     ):
         run = Run(capsys, "plan", SCENE, *words)
         assert run.code == 2, words

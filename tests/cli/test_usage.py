@@ -71,4 +71,4 @@ def test_a_plan_that_is_not_written_is_said(
         ):  # fmt: skip
             assert run([command, "tiny-trap", *words]) == 0
             told = " ".join(capsys.readouterr().out.split())
-            assert ("the plan is not written; -o plan.json keeps it" in told) == is_said
+            assert ("the plan is not written; use -o plan.json to write it" in told) == is_said

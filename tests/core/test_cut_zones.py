@@ -81,5 +81,5 @@ def test_maps_and_their_legends_have_the_arrows() -> None:
         ax = view.draw()
         legend = ax.get_legend()
         assert legend is not None
-        assert ("no-fly zone goes on" in [t.get_text() for t in legend.get_texts()]) == is_cut
+        assert ("no-fly zone continues" in [t.get_text() for t in legend.get_texts()]) == is_cut
         assert any(line.get_marker() == "^" for line in ax.lines) == is_cut

@@ -167,7 +167,7 @@ def test_a_team_counts_each_robot_once() -> None:
         (one + 2 * other) / 3, rel=DIGITS
     )
     assert weight(Cuboid(), Cone(), first) == one
-    with pytest.raises(ProblemError, match=r"^weight: must be given where no drone has a pinhole"):
+    with pytest.raises(ProblemError, match=r"^weight: must be given if no drone has a pinhole"):
         weight(Cuboid(), Cone(), Cone())
 
 
@@ -213,7 +213,7 @@ def test_what_is_no_number_of_cameras_is_said() -> None:
 def test_people_come_before_all_pixels(problem: Problem) -> None:
     """One drone more that sees a person outweighs any pixels, so the best plan sees the most."""
     if any(not isinstance(robot.camera, Camera) for robot in problem.robots):
-        with pytest.raises(ProblemError, match="weight: must be a number where a drone has no"):
+        with pytest.raises(ProblemError, match="weight: must be a number if a drone has no"):
             co.with_views(problem, weight="first")
         return
     first = co.with_views(problem, weight="first")

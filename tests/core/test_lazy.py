@@ -256,7 +256,7 @@ def test_near_a_limit_the_best_path_that_is_known_is_returned() -> None:
     for planner in ("greedy-lazy", "sequential-lazy", "cocap-lazy"):
         result = PLANNERS[planner](problem, Near())
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
-        assert "paths are based on few views: a limit was near" in result.message
+        assert "paths are based on few evaluated views, as a limit was near" in result.message
         assert result.plan is not None
         verdict = check(problem, result.plan)
         assert not verdict.violations and close(verdict.reward, result.value)

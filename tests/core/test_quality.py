@@ -249,7 +249,7 @@ def test_drones_in_each_others_pictures() -> None:
     near = Quality.of(problem, plan, all_visible(problem), asked)
     assert near.intruders.tolist() == [2, 2]
     assert near.summary.disturbed == 2 / 3
-    assert "2, in 67 % of all pictures" in str(near)
+    assert "2, in 67 % of all images" in str(near)
     assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [0, 0]
     wide = Camera(tilts=(0.0,), focal=1900.0)
     robots = tuple(robot.replace(camera=wide) for robot in problem.robots)
@@ -291,8 +291,8 @@ def test_sensors_without_pictures_have_views_only() -> None:
     assert np.isnan(none.errors).all() and math.isnan(none.summary.median)
     np.testing.assert_allclose(none.angles, 90)
     assert none.worst_blur is not None and np.isnan(none.worst_blur).all()
-    assert "3 of 3 drones have no pictures" in " ".join(str(none).split())
-    assert "unknown: no pictures" in str(none)
+    assert "3 of 3 drones have no images" in " ".join(str(none).split())
+    assert "unknown: no images" in str(none)
 
 
 def test_the_worst_moments_come_first_in_words() -> None:

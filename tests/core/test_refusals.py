@@ -147,7 +147,7 @@ def test_all_refused_starts_are_in_one_line() -> None:
         "above",
         "the nearest free place, 1.414 m away, is x = 3.5, y = 2.5, cell (3, 2)",
         "here it is free at 8 m",
-        "robots[3].start: is 1.00 m from robots[1].start, must keep the rules separation 2 m",
+        "robots[3].start: is 1.00 m from robots[1].start, must obey the rules separation 2 m",
         "the nearest free place, 1 m away, is x = 6.5, y = 3.5, cell (6, 3)",
         "here it is free at 8 m",
     ]
@@ -180,7 +180,7 @@ def test_where_nothing_is_free_it_is_said() -> None:
         "; no cell is free at 5 m; here it is free at 8 m"
     )
     many = street(everywhere, [State(x, y) for x in range(8) for y in range(2)])
-    assert told(many, refused_starts(many)).endswith("; 4 more are refused")
+    assert told(many, refused_starts(many)).endswith("; 4 more are rejected")
 
 
 def test_zones_are_named_and_one_of_several_states() -> None:

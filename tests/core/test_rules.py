@@ -80,7 +80,7 @@ def test_a_separation_contains_the_other_rules() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"vertical": 1.0}, "vertical: must be 0 where there is no separation"),
+        ({"vertical": 1.0}, "vertical: must be 0 if there is no separation"),
         ({"separation": -1.0}, "separation: must be"),
         ({"separation": 1e-7}, "separation: must be 0 or more than"),
         ({"vertex": False, "swap": False, "separation": 1.0}, "vertex: must be true"),

@@ -120,7 +120,7 @@ def test_a_scene_without_room_for_all_is_refused() -> None:
     cells = ((0, 0), (0, 1))
     robots = tuple(robot.replace(start=StartArea(cells=cells)) for robot in problem.robots)
     assert {state[:2] for state in problem.replace(robots=robots).first_starts} == set(cells)
-    with pytest.raises(ProblemError, match=r"^robots: must have a start .* no such choice$"):
+    with pytest.raises(ProblemError, match=r"^robots: must have a start .* no such choice exists$"):
         problem.replace(robots=(*robots, robots[0]))
     assert len(problem.replace(robots=(*robots, robots[0]), rules=NO_RULES).first_starts) == 3
 

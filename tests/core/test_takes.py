@@ -151,7 +151,7 @@ def test_two_drones_in_two_takes_are_no_two_views() -> None:
     ("names", "probabilities", "of", "words"),
     [
         ("ab", (0.5, 0.4), "a", r"^takes: probabilities must sum to 1, not 0\.9$"),
-        ("aa", (0.5, 0.5), "a", r"^takes: must have names of their own; two are 'a'$"),
+        ("aa", (0.5, 0.5), "a", r"^takes: must have distinct names; two are 'a'$"),
         ("ab", (0.5, 0.5), "c", r"^actors\[0\]\.take: must be one of 'a', 'b', not 'c'$"),
         ("", (), "c", r"^actors\[0\]\.take: needs takes, not 'c'$"),
         ("ab", (0.5, 1.5), "a", r"^probability: must be 0\.\.1, not 1\.5$"),

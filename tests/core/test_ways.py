@@ -92,7 +92,7 @@ def test_ways_keep_away_from_houses_and_from_who_hovers(
     try:
         problem = place(starts, homes, houses)
     except ProblemError as error:
-        assert "must keep the rules" in str(error)
+        assert "must obey the rules" in str(error)
         return
     try:
         (part,) = parts_of_take(problem, hovering(problem))
@@ -268,14 +268,14 @@ def test_homes_are_checked_and_change_no_digest() -> None:
     homed = place(starts, [(1, 1), (1, 5)])
     assert problem_digest(plain) == problem_digest(homed)
     for homes, words in (
-        ([(1, 1), None], r"robots\[1\].home: must be given for all drones, or for none"),
-        ([(1, 1), (1, 1)], r"robots\[1\].home: must be in a cell of its own; that of robots\[0\]"),
+        ([(1, 1), None], r"robots\[1\].home: must be given for all drones or for none"),
+        ([(1, 1), (1, 1)], r"robots\[1\].home: must be in a cell of its own; robots\[0\] has"),
         ([(1, 1), (9, 1)], r"robots\[1\].home: must lie inside the map of 9 x 7 cells, not \(9, 1"),
         ([(1,), (1, 1)], "home: must be 2 numbers"),
     ):
         with pytest.raises(ProblemError, match=words):
             place(starts, homes)
-    with pytest.raises(ProblemError, match="use fewer steps, or homes, at which batteries"):
+    with pytest.raises(ProblemError, match="use fewer steps, or define homes, at which batteries"):
         place(starts, [None, None], endurance=7.0)
     assert place(starts, [(1, 1), (1, 5)], endurance=7.0).robots[0].limits is not None
 

@@ -125,7 +125,7 @@ def test_names_of_programs_stay_in_their_line(empty: Library) -> None:
 FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
     "bound": (GOOD[1], lambda f: f.update(bound=26.0), "claims less than its numbers prove"),
     "no plan": (GOOD[1], lambda f: f.update(bound=None), "claims less than its numbers prove"),
-    "reward": (GOOD[0], lambda f: f.update(reward=28.0), "claims more than the plan has"),
+    "reward": (GOOD[0], lambda f: f.update(reward=28.0), "claims more than the plan's J"),
     "state": (GOOD[0], lambda f: f["plan"]["paths"][0][-1].__setitem__(0, 1), "refused"),
     "heading": (GOOD[0], lambda f: f["plan"]["paths"][0][0].__setitem__(3, 0), "refused"),
     "drone": (GOOD[0], lambda f: f["plan"]["paths"].pop(), "refused"),
@@ -502,7 +502,7 @@ def test_submit_answers_in_a_line(empty: Library, capsys: pytest.CaptureFixture[
     assert commands.run([*submit, str(empty.folder / GOOD[0])]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert commands.run(["library", "status", "nowhere-0"]) == 2
-    assert "is no instance" in capsys.readouterr().err
+    assert "is not an instance" in capsys.readouterr().err
 
 
 def test_a_page_has_records_player_and_how_to_cite(tmp_path: Path) -> None:

@@ -199,11 +199,11 @@ def test_python_plans_by_module_and_name(mine: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("nothing", "mymodule:nothing returned nothing (None); a planner returns a Result, "),
-        ("plan_only", "mymodule:plan_only returned a Plan; a planner returns a Result, "),
-        ("number", "mymodule:number returned an int; a planner returns a Result, "),
+        ("nothing", "mymodule:nothing returned nothing (None); a planner must return a Result, "),
+        ("plan_only", "mymodule:plan_only returned a Plan; a planner must return a Result, "),
+        ("number", "mymodule:number returned an int; a planner must return a Result, "),
         ("words", "mymodule:words returned a Result whose value is a str, not a number; "),
-        ("exits", "mymodule:exits has ended its process: SystemExit(3)"),
+        ("exits", "mymodule:exits tried to end the process: SystemExit(3)"),
         ("boasts", "claims J = "),
         ("raises", "mymodule:raises raised KeyError: 'shape' (mymodule.py, line "),
         ("leaks", "mymodule:leaks does not catch LimitReached; it must, and return a Result "),
@@ -248,7 +248,7 @@ def test_installed_packages_offer_planners(
     frame = gap_frame("tiny-queue", ["mine", "greedy"])
     assert list(frame.planner) == ["mine", "greedy"] and frame.reward[0] == frame.reward[1]
     for name, words in (
-        ("twice", "several packages offer 'twice'"),
+        ("twice", "several packages provide 'twice'"),
         ("broken", "there is no module 'nowhere'"),
         ("whole", "which is not a module:function"),
         ("bound", "must be one of "),
@@ -258,7 +258,10 @@ def test_installed_packages_offer_planners(
             gap_frame("tiny-queue", [name])
     capsys.readouterr()
     assert commands.run(["plan", "tiny-queue", "--planner", "cocap"]) == 0
-    assert "cocap is cocap-opt's own; that of a package is mymodule:best" in capsys.readouterr().err
+    assert (
+        "cocap is the name of a built-in planner; for that of a package, use mymodule:best"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_broken_record_of_a_package_breaks_no_command(
@@ -383,7 +386,7 @@ def test_functions_are_kept_where_they_are_known_again(mine: Path, tmp_path: Pat
     typed: dict[str, object] = {"__name__": "typed"}
     exec("def at_a_prompt(problem, stop): pass", typed)
     for unknown in (inner, partial(staying), lambda p, s: inner(p, s), typed["at_a_prompt"]):
-        with pytest.raises(ValueError, match="cannot be kept in `out`"):
+        with pytest.raises(ValueError, match="cannot be stored in `out`"):
             gap_frame("tiny-queue", [unknown], out=tmp_path / "out")  # type: ignore[list-item]
     assert list(gap_frame("tiny-queue", [inner]).reason) == ["finished"]
 

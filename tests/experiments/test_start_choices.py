@@ -79,7 +79,7 @@ def test_wrong_choices_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path
     code, _, err = said(
         capsys, "tiny-doorway", "--starts", "free", "--plan", tmp_path / "plan.json"
     )
-    assert code == 2 and err.count("\n") == 1 and "leave --starts out" in err
+    assert code == 2 and err.count("\n") == 1 and "omit --starts" in err
 
 
 def test_the_study_proves_that_no_set_beats_all() -> None:

@@ -212,7 +212,7 @@ def test_too_many_drones_are_a_row_and_no_error(capsys: pytest.CaptureFixture[st
     """A team for which there is no room says so; if there is room for none, that is the error."""
     code, out, _ = said(capsys, "team", "tiny-turn", "--drones", "1-2", "--time-limit", 5)
     assert code == 0 and "2 drones: robots: must have a start" in out
-    assert "not at the scene's starts; -o FOLDER keeps plans" in " ".join(out.split())
+    assert "not at the scene's starts; use -o FOLDER to store plans" in " ".join(out.split())
     code, _, err = said(capsys, "team", "tiny-turn", "--drones", "2", "--time-limit", 5)
     assert code == 2 and err.count("\n") == 1 and "2 drones: robots: must have a start" in err
 

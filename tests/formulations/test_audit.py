@@ -254,7 +254,7 @@ def test_changed_facts_are_found() -> None:
         (replaced("orientation", lambda line: line.removesuffix(" 0")),
          "drones 0, 1: turn from, to heading, tilt ((0, 0), (0, 0)): scene yes, instance no"),
         (replaced("weight", lambda line: line.replace("0x1.0", "0x1.8")),
-         "group 5: weight, and most drones that count: scene (1.0, 0), instance (1.5, 0)"),
+         "group 5: weight, and cap of drones that count: scene (1.0, 0), instance (1.5, 0)"),
         (replaced("rewards", lambda line: line.replace("0x0.0p+0", "0x1.0p+0", 1)),
          "rewards for moves: scene (0.0, 0.0, 0.0, 0.0), instance (1.0, 0.0, 0.0, 0.0)"),
         (replaced("rules", lambda line: line.replace("1 1", "1 0")),
@@ -393,9 +393,9 @@ def test_damaged_instances_are_refused() -> None:
     text = exported(load_scene("tiny-doorway"))
     with pytest.raises(FormatError, match="line 5 "):
         read_instance(replaced("horizon", lambda _: "horizon x")(text))
-    with pytest.raises(FormatError, match="no line end"):
+    with pytest.raises(FormatError, match="line `end` is missing"):
         read_instance(text.removesuffix("end\n"))
-    with pytest.raises(FormatError, match="there twice"):
+    with pytest.raises(FormatError, match="given twice"):
         read_instance(replaced("drone", lambda line: f"{line}\n{line}")(text))
 
 
@@ -414,7 +414,9 @@ def test_the_command_says_what_agrees(
     assert json.loads(capsys.readouterr().out)["message"] == "coverage was left out"
     plan.write_bytes(encode(PlanFile.of(problem, paths, 0.0, "greedy")))
     assert run(["audit", "tiny-doorway", str(plan), "--views", "0", "--json"]) == 0
-    assert "breaks a rule, which `verify` names" in json.loads(capsys.readouterr().out)["message"]
+    assert (
+        "breaks a rule; run `verify` for details" in json.loads(capsys.readouterr().out)["message"]
+    )
     assert run(["export", "tiny-doorway", "-o", str(instance)]) == 0
     instance.write_text(instance.read_text().replace("rules 1 1", "rules 1 0"))
     capsys.readouterr()

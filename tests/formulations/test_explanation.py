@@ -145,8 +145,8 @@ def test_a_broken_rule_is_a_negative_term() -> None:
         )
         for own in (file, free)
     ]
-    assert ["no price there" in words for words in told] == [False, True]
-    assert "Drones 0 and 1 are in one cell at step 1, which breaks a rule that has" in told[1]
+    assert ["without a price there" in words for words in told] == [False, True]
+    assert "Drones 0 and 1 are in one cell at step 1, which breaks a rule without" in told[1]
 
 
 def test_only_rules_at_the_choke_point_are_priced_there() -> None:

@@ -201,7 +201,7 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
         patch.setattr(cocap_check, "MOST_BRANCHES", 100)
         code, told = answered(text, file, folder)
         assert code == 3
-        assert told.endswith("multipliers; its claim rests on a search that is too long here")
+        assert told.endswith("multipliers; its claim rests on a search that takes too long here")
         paths = [str(folder / name) for name in ("a.instance", "a.json")]
         assert cocap_check.main(["--branches", "100000", *paths]) == 0
 
@@ -237,8 +237,8 @@ def test_what_is_refused_in_a_certificate_is_named_by_its_place(folder: Path) ->
     assert told(*inside, "shares", value=2).startswith("cuts[0]: must have no field ['shares']")
     curve = (*inside, "curves", 0)
     where = "cuts[0]: curves[0]: "
-    assert told(*curve, "roots", value=[2, 1]) == f"{where}roots: must rise from 0"
-    assert told(*curve, "values", value=[1] * 9).startswith(f"{where}values: must be ")
+    assert told(*curve, "roots", value=[2, 1]) == f"{where}roots: must increase from 0"
+    assert told(*curve, "values", value=[1] * 9).startswith(f"{where}values: must contain ")
     assert told(*inside, "curves", value=[{}]) == f"{where}must have the field 'roots'"
     stages = [{"payments": [], "constants": [{"t": "0", "constant": 1}]}]
     assert told("stages", value=stages) == "stages[0]: t: must be a whole number, not '0'"
@@ -253,8 +253,8 @@ def test_what_is_refused_in_a_certificate_is_named_by_its_place(folder: Path) ->
         ({"format": "cocap-opt scene"}, "format: must be one of cocap-opt certificate, "),
         ({"version": 99}, "version: must be one of 3, 4, 5, 6, not 99"),
         ({"coverage_version": 99}, f"coverage_version: must be the instance's {COVERAGE_VERSION}"),
-        ({"digest": "0"}, "digest: the file is of another scene"),
-        ({"instance": "0"}, "instance: the file is of the one of sha256 '0'"),
+        ({"digest": "0"}, "digest: the file belongs to another scene"),
+        ({"instance": "0"}, "instance: the file belongs to the instance with sha256 '0'"),
         ({"more": 1}, "must have no field ['more']; allowed: bound, certificate, "),
         ({"classes": "some"}, "classes: must be alike or single"),
     ],
@@ -271,7 +271,7 @@ def test_files_are_read_whole_or_refused(
     assert code == 1
     assert line.startswith(f"refused: {told}")
     twice = json.dumps(file)[:-1] + ', "bound": 1.0}'
-    assert answered(text, twice, folder) == (1, "refused: a field is there twice")
+    assert answered(text, twice, folder) == (1, "refused: a field is given twice")
 
 
 def test_what_is_unknown_in_a_plan_is_refused(folder: Path) -> None:
@@ -331,7 +331,7 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
     spec = {"t": 1, "face": 0, "curves": [curve], "share": 1.0}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cocap_check, "MOST_CORNERS", 100)
-        with pytest.raises(Refused, match="it takes too long to find its constant"):
+        with pytest.raises(Refused, match="computing its constant takes too long"):
             cocap_check.Cut(instance, spec, instance.members)
 
 
@@ -340,11 +340,11 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
     [
         ("horizon 2", "horizon 3", "line 6: groups: must have 1 row or {more}, not {rows}"),
         ("rules 1 1", "rules 0 1", "line 8: rules: must begin with 1"),
-        ("\nend\n", "\n", "line {last}: must be end, as the last line is"),
+        ("\nend\n", "\n", "line {last}: the last line must be `end`"),
         ("\nkind\n", "\nkinds\n", "line {kind}: must begin with a known word, not 'kinds'"),
         ("\nkind\n", "\n\nkind\n", "line {kind}: must not be empty"),
         ("\nkind\n", "\nkind 5\n", "line {kind}: kind: must have nothing after it, not 1"),
-        ("\nkind\n", "\nsees 0 0 0 : 0:0x1p0\n", "line {kind}: sees: must come after a line kind"),
+        ("\nkind\n", "\nsees 0 0 0 : 0:0x1p0\n", "line {kind}: sees: must follow a line kind"),
         ("rules 1 1", "rules 1 yes", "line 8: rules, 2nd number: must be 0 or 1, not 'yes'"),
         ("\nkind\n", "\nkind\nclosed 9999 0\n", "closed: must be at a step up to {horizon}"),
         ("\nkind\n", "\nkind\norientation 0 0 : 0\n", "orientation: must be given once in a kind"),
@@ -407,9 +407,15 @@ def test_lines_that_do_not_fit_are_named() -> None:
         (["--branches", "9" * 5000, "x.instance"], "--branches: must be a whole number > 0, not"),
         (["x.instance", "none.json"], "none.json: no such file"),
         (["proof.json", "x.instance"], "proof.json: is a proof; name the .instance first"),
-        (["text.sol", "proof.json"], "text.sol: is no instance; write one with cocap-opt export"),
-        (["x.instance", "x.instance"], "x.instance: is an instance; name one only, and first"),
-        (["x.instance", "proof.json", "text.sol"], "text.sol: is no JSON; name plans, "),
+        (
+            ["text.sol", "proof.json"],
+            "text.sol: is not an instance; write one with cocap-opt export",
+        ),
+        (
+            ["x.instance", "x.instance"],
+            "x.instance: is an instance; name only one, as the first file",
+        ),
+        (["x.instance", "proof.json", "text.sol"], "text.sol: is not JSON; name plans, "),
         (["x.instance", "empty.json"], "empty.json: is empty"),
         (["x.instance", "."], ".: cannot be read: Is a directory"),
     ],

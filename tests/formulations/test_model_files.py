@@ -341,8 +341,8 @@ def test_solutions_that_are_none_are_refused() -> None:
     problem, _ = scene("tiny-doorway")
     names = ModelFile.with_cones(compiled(problem)).variables
     for text, words in (
-        ("Optimal\n", "has no variables of a program"),
-        ("".join(f"{name} 0.5\n" for name in names), "in fractions"),
+        ("Optimal\n", "contains no variables of a program"),
+        ("".join(f"{name} 0.5\n" for name in names), "fractional drones"),
         ("x_d0_t9_x0_y0_l0_h0_p0 1\n", "has 0 drones at step 0"),
         ("".join(f"{name} 1\n" for name in names if "_t0_" in name), "no paths"),
         ("".join(f"{name} 1\n" for name in names if name[0] == "x"), "no paths"),

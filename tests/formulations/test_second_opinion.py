@@ -93,7 +93,7 @@ def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None
     ("limit", "number", "words"),
     [
         ("MOST_EDGES", 5, r"the graph of robots\[0\] has more than 5 edges"),
-        ("MOST_WORK", 5, r"networkx would price 291 edges at 1 leaf; at most 5 in all"),
+        ("MOST_WORK", 5, r"networkx would price 291 edges at 1 leaf; the limit is 5 edges"),
         ("MOST_CORNERS", 1, r"a cut has more than 1 corners"),
     ],
 )
@@ -124,7 +124,7 @@ def test_of_staged_certificates_it_is_that_of_cocap_check(monkeypatch: pytest.Mo
     higher = proved.pricing._replace(bound=proved.pricing.bound * (1 + 1e-6))
     assert proved.second_opinion.agrees(higher)  # it may prove more than `verify`
     other = replace(file, instance="0" * 64)
-    with pytest.raises(CertificateError, match="cocap-check refuses it: instance: "):
+    with pytest.raises(CertificateError, match="rejected by cocap-check: instance: "):
         SecondOpinion.of(Model(problem), other)
     wrong = replace(file.certificate, target=math.inf)
     with pytest.raises(CertificateError, match="cocap-check refuses it"):

@@ -98,7 +98,7 @@ def test_flights_that_cannot_be_made_are_refused(
         ((scene, plan, "-o", flight, "--step", 1), "--step: must be left out"),
         (("tiny-queue", clash, "-o", flight, "--step", 0), "--step: must be more than 0"),
         ((scene, plan, "-o", flight, "--every", 1e-9), "--every: must make at most"),
-        ((scene, plan, "-o", plan), "must be another file|ends in .csv"),
+        ((scene, plan, "-o", plan), "must not be an input file|ends in .csv"),
         (("tiny-queue", clash, "-o", flight, "--step", 1), "clash.json: step 2: drones"),
     ):
         run = Run(capsys, "fly", *words)
@@ -336,7 +336,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
     assert run.code == 0
     assert run.json["people_distance"] >= 2.99 - float(margin)
-    note = "--margin lets drones come closer to people: 2.95 m aside; the scene asks for 2.99 m"
+    note = "--margin lets drones come closer to people: 2.95 m aside; the scene requires 2.99 m"
     assert note in run.json["notes"]
     run = Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin, "--json")
     assert run.code == 0 and note in run.json["notes"]
@@ -348,13 +348,13 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     co.save(scene, over)
     co.save(file, plan, over)
     run = Run(capsys, "robustness", scene, file, "--margin", 1, "--json")
-    words = "1.99 m aside or 2 m over heads; the scene asks for 2.99 and 3 m"
+    words = "1.99 m aside or 2 m over heads; the scene requires 2.99 and 3 m"
     assert any(note.endswith(words) for note in run.json["notes"])
     free = problem.replace(airspace=co.Airspace())
     co.save(scene, free)
     co.save(file, plan, free)
     run = Run(capsys, "fly", scene, file, "-o", out, "--margin", 1)
-    assert run.code == 2 and "--margin: the scene requires no distance to people" in run.err
+    assert run.code == 2 and "--margin: the scene requires no distance from people" in run.err
 
 
 def test_a_margin_of_the_face_is_that_of_the_command(
@@ -378,7 +378,7 @@ def test_a_margin_of_the_face_is_that_of_the_command(
         with pytest.raises(TypeError, match="margin: must be a number of metres"):
             function(problem, plan, margin="wide")
         free = problem.replace(airspace=co.Airspace())
-        with pytest.raises(ValueError, match="margin: the scene requires no distance to people"):
+        with pytest.raises(ValueError, match="margin: the scene requires no distance from people"):
             function(free, plan, margin=1)
 
 
@@ -390,7 +390,8 @@ def test_errors_name_what_is_to_be_changed(
     cases = {
         "every": "--every: is odd",
         "crs": "scene.toml: earth.crs: is odd",
-        "earth.crs": "scene.toml: earth.crs: is odd; --local leaves latitudes and longitudes out",
+        "earth.crs": "scene.toml: earth.crs: is odd; use --local to leave latitudes and longitudes "
+        "out",
         "drone 0": "plan.json: drone 0: is odd",
     }  # fmt: skip
     for field, words in cases.items():
@@ -606,7 +607,7 @@ def test_ctrl_c_while_files_are_written_is_told_what_they_are(
         names = sorted(tmp_path.glob("f.drone*.crazyflie.csv"))
         assert len(names) == 2
         if presses == 1:
-            assert run.code == 0 and "start all at once" in run.out
+            assert run.code == 0 and "start all drones at once" in run.out
         else:
             assert run.code == 130
             expected = ", ".join(map(str, names))

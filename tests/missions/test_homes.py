@@ -80,7 +80,8 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert run(["plan", scene, "--planner", "sequential", "-o", plan]) == 0
     assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
     assert re.search(
-        r"batteries do not last for the whole take: pause it at steps? \d", caplog.text
+        r"batteries do not last for the whole take: pause it \(people, too\) at steps? \d",
+        caplog.text,
     )
     capsys.readouterr()
     assert run(["fly", scene, plan, "-o", out]) == 0
@@ -151,7 +152,7 @@ def test_all_tables_have_homes_or_none(tmp_path: Path) -> None:
     path = recipe(tmp_path)
     path.write_text(path.read_text() + "[[drones]]\nstarts = [{ x = 15, y = 9 }]\n")
     with pytest.raises(
-        ProblemError, match=r"drones\[1\].homes\[0\]: must be given for all drones, or"
+        ProblemError, match=r"drones\[1\].homes\[0\]: must be given for all drones or"
     ):
         read(path)
 

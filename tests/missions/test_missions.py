@@ -155,7 +155,7 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
             "delay tolerance to people: drones keep 2.05 m from people while no drone is ",
             None,
         ),
-        (0.0, "the scene requires no distance to people, so how close", None),
+        (0.0, "the scene requires no distance from people, so how close", None),
     ):
         airspace = co.Airspace(people_aside=aside)
         problem, plan = scene(actors=(co.Actor(poses=walk),), airspace=airspace)

@@ -61,7 +61,7 @@ def test_zones_are_the_geofence_of_plans(name: str, crs: str) -> None:
         read_plan(content, 12 if name == "px4" else 3)
         fence = json.loads(content)["geoFence"]["polygons"]
         require_boxes([[point[::-1] for point in one["polygon"]] for one in fence], crs)
-    assert "upload the geofence with the mission: it holds the no-fly zones" in said(mission)
+    assert "upload the geofence with the mission: it contains the no-fly zones" in said(mission)
 
 
 def test_a_zone_that_a_drone_passes_below_is_no_fence() -> None:

@@ -47,7 +47,10 @@ def test_pictures_are_evenly_apart_from_the_first_step_to_the_last(
         (["-o", "film.webm", "--size", "1280"], "--size: must be two even numbers 200..3840 such"),
         (["-o", "film.webm", "--size", "1281x720"], "--size: must be two even numbers"),
         (["-o", "film.webm", "--speed", "0"], "--speed: must be 0.1..60 steps a second, not 0"),
-        (["-o", "film.webm", "--steps", "3"], "--steps: needs a plan, and a picture: players and"),
+        (
+            ["-o", "film.webm", "--steps", "3"],
+            "--steps: requires a plan, and a picture: players and",
+        ),
         (
             ["-o", "plan.png", "--speed", "3"],
             "--speed: must be left out for .png, not a film such as .webm",

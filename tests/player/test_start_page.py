@@ -188,7 +188,7 @@ def test_heights_are_asked_for(recipe: Path, capsys: pytest.CaptureFixture[str])
         assert run(["show", str(recipe), *words, "-o", str(page)]) == 2
         assert message in capsys.readouterr().err
     assert run(["show", "corridor", "--heights", "4", "-o", str(page)]) == 2
-    assert "--heights: needs a recipe" in capsys.readouterr().err
+    assert "--heights: requires a recipe" in capsys.readouterr().err
 
 
 def test_the_data_of_a_site_is_what_is_drawn(recipe: Path) -> None:

@@ -52,7 +52,7 @@ def test_goals_with_less_room_than_drones_are_named() -> None:
     """Layers count, cells blocked do not, and without rules there is room for all."""
     small = goals((2, 1), (1, 1))  # the latter is blocked
     (words,) = (words for words in why_no_plan(small) if FULL in words)
-    assert words.startswith("2 drones must end in one goal, which has room for 1: ")
+    assert words.startswith("2 drones must end in one goal, which has room for only 1: ")
     assert co.solve(small).plan is None
     assert not any(FULL in words for words in why_no_plan(small.without_rules()))
     layers = tuple(

@@ -65,7 +65,7 @@ def test_no_plan_has_more(method: str, problem: Problem, cameras: int, at_least:
     weights = worth_of(problem)
     assert np.array_equal(bound.weights, weights)
     if not weights.any():
-        assert [*bound.sentences()] == ["Nobody has any weight, so that no person-step counts."]
+        assert [*bound.sentences()] == ["Nobody has any weight, so no person-step counts."]
         return
     paths = [all_paths(problem, robot) for robot in range(len(problem.robots))]
     views = np.zeros((1, *weights.shape))  # of each plan
@@ -99,13 +99,15 @@ def test_a_bound_is_not_loose_where_all_is_proved() -> None:
         assert verify(bound.scene(number), result.certificate).bound == result.bound
     first, second = bound.sentences(best)
     assert first == (
-        "No plan of these drones lets more than 43 of 44 person-steps (97.7 %) be seen by one "
-        "drone or more: proved. This plan: 43 (97.7 %), and none has more."
+        "Proved: no plan of these drones lets more than 43 of 44 person-steps (97.7 %) be seen by "
+        "one drone or more. This plan: 43 (97.7 %), and no plan has more."
     )
-    assert "41 of 44 person-steps (93.2 %) be seen by two drones or more: proved." in second
+    assert "41 of 44 person-steps (93.2 %) be seen by two drones or more." in second
     broken = list(bound.sentences(best, obeys_rules=False))
     assert broken[0].endswith("This plan, which breaks rules: 43 (97.7 %).")
-    with pytest.raises(ValueError, match=r"at_least: the bound has 0\.3, the plan's quality 0\.5"):
+    with pytest.raises(
+        ValueError, match=r"at_least: the bound uses 0\.3, but the plan's quality 0\.5"
+    ):
         bound.share(co.quality(problem, bound.results[0].plan, at_least=0.5), 1)
 
 
@@ -135,6 +137,6 @@ def test_nothing_proved_rules_nothing_out() -> None:
     bound = QualityBound.of(load_scene("corridor", 0))
     assert [bound.most(m).share for m in (1, 2, 3)] == [1.0, 1.0, 0.0]
     assert str(bound).splitlines() == [
-        "It is not ruled out that a plan lets every person-step be seen by one drone or more.",
-        "It is not ruled out that a plan lets every person-step be seen by two drones or more.",
+        "It is not ruled out that, in some plan, every person-step is seen by one drone or more.",
+        "It is not ruled out that, in some plan, every person-step is seen by two drones or more.",
     ]

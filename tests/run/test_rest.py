@@ -145,7 +145,7 @@ def test_batteries_of_a_rest_have_what_is_left() -> None:
     rest = Rest.of(scene.replace(robots=tuple(homed)), plan, 2)
     assert all(robot.limits.endurance is None for robot in rest.scene.robots)
     assert all(robot.home is None for robot in rest.scene.robots)
-    assert rest.message.startswith("homes and batteries are not looked at in the rest")
+    assert rest.message.startswith("homes and batteries are ignored in the rest")
 
 
 def test_a_planner_that_finds_nothing_better_leaves_the_old_rest() -> None:
@@ -185,7 +185,7 @@ def test_people_who_walk_elsewhere_may_end_the_old_rest() -> None:
     assert found.fault == "paths[0]: step 3 is 0 m from person 0"  # of the mission, not of the rest
     assert "no longer possible" in found.summary()
     assert found.plan is not None and co.check(moved, found.plan).valid
-    with pytest.raises(ValueError, match=r"follow: the steps 0..3 cannot be those that were flown"):
+    with pytest.raises(ValueError, match=r"follow: the steps 0..3 cannot have been flown"):
         co.plan(moved, follow=plan, from_step=3)
 
 
@@ -202,14 +202,14 @@ def test_what_cannot_be_a_rest_is_refused() -> None:
     cases: list[tuple[Problem, Plan, int, list[int], str]] = [
         (problem, plan, 0, [], "from_step: must be a step from 1 to 3, of the steps 0..4, not 0"),
         (problem, plan, 4, [], "from_step: must be a step from 1 to 3, of the steps 0..4, not 4"),
-        (one_step, plan, 1, [], "from_step: must be left out: tiny has one step only"),
+        (one_step, plan, 1, [], "from_step: must be left out: tiny has only one step"),
         (problem, plan, 1, [2], "without: must be numbers of drones, 0..1, not 2"),
-        (problem, plan, 1, [1, 1], "without: must name each drone once"),
-        (problem, plan, 1, all_, "without: must leave a drone of the 2 that there are"),
+        (problem, plan, 1, [1, 1], "without: must name each drone only once"),
+        (problem, plan, 1, all_, "without: must leave at least one of the 2 drones"),
         (problem, short, 1, [], "paths[0]: must have 5 states, for the steps 0..4, not 4"),
         (problem, Plan(paths=plan.paths[:1]), 1, [], "paths: must be 2, one for each drone, not 1"),
         (problem, away, 1, [], "paths[0]: must start at"),
-        (over_time, plan, 2, [], "objective.over_time: must be false for a rest to be planned"),
+        (over_time, plan, 2, [], "objective.over_time: must be false to plan a rest"),
     ]
     for mission, flown, step, lost, words in cases:
         with pytest.raises((FieldError, ProblemError)) as caught:

@@ -73,7 +73,7 @@ def test_sentences_say_shares_of_what_could_be_had() -> None:
         "and below plans made for the take if it were known (proved: at most 50.0 %)"
     )
     assert 'hedging costs 0.0 % of J in "rare" (proved: at most 50.0 %)' in told(2.0)
-    unproved = 'hedging costs 0.0 % of J in "rare" (not proved by how much at most)'
+    unproved = 'hedging costs 0.0 % of J in "rare" (no bound proved)'
     assert unproved in told(math.inf)
     assert "nan" not in " ".join(told(math.inf)).lower()
     assert told(1 + 5e-5)[-1].startswith(

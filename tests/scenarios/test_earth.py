@@ -121,7 +121,7 @@ def test_an_origin_is_where_it_is_said_to_be(tmp_path: Path) -> None:
     [
         ({"more": '[earth]\ncrs = "EPSG:4326"'}, "crs: must be a projection in metres"),
         ({"more": '[earth]\ncrs = "EPSG:2263"'}, "crs: must be in metres, not US survey foot"),
-        ({"more": '[earth]\ncrs = "EPSG:9999999"'}, "must be a reference system that is known"),
+        ({"more": '[earth]\ncrs = "EPSG:9999999"'}, "must be a known reference system"),
         ({"more": '[earth]\ncrs = "EPSG:3857"\nlatitude = 48\nlongitude = 2'}, "true metres"),
         # Where its metres are longest.
         ({"more": '[earth]\ncrs = "EPSG:3034"\nlatitude = 50\nlongitude = 10'}, "1.04 m long"),

@@ -433,7 +433,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective.views = { weight = [1, 2] }"),
          "objective.views.weight: must be one number, or one for each of the 1 people, not 2"),
         (("steps = 4", "steps = 4\nobjective.views = { at_least = 0 }"),
-         "objective.views.at_least: must be > 0, not 0.0; else all drones"),
+         "objective.views.at_least: must be > 0, not 0.0; with 0, all drones"),
         (("speed = 1.5", "views_weight = 2"),
          r"walk\[0\].views_weight: must be left out where \[objective\] has no views"),
         (("speed = 1.5", "views_weight = -2\n[objective.views]"),
@@ -659,7 +659,7 @@ def test_starts_that_are_too_near_have_the_recipe_s_names(tmp_path: Path) -> Non
     two = DRONE.replace("starts = [", "starts = [{ x = 2.5, y = 5.5 }, ")
     with pytest.raises(
         ProblemError,
-        match=r"drones.0..starts.1.: is 1.00 m from drones.0..starts.0., must keep the rules sep",
+        match=r"drones.0..starts.1.: is 1.00 m from drones.0..starts.0., must obey the rules sep",
     ):
         read(write(tmp_path, FLAT + two))
     ring = "POLYGON ((2 6, 4 6, 4 8, 2 8, 2 6))"

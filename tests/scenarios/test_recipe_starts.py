@@ -102,7 +102,7 @@ def test_an_area_needs_a_count_and_room(tmp_path: Path) -> None:
     path.write_text(RECIPE.replace("{starts}", area).replace("count = 2\n", ""))
     with pytest.raises(ProblemError, match=r"drones\[0\]: must have a count with the area"):
         read(path, seed=0)
-    with pytest.raises(ProblemError, match="must have a start for every drone that keeps"):
+    with pytest.raises(ProblemError, match="must have a start for every drone that obeys"):
         recipe(tmp_path, area.replace("}", ", heights = [4] }"))
     wall = "[[no_fly]]\npolygon = [[0, 0], [3, 0], [3, 3], [0, 3]]\n"
     with pytest.raises(ProblemError, match=r"drones\[0\].starts: must have a cell in which"):

@@ -89,7 +89,7 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
         ('take = ["late", "late"]', TWO, r"walk\[0\].take: names must be different$"),
         ("", TWO.replace("0.25", "0.3"), r"take: probabilities must sum to 1, not 1\.05$"),
         ("", TWO.replace("0.25", "-1"), r"take\[1\].probability: must be 0\.\.1, not -1\.0$"),
-        ("", TWO.replace("late", "usual"), r"take: must have names of their own; two are 'usual'$"),
+        ("", TWO.replace("late", "usual"), r"take: must have distinct names; two are 'usual'$"),
         ("", "[spread]\n", r"spread.delay: or aside or speed must be more than 0, or all takes"),
         ("", "[spread]\naside = -1\n", r"spread.aside: must be 0\.\.100 m, not -1\.0$"),
         ("", "[spread]\naside = 1\ntakes = 1\n", r"spread.takes: must be 2\.\.100, not 1$"),

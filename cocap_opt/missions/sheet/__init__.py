@@ -1,7 +1,8 @@
-"""A printed sheet for the crew (.pdf, A4): maps, a card per drone, cues, and what to know of them.
+"""A printed sheet for the crew (.pdf, A4): maps, a card per drone, cues, and notes on them.
 
-It has what call sheets and flight plans have: a head with blanks that the crew fills in, the
-running order by the clock, a map for each phase, cards, who films whom, and what was not checked.
+It contains what call sheets and flight plans contain: a head with blanks for the crew to fill in,
+the running order by the clock, a map for each phase, cards, who films whom, and what was not
+checked.
 """
 
 import io
@@ -44,7 +45,7 @@ from cocap_opt.missions.sheet.words import (
 )
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEAST_MAP = 120.0, 90.0  # mm, of a map, and of one that fills a page
+_MAP, _LEAST_MAP = 120.0, 90.0  # mm, height of a map, and of one that fills a page
 _LEGEND, _TITLE, _HEADING = 14.0, 6.0, 16.0  # mm
 
 
@@ -53,15 +54,15 @@ def write(flight: Flight, every: float | None) -> Export:
 
     Parameters
     ----------
-    every : s between rows of tables of all places, which come last; None: there are none
+    every : time between rows of the tables of all places at the end, s; None: no tables
     """
     families, missing = families_of(_names(flight))
     with (
         warnings.catch_warnings(),
-        without_warnings("matplotlib.font_manager"),  # of a font that has no bold letters
+        without_warnings("matplotlib.font_manager"),  # about a font without bold letters
         mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}),
     ):
-        warnings.filterwarnings("ignore", "Glyph")  # which is told below
+        warnings.filterwarnings("ignore", "Glyph")  # reported below
         pages = pages_of(flight, every, families)
         content = _printed(pages)
     lacking = f"characters missing from all installed fonts are printed as boxes: {missing}"
@@ -73,7 +74,7 @@ def write(flight: Flight, every: float | None) -> Export:
 
 
 def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pages:
-    """Returns the pages of a sheet, in fonts of some families."""
+    """Returns the pages of a sheet, using the given font families."""
     problem = flight.flown.problem
     parts = parts_of_take(problem, flight.plan) if has_homes(problem) else ()
     clock, found = Clock(flight.start, parts, flight.flown.step), quality_of(flight)
@@ -84,12 +85,13 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
         partial(_draw_maps, pages, flight, clock, phases),
         partial(_write_filmed, pages, flight, clock, phases, found),
     ]
-    # What is shorter fills the first page, where the maps do not.
+    # Shorter content fills the first page, where maps have no room.
     for write_part in parts_of_page if _has_room_for_maps(pages) else reversed(parts_of_page):
         write_part()
     checks = [*map(_begun, to_check(flight, bool(parts)))]
     pages.checklist("Check on the spot", checks, "\N{BALLOT BOX}")
-    # One row of cards after the other: that of an odd drone has the first person's, too.
+    # Rows of cards follow each other: if the number of drones is odd, the last row has the first
+    # person's card, too.
     title = "Drones, and people with their cues" if problem.actors else "Drones"
     drones = drone_cards(flight, clock, found, grounds)
     pages.cards(title, [*drones, *people_cards(flight, clock)])
@@ -102,19 +104,19 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
 
 
 def _begun(words: str) -> str:
-    """Returns a sentence, which begins with a capital letter."""
+    """Returns a sentence with a capital first letter."""
     return f"{words[0].upper()}{words[1:]}."
 
 
 def _names(flight: Flight) -> Iterator[str]:
-    """Yields the names of a scene, in whatever script."""
+    """Yields the names in a scene, in any script."""
     problem = flight.flown.problem
     yield problem.name
     yield from (name for actor in problem.actors for name in (actor.name, actor.take) if name)
 
 
 def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns) -> None:
-    """Writes the head of the first page, with blanks for facts that the scene cannot know."""
+    """Writes the head of the first page, with blanks for facts that the scene cannot contain."""
     problem = flight.flown.problem
     pages.title(f"Flight sheet: {printable(problem.name)}")
     middle = np.concatenate([actor.poses[:1, :2] for actor in problem.actors] or [
@@ -161,7 +163,7 @@ def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phas
 def _write_filmed(
     pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phase], found: Quality | None
 ) -> None:
-    """Writes who is filmed by whom in the take, and how well; nothing if nobody counts."""
+    """Writes who is filmed by whom in the take, and how well; nothing if no view counts."""
     if found is None:
         return
     names = [flight.flown.problem.person(person.actor) for person in found.by_person]
@@ -176,7 +178,7 @@ def _write_filmed(
 
 
 def _map_height(room: float) -> float:
-    """Returns the height (mm) of a map: less than usual where that saves a page."""
+    """Returns the height (mm) of a map, reduced if that saves a page."""
     return min(_MAP, room) if room >= _LEAST_MAP else _MAP
 
 

@@ -1,4 +1,4 @@
-"""A card for each drone, and one for each person: who, with what, where, and when."""
+"""A card for each drone and each person: who, equipment, places and times."""
 
 import math
 from collections.abc import Iterator
@@ -19,10 +19,10 @@ from cocap_opt.problem import Robot
 from cocap_opt.problem.pictures import shared_digits
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
-_ROWS = 12  # cues of a card, at most
-_LEAST_RESERVE = 0.2  # of a battery, below which the crew is warned
-_AUTOPILOTS = {"px4": "PX4"}  # whose defaults are among the limits of airframes
-_STANDS = 0.05  # m/s
+_ROWS = 12  # cues on a card
+_LEAST_RESERVE = 0.2  # of a battery; the crew is warned of a smaller reserve
+_AUTOPILOTS = {"px4": "PX4"}  # autopilots whose defaults are among the limits of airframes
+_STANDS = 0.05  # m/s; slower people stand still
 _DIGITS = 6  # of degrees: 0.1 m
 
 
@@ -41,7 +41,9 @@ def people_cards(flight: Flight, clock: Clock) -> list[Card]:
 
 
 def battery_warnings(flight: Flight, clock: Clock) -> Iterator[str]:
-    """Yields the drones whose battery does not last, or has less than a fifth in reserve."""
+    """Yields warnings about drones whose battery does not last, or has less than a fifth in
+    reserve.
+    """
     for drone, robot in enumerate(flight.flown.problem.robots):
         lasts = _endurance(robot)
         if lasts is None:
@@ -68,7 +70,7 @@ def _endurance(robot: Robot) -> float | None:
 def _in_the_air(flight: Flight, clock: Clock, drone: int) -> float:
     """Returns the longest time (s) for which a battery of a drone must last.
 
-    The way down counts only where the drone has a home.
+    The descent counts only if the drone has a home.
     """
     if clock.parts:
         return max(part.drones[drone].seconds for part in clock.parts)
@@ -102,13 +104,13 @@ def _drone_card(
 
 
 def _airframe(robot: Robot) -> str:
-    """Returns the airframe whose limits a drone has; an autopilot's are no airframe's."""
+    """Returns the airframe with the same limits as a drone; limits of autopilots do not count."""
     name = airframe_name(robot.limits) or ""
     return f"________; limits of {_AUTOPILOTS[name]}" if name in _AUTOPILOTS else name
 
 
 def _battery(flight: Flight, clock: Clock, drone: int) -> str:
-    """Returns the time that a battery lasts, the part that is needed, and the reserve."""
+    """Returns the time that a battery lasts, the share that is needed, and the reserve."""
     robot, needed = flight.flown.problem.robots[drone], _in_the_air(flight, clock, drone)
     down = "" if clock.parts else " plus landing"
     air = f"in the air {_minutes(math.ceil(needed))}{down}"
@@ -121,7 +123,7 @@ def _battery(flight: Flight, clock: Clock, drone: int) -> str:
 
 
 def _drone_cues(flight: Flight, clock: Clock, heights: Heights, drone: int) -> Table:
-    """Returns a drone's places and the directions in which it looks, by the clock."""
+    """Returns a drone's places and viewing directions, by the clock."""
     samples = flight.flown.at(_moments(flight))
     is_its = samples.drone == drone
     times, place = samples.t[is_its], samples.place[is_its]
@@ -160,8 +162,8 @@ def _person_cues(
 ) -> Table:
     """Returns a person's places by the clock, and the pace to the next one.
 
-    Places are on the Earth where they are known there: people have no instrument for x and y.
-    Whoever slows down and then stands has stopped on the way: how far, not how fast, is known.
+    Places are given as latitude and longitude if these are known, as people have no instrument for
+    x and y. For a person who slows down to a stop, the distance is given instead of a speed.
     """
     along, up = np.diff(x), np.diff(y)
     far = np.hypot(along, up)
@@ -186,7 +188,7 @@ def _person_cues(
 
 
 def _shared(flight: Flight) -> tuple[float, float]:
-    """Returns the thousands that are taken off x and y (m) in tables, as on maps."""
+    """Returns the offset that is subtracted from x and y (m) in tables, as on maps."""
     x, y = flight.flown.problem.height_map.origin
     return shared_digits(x), shared_digits(y)
 
@@ -200,7 +202,7 @@ def _heads(flight: Flight) -> tuple[str, ...]:
 
 
 def _moments(flight: Flight) -> FloatArray:
-    """Returns the moments (s) of cues, the end among them."""
+    """Returns the moments (s) of cues, including the end."""
     steps = flight.flown.problem.horizon
     every = math.ceil(steps / (_ROWS - 1))
     found = [*range(0, steps, every), steps]
@@ -213,7 +215,7 @@ def _direction(flight: Flight) -> str:
 
 
 def _end(flight: Flight, heights: Heights, drone: int, x: float, y: float, z: float) -> str:
-    """Returns a place that the cues have, too: where on the Earth, and how high."""
+    """Returns a place in the form used in cues: position on the Earth, and height."""
     where = ", ".join(degrees(flight, x, y, _DIGITS)) or f"x {x:.1f}, y {y:.1f}"
     return f"{where}; {heights.told(z, drone)}"
 

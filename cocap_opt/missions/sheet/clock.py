@@ -1,4 +1,4 @@
-"""The phases of a flight, and when things happen by the clock on the wall."""
+"""The phases of a flight, and the wall-clock times of events."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.ways import Part, Way
 
 OUT, TAKE, BACK = "out", "take", "back"
-_STEPS = 16  # of a phase, about; one more map is easier to read than one that is full
+_STEPS = 16  # approximate steps of a phase; one more map is better than one that is too full
 _MOST = 4  # phases of a take without pauses
 
 
@@ -20,9 +20,9 @@ class Clock(NamedTuple):
 
     Attributes
     ----------
-    start : the time of step 0; None if it is not known yet, so that times are told from it
+    start : the time of step 0; None if it is not known yet, and times are then relative to it
     parts : parts of the take between which batteries are changed; none without homes
-    step : s
+    step : length of a step, s
     """
 
     start: datetime | None
@@ -30,14 +30,14 @@ class Clock(NamedTuple):
     step: float
 
     def at(self, t: float, part: int = 0) -> str:
-        """Returns the time of a moment, to the second, or to tenths of one where it has some.
+        """Returns the time of a moment, to the second, or to tenths of a second if necessary.
 
-        After a pause of unknown length, times count from the moment at which the take goes on.
+        After a pause of unknown length, times count from the moment at which the take resumes.
 
         Parameters
         ----------
         t : s since step 0
-        part : number of the part of the take in which it is
+        part : number of the part of the take that contains the moment
         """
         tenths = round(10 * t)
         if part or self.start is None:
@@ -54,11 +54,13 @@ class Clock(NamedTuple):
         return f"{moment:%H:%M:%S}" + (f".{tenth}" if tenth else "")
 
     def time(self, t: float) -> str:
-        """Returns the time of a moment (s since step 0), whichever part of the take it is in."""
+        """Returns the time of a moment (s since step 0), in whichever part of the take it is."""
         return self.at(t, self.part_of(t))
 
     def part_of(self, t: float) -> int:
-        """Returns the number of the part in which a moment (s) is; the next one, between two."""
+        """Returns the number of the part that contains a moment (s); between two parts, the later
+        one.
+        """
         return sum(t >= part.first * self.step - 1e-9 for part in self.parts[1:])
 
     @property
@@ -68,7 +70,7 @@ class Clock(NamedTuple):
 
     @property
     def step_0(self) -> str:
-        """The time of step 0, and in UTC, with its date if it is another; empty if unknown."""
+        """The time of step 0, also in UTC, with the UTC date if it differs; empty if unknown."""
         if self.start is None:
             return ""
         utc = self.start.astimezone(UTC)
@@ -78,14 +80,14 @@ class Clock(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """A part of the time in the air that has a map of its own.
+    """A part of the time in the air with its own map.
 
     Attributes
     ----------
     kind : OUT, TAKE or BACK
     part : number of the part of the take
-    first, last : steps; equal on the ways from home and back
-    ways : of the drones from home or back
+    first, last : steps; equal for flights from home and back
+    ways : flights of the drones from home or back
     """
 
     kind: str
@@ -95,7 +97,7 @@ class Phase(NamedTuple):
     ways: tuple[Way, ...] = ()
 
     def title(self, clock: Clock) -> str:
-        """Returns the words above its map."""
+        """Returns the title of its map."""
         begin, end = self.first * clock.step, self.last * clock.step
         if self.kind == OUT:
             begin -= max(way.waits + way.seconds for way in self.ways)
@@ -107,7 +109,9 @@ class Phase(NamedTuple):
 
 
 def phases_of(flight: Flight, parts: Sequence[Part]) -> list[Phase]:
-    """Returns the phases of a flight in their order: ways from home, takes of few steps, back."""
+    """Returns the phases of a flight in order: flights from home, parts of the take, flights
+    back.
+    """
     if not parts:
         return list(_takes(0, 0, flight.flown.problem.horizon, _MOST))
     return [phase for number, part in enumerate(parts) for phase in _of(number, part, len(parts))]
@@ -121,7 +125,7 @@ def _of(number: int, part: Part, parts: int) -> Iterator[Phase]:
 
 
 def _takes(number: int, first: int, last: int, most: int) -> Iterator[Phase]:
-    """Yields phases of about as many steps each."""
+    """Yields phases with about the same number of steps each."""
     count = min(math.ceil((last - first) / _STEPS), most)
     ends = [first + round(k * (last - first) / count) for k in range(count + 1)]
     for begin, end in pairwise(ends):

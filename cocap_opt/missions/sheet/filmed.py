@@ -18,12 +18,12 @@ from cocap_opt.missions.sheet.pages import INNER, Inset, Table
 from cocap_opt.problem import Problem
 from cocap_opt.text import in_ranges, shortened
 
-_OFTEN = 0.5  # of a phase's steps
-_ROW = 5.0  # mm, of a person's strip
-_HALF = 8.0  # mm, of a time below the strips
-_MOST_STRIPS = 40  # people, in one picture
-_MOST_NAMES, _LETTERS = 20, 40  # people on a drone's card, and letters of each
-_TAG = 16  # letters beside a strip; a longer name is left to the map's P and number
+_OFTEN = 0.5  # share of a phase's steps
+_ROW = 5.0  # mm, height of a person's strip
+_HALF = 8.0  # mm, half the width of a time below the strips
+_MOST_STRIPS = 40  # people in one picture
+_MOST_NAMES, _LETTERS = 20, 40  # people on a drone's card, and letters of each name
+_TAG = 16  # letters beside a strip; longer names are replaced by the map's P and number
 STRIP = Inset(26.0, 9.0, 6.0)  # around the strips of a picture
 
 
@@ -40,7 +40,7 @@ def who_films_whom(
 
     Parameters
     ----------
-    names : of the people who count
+    names : names of the people who count
     """
     takes = [phase for phase in phases if phase.kind == TAKE]
     step = clock.step
@@ -58,11 +58,12 @@ def who_films_whom(
 
 
 def _drones(seen: BoolArray) -> str:
-    """Returns the drones that see a person [n, R] at half of the steps or more, others in brackets.
+    """Returns the drones that see a person [n, R] at half of the steps or more, and the others in
+    brackets.
 
     Parameters
     ----------
-    seen : true where a drone does
+    seen : True if a drone sees the person
     """
     shares = seen.mean(axis=0)
     often = in_ranges(np.flatnonzero(shares >= _OFTEN).tolist())
@@ -71,7 +72,9 @@ def _drones(seen: BoolArray) -> str:
 
 
 def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
-    """Returns the first people that a drone sees, and at how many of the steps that count."""
+    """Returns the first people whom a drone sees, and the number of steps that count at which it
+    does.
+    """
     if found is None:
         return ""
     told = []
@@ -86,7 +89,7 @@ def filmed_by(found: Quality | None, drone: int, problem: Problem) -> str:
 
 
 def quality_table(found: Quality, names: Sequence[str], clock: Clock) -> Table:
-    """Returns the table of people's quality, with the worst moment of each by the clock."""
+    """Returns the table of people's quality, with the time of each person's worst moment."""
     moments = reversed(worst_moments(found.views, found.angles, found.counts))
     worst = {moment.person: _by_clock(moment, clock) for moment in moments}
     rows = [
@@ -110,14 +113,14 @@ def _by_clock(moment: Moment, clock: Clock) -> str:
 
 
 def quality_notes(found: Quality) -> list[str]:
-    """Returns sentences below the table."""
+    """Returns the sentences below the table."""
     had, number = found.assumptions, found.summary.in_pictures
     return [
-        f"Drones appear in another's picture {_times(number)} (at least {had.drone_pixels:g} px "
+        f"Drones appear in another's image {_times(number)} (at least {had.drone_pixels:g} px "
         "wide, counted at each step).",
         "Two cameras, three cameras: share of the take in which at least that many see at least "
-        f"{100 * had.at_least:g} % of the person. Typical error: for half of the take, a point on "
-        f"the person is located to within this distance, if found in each picture to within "
+        f"{100 * had.at_least:g} % of the person. Typical error: for half of the take, a point "
+        "on the person is located to within this distance, if found in each image to within "
         f"{had.pixel_error:g} px.",
         *_of_pale_steps(found),
     ]
@@ -128,7 +131,7 @@ def _times(number: int) -> str:
 
 
 def _of_pale_steps(found: Quality) -> Iterator[str]:
-    """Yields what is pale in the strips; nothing if nothing is."""
+    """Yields what is pale in the strips; nothing if nothing is pale."""
     shown = [person.actor for person in found.by_person]
     counts = found.counts[:, shown]
     if counts.all():
@@ -138,7 +141,7 @@ def _of_pale_steps(found: Quality) -> Iterator[str]:
 
 
 def strips(found: Quality, clock: Clock) -> Iterator[tuple[float, Callable[[Axes], None]]]:
-    """Yields pictures of strips, of so many people each that a page holds it.
+    """Yields pictures of strips, each with as many people as fit on a page.
 
     Yields
     ------
@@ -167,5 +170,5 @@ def _draw_strips(ax: Axes, found: Quality, people: Sequence[int], clock: Clock) 
 
 
 def _millimetres(error: float) -> str:
-    """Returns an error as the table has it; one that is infinite or unknown is a stroke."""
+    """Returns an error for the table; a dash if it is infinite or unknown."""
     return f"{error:,.0f} mm" if math.isfinite(error) else "-"

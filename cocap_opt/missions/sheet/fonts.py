@@ -1,19 +1,18 @@
-"""Fonts that have the letters of names, in whatever script a scene writes them."""
+"""Fonts that contain the letters of names, in any script."""
 
 from collections.abc import Iterable
 from functools import cache
 
 from matplotlib.font_manager import FontProperties, fontManager, get_font
 
-USUAL = "DejaVu Sans"  # which comes with matplotlib
-_BOXES = "Last Resort"  # so begin the names of fonts that draw a box for any letter
+USUAL = "DejaVu Sans"  # installed with matplotlib
+_BOXES = "Last Resort"  # prefix of fonts that draw a box for any letter
 
 
 def families_of(texts: Iterable[str]) -> tuple[list[str], str]:
-    """Returns the font families that texts need, the usual one first, and the letters of none.
+    """Returns the font families that texts need, the default first, and letters that are in none.
 
-    Other families are looked for among the fonts that are installed, and only where the usual one
-    lacks letters.
+    Other families are searched among the installed fonts, and only if the default lacks letters.
     """
     wanted = {ord(letter) for text in texts for letter in text if letter.isprintable()}
     families, missing = [USUAL], wanted - _letters(fontManager.findfont(FontProperties(USUAL)))
@@ -29,7 +28,7 @@ def families_of(texts: Iterable[str]) -> tuple[list[str], str]:
 
 @cache
 def _letters(file: str) -> frozenset[int]:
-    """Returns the code points that a font file has; none if it cannot be read."""
+    """Returns the code points that a font file contains; empty if it cannot be read."""
     try:
         return frozenset(get_font(file).get_charmap())
     except (OSError, RuntimeError):

@@ -1,4 +1,4 @@
-"""The ways of drones to their first places, and from their last ones back to the ground."""
+"""The flights of drones to their first places, and from their last places back to the ground."""
 
 from collections.abc import Iterator, Sequence
 
@@ -13,7 +13,7 @@ from cocap_opt.problem import Problem
 
 
 def take_off(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[Section]:
-    """Yields how drones come to their first places and back to the ground."""
+    """Yields sections on how drones reach their first places and return to the ground."""
     problem = flight.flown.problem
     if problem.begins_in_the_air:
         yield Section("Drones in the air", list(_already_up(problem)))
@@ -37,7 +37,7 @@ def take_off(flight: Flight, clock: Clock, grounds: Touchdowns) -> Iterator[Sect
 
 
 def _already_up(problem: Problem) -> Iterator[str]:
-    """Yields which drone is which in the mission, and how they begin its rest."""
+    """Yields the number of each drone in the mission, and how they begin its rest."""
     yield "The rest of a mission: all drones hover at their first places until all begin."
     for i, robot in enumerate(problem.robots):
         yield f"Drone {i} of this sheet is drone {robot.number} of the mission."
@@ -45,7 +45,7 @@ def _already_up(problem: Problem) -> Iterator[str]:
 
 
 def _homeward(parts: Sequence[Part]) -> Iterator[Block]:
-    """Yields for how long drones are in the air."""
+    """Yields the times that drones are in the air."""
     yield f"{NOTE[0].upper()}{NOTE[1:]}."
     yield (
         f"Straight up and down at home, at {RISE:g} m/s or faster; in level flight at "
@@ -64,14 +64,14 @@ def _homeward(parts: Sequence[Part]) -> Iterator[Block]:
 
 
 def _points(drone: int, words: str, way: Way, heights: Heights) -> Iterator[tuple[str, ...]]:
-    """Yields the points at which a way turns."""
+    """Yields the turning points of a way."""
     for k, (x, y, z) in enumerate(way.points.tolist()):
         names = (str(drone), words) if k == 0 else ("", "")
         yield (*names, *(f"{metres:.1f}" for metres in (x, y, heights.above_datum(z))))
 
 
 def _legs(flight: Flight, grounds: Touchdowns) -> Iterator[Block]:
-    """Yields the legs straight up to the first places and straight down from the last."""
+    """Yields the vertical legs up to the first places and down from the last."""
     if not flight.flown.problem.begins_in_the_air:
         yield "Straight up from the surface below the first place."
     yield "Straight down at the last place, one drone after the other."

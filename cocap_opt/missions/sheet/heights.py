@@ -1,4 +1,6 @@
-"""The heights of a sheet: above the sea or the ellipsoid if the scene has that, and take-off."""
+"""The heights on a sheet: above the sea or the ellipsoid, if the scene has such a datum, and above
+take-off.
+"""
 
 from typing import NamedTuple, Self
 
@@ -7,14 +9,14 @@ from cocap_opt.flight.flights import Flight
 
 
 class Heights(NamedTuple):
-    """The two heights that a crew is told: above a datum, and above a drone's take-off.
+    """The two heights that a crew needs: above a datum, and above a drone's take-off.
 
     Attributes
     ----------
-    datum : what heights of the scene are above; empty if unknown
-    base : m, of z = 0 of the map above the datum
-    place : where drones take off: "take-off" or "home"; empty for drones that are in the air
-    surfaces : [R] z (m) of the surface there
+    datum : vertical datum of the scene; empty if unknown
+    base : height of the map's z = 0 above the datum, m
+    place : where drones take off: "take-off" or "home"; empty if they are in the air
+    surfaces : [R] z of the surface there, m
     """
 
     datum: str
@@ -44,7 +46,7 @@ class Heights(NamedTuple):
 
     @property
     def takes_off_at_0(self) -> bool:
-        """True if the map's z is the height above take-off, so that one of the two is enough."""
+        """True if the map's z is the height above take-off, so one of the two heights is enough."""
         return bool(self.place) and not self.datum and not self.surfaces.any()
 
     def heads(self) -> tuple[str, ...]:
@@ -53,16 +55,16 @@ class Heights(NamedTuple):
         return over if self.takes_off_at_0 else (self.head, *over)
 
     def columns(self, z: float, drone: int) -> tuple[float, ...]:
-        """Returns the heights (m) of a place of a drone, by its z on the map."""
+        """Returns the heights (m) of a drone's place, given its z on the map."""
         over = (z - float(self.surfaces[drone]),) if self.place else ()
         return over if self.takes_off_at_0 else (self.above_datum(z), *over)
 
     def above_datum(self, z: float) -> float:
-        """Returns the height (m) above the datum, the z of the map if there is none."""
+        """Returns the height (m) above the datum, or the map's z if there is no datum."""
         return z + self.base
 
     def told(self, z: float, drone: int | None = None) -> str:
-        """Returns words for the height of a place, of a drone's above its take-off."""
+        """Returns words for the height of a place; for a drone, also above its take-off."""
         words = f"{self.above_datum(z):.1f} m above {self.datum}" if self.datum else f"z {z:.1f} m"
         if drone is None or not self.place:
             return words

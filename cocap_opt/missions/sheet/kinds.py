@@ -1,4 +1,6 @@
-"""Kinds of cells on a sheet's maps, with edges, tones and hatches that grey prints tell apart."""
+"""Kinds of cells on a sheet's maps, with edges, tones and hatches that are distinct in grey
+prints.
+"""
 
 from typing import NamedTuple
 
@@ -15,12 +17,12 @@ FREE = "#ffffff"
 
 
 class Kind(NamedTuple):
-    """A kind of cells of the map: its words in the legend, and its look.
+    """A kind of cells of the map: its text in the legend, and its style.
 
     Attributes
     ----------
-    width : points, of the edge
-    hatch : as matplotlib has them; empty for none
+    width : width of the edge, points
+    hatch : a hatch of matplotlib; empty for none
     """
 
     words: str
@@ -31,11 +33,11 @@ class Kind(NamedTuple):
 
     @property
     def patch(self) -> Patch:
-        """Its line of the legend."""
+        """Its mark in the legend."""
         return Patch(fc=self.fill, ec=self.edge, lw=self.width, hatch=self.hatch, label=self.words)
 
 
-# By the number of `TopView.kinds`.
+# By number in `TopView.kinds`.
 KINDS = {
     1: Kind("something above", "#ffffff", "#8c8c8c", 0.5, "////"),
     2: Kind("obstacle as high as drones fly", "#a6a6a6", "#000000", 1.2),
@@ -45,11 +47,11 @@ KINDS = {
 
 
 def draw_kinds(ax: Axes, ground: TopView, ends: FloatArray) -> None:
-    """Draws the edges and hatches of all kinds of cells but free ground.
+    """Draws the edges and hatches of all kinds of cells except free ground.
 
     Parameters
     ----------
-    ends : [2, 2] m, the ends of x and of y of what is shown
+    ends : [2, 2] limits of x and of y of the drawn part, m
     """
     corner, shape = np.array(ground.corner), np.array(ground.kinds.shape)
     cells = (ends - corner[:, None]) / ground.cell

@@ -1,4 +1,4 @@
-"""Text on paper: its looks, how wide it is, and how it goes on in the next line."""
+"""Text on paper: its style, its width, and how it is folded."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -7,12 +7,12 @@ from typing import NamedTuple
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-POINT = 25.4 / 72  # mm
-_LEADING = 1.36  # of the size, from line to line
+POINT = 25.4 / 72  # mm per point
+_LEADING = 1.36  # line spacing, relative to the size
 
 
 class Text(NamedTuple):
-    """The look of text."""
+    """The style of text."""
 
     size: float = 8.0  # points
     bold: bool = False
@@ -24,7 +24,7 @@ class Text(NamedTuple):
 
     @property
     def in_bold(self) -> "Text":
-        """The same in bold letters."""
+        """The same style in bold letters."""
         return self._replace(bold=True)
 
 
@@ -34,12 +34,12 @@ HEAD, TITLE = Text(10.0, bold=True), Text(16.0, bold=True)
 
 
 def wrapped(words: str, width: float, look: Text, families: tuple[str, ...]) -> list[str]:
-    """Returns the lines of a text, which ends lines; words that are wider than one are parted.
+    """Returns the lines of a folded text; words wider than a line are split.
 
     Parameters
     ----------
-    width : mm, of a line
-    families : of fonts
+    width : width of a line, mm
+    families : font families
     """
     if "\n" in words:
         parts = (wrapped(part, width, look, families) for part in words.split("\n"))
@@ -58,7 +58,7 @@ def wrapped(words: str, width: float, look: Text, families: tuple[str, ...]) -> 
 
 
 def _parted(word: str, width: float, look: Text, families: tuple[str, ...]) -> Iterator[str]:
-    """Yields the parts of a word, each no wider than a line; at least a letter each."""
+    """Yields the parts of a word, each no wider than a line, with at least one letter."""
     part = ""
     for letter in word:
         if part and not _fits(part + letter, width, look, families):
@@ -74,7 +74,7 @@ def _fits(words: str, width: float, look: Text, families: tuple[str, ...]) -> bo
 
 @lru_cache(maxsize=20_000)
 def wide(words: str, look: Text, families: tuple[str, ...]) -> float:
-    """Returns the width of words (mm)."""
+    """Returns the width of text (mm)."""
     weight = "bold" if look.bold else "normal"
     font = FontProperties(family=list(families), weight=weight, size=look.size)
     points: float = text_to_path.get_text_width_height_descent(words, font, ismath=False)[0]

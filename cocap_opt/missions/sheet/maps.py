@@ -1,4 +1,4 @@
-"""The maps of a sheet: who is where in a phase, in marks that grey prints tell apart."""
+"""The maps of a sheet: positions in a phase, with marks that are distinct in grey prints."""
 
 import math
 from typing import NamedTuple
@@ -19,15 +19,15 @@ from cocap_opt.problem.cut_zones import draw_cuts
 from cocap_opt.problem.labels import placed
 from cocap_opt.problem.pictures import ZONE, TopView, drone_colour, land_colour
 
-_MARGIN = 6.0  # m around flights and walks
+_MARGIN = 6.0  # m of margin around flights and walks
 _DASHES = "-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))
 
 _INK, _PERSON = "#000000", "#7a1020"
-_HATCH = "xxx"  # of no-fly zones
-LAND = 0.3  # strength of its colours, paler than all else
-_DOTS = 4  # on a way in a phase, besides its ends
-_LETTER = 6.5  # points, of labels and numbers
-_MOVES = 0.1  # m, less is none
+_HATCH = "xxx"  # hatch of no-fly zones
+LAND = 0.3  # strength of land colours, paler than everything else
+_DOTS = 4  # dots along a flight in a phase, besides its ends
+_LETTER = 6.5  # points, size of labels and numbers
+_MOVES = 0.1  # m; shorter moves count as none
 _MM = 25.4
 _NICE = 1, 2, 5  # lengths of scale bars, times a power of ten
 
@@ -37,8 +37,8 @@ class _Label(NamedTuple):
 
     Attributes
     ----------
-    at : m
-    style : of its box, for matplotlib
+    at : position, m
+    style : style of its box, for matplotlib
     """
 
     words: str
@@ -49,16 +49,16 @@ class _Label(NamedTuple):
 
 
 def ground_of(flight: Flight) -> TopView:
-    """Returns the ground below all maps, without no-fly zones, which have a hatch of their own."""
+    """Returns the ground below all maps, without no-fly zones, which are hatched separately."""
     problem = flight.flown.problem
     return TopView.of(problem.replace(airspace=problem.airspace.replace(no_fly=())))
 
 
 def draw(ax: Axes, flight: Flight, phase: Phase, ground: TopView) -> None:
-    """Draws a phase in axes whose size is final.
+    """Draws a phase in axes with a final size.
 
-    Numbers in circles show drones at its start, numbers in squares at its end; a drone that hovers
-    has a circle alone.
+    Numbers in circles show drones at its start, numbers in squares at its end; a hovering drone has
+    only a circle.
     """
     problem = flight.flown.problem
     ground.draw_map(ax, [FREE, *(kind.fill for kind in KINDS.values())], LAND)
@@ -86,7 +86,7 @@ def draw(ax: Axes, flight: Flight, phase: Phase, ground: TopView) -> None:
 
 
 def draw_legend(ax: Axes, flight: Flight, has_homes: bool, ground: TopView) -> None:
-    """Draws the marks of all maps, each with its meaning."""
+    """Draws the legend of all maps."""
     problem = flight.flown.problem
 
     def mark(shape: str, fill: str, words: str) -> Line2D:
@@ -125,7 +125,7 @@ def draw_legend(ax: Axes, flight: Flight, has_homes: bool, ground: TopView) -> N
 
 
 def _millimetres(ax: Axes) -> FloatArray:
-    """Returns width and height of axes on paper."""
+    """Returns the width and height of axes on paper."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     box = ax.get_position(original=True)
@@ -133,9 +133,9 @@ def _millimetres(ax: Axes) -> FloatArray:
 
 
 def _frame(flight: Flight, phase: Phase, aspect: float) -> FloatArray:
-    """Returns the ends of x and of y [2, 2] (m) of what is shown, as wide for its height as asked.
+    """Returns the limits of x and of y [2, 2] (m) of the drawn part, with the given aspect ratio.
 
-    It is moved into the map if it fits.
+    The part is shifted into the map if it fits.
     """
     problem = flight.flown.problem
     points = [way.points[:, :2] for way in phase.ways]
@@ -155,13 +155,13 @@ def _frame(flight: Flight, phase: Phase, aspect: float) -> FloatArray:
 
 
 def _times(flight: Flight, phase: Phase, parts: int) -> FloatArray:
-    """Returns moments (s) from the start of a phase to its end, in so many parts."""
+    """Returns moments (s) from the start of a phase to its end, in equal parts."""
     step = flight.flown.step
     return np.linspace(phase.first * step, phase.last * step, max(parts, 1) + 1)
 
 
 def _draw_end_of_map(ax: Axes, flight: Flight) -> None:
-    """Draws where the map ends."""
+    """Draws the edge of the map."""
     height_map = flight.flown.problem.height_map
     width, depth = np.array(height_map.shape) * height_map.resolution
     ax.set_facecolor("#f3f3f3")
@@ -210,7 +210,7 @@ def _draw_flights(ax: Axes, flight: Flight, phase: Phase) -> tuple[list[FloatArr
 
 
 def _draw_arrow(ax: Axes, line: FloatArray, colour: str) -> None:
-    """Draws the head of an arrow at the end of a line, along its last move; none if it has none."""
+    """Draws the head of an arrow at the end of a line, along its last move, if there is one."""
     ways = line[-1] - line
     far = np.flatnonzero(np.hypot(*ways.T) > _MOVES)
     if len(far):
@@ -222,8 +222,8 @@ def _draw_arrow(ax: Axes, line: FloatArray, colour: str) -> None:
 def _draw_labels(
     ax: Axes, labels: list[_Label], lines: list[FloatArray], ends: FloatArray, size: FloatArray
 ) -> None:
-    """Draws labels beside their points, with a line from each to its own."""
-    scale = size / (ends[:, 1] - ends[:, 0])  # mm a metre
+    """Draws labels beside their points, each with a line to its point."""
+    scale = size / (ends[:, 1] - ends[:, 0])  # mm per metre
     points = np.array([(label.at - ends[:, 0]) * scale for label in labels]).reshape(-1, 2)
     high = _LETTER * _MM / 72
     wide = [max(0.65 * high * len(label.words), high) for label in labels]
@@ -247,7 +247,7 @@ def _draw_labels(
 
 
 def _draw_scale(ax: Axes, ends: FloatArray, size: FloatArray) -> None:
-    """Draws a scale bar of a round length, about a sixth of the width, in the corner."""
+    """Draws a scale bar of a round length, about a sixth of the width, in a corner."""
     metres = float(ends[0, 1] - ends[0, 0])
     power = 10.0 ** math.floor(math.log10(metres / 6))
     length = max(n * power for n in _NICE if n * power <= metres / 6)
@@ -265,7 +265,9 @@ def _draw_scale(ax: Axes, ends: FloatArray, size: FloatArray) -> None:
 
 
 def _draw_north(ax: Axes, flight: Flight, size: FloatArray) -> None:
-    """Draws an arrow to true north, which the grid's may not be; or to +y, where it is unknown."""
+    """Draws an arrow to true north, which may differ from grid north; or to +y, if true north is
+    unknown.
+    """
     way, words = 0.0, "y"
     if flight.geodesy is not None:
         x, y = flight.flown.problem.height_map.centre(0, 0)

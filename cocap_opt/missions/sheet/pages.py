@@ -24,22 +24,24 @@ from cocap_opt.missions.sheet.letters import (
 WIDTH, HEIGHT = 210.0, 297.0  # mm
 SIDE, TOP, BOTTOM = 14.0, 14.0, 14.0  # mm, margins
 INNER = WIDTH - 2 * SIDE
-_WHOLE = HEIGHT - TOP - BOTTOM  # mm, of a page
-_MM = 25.4  # of an inch
-_GAP, _LEAST_GAP = 3.0, 1.5  # mm between columns of a table, and where it needs all the width
-_PAD, _BETWEEN = 2.0, 3.0  # mm, inside of a card, and between two of them
-_AFTER_LINES, _AFTER_TABLE = 0.8, 2.0  # mm, below a sentence and below a table
-_LABEL = 19.0  # mm, of the names of a card's facts
-_LONG, _LEAST = 120.0, 50.0  # mm: longer sections go on on the next page; so much is on the first
+_WHOLE = HEIGHT - TOP - BOTTOM  # mm, height of a page
+_MM = 25.4  # mm per inch
+# mm between columns of a table, and the minimum if it needs the whole width
+_GAP, _LEAST_GAP = 3.0, 1.5
+_PAD, _BETWEEN = 2.0, 3.0  # mm, inside a card, and between two cards
+_AFTER_LINES, _AFTER_TABLE = 0.8, 2.0  # mm, after a sentence and after a table
+_LABEL = 19.0  # mm, for the labels of a card's facts
+# mm; longer sections continue on the next page; at least this much is on the first
+_LONG, _LEAST = 120.0, 50.0
 _RULE, _PALE = "#000000", "#999999"
 
 
 class Table(NamedTuple):
-    """A table: its cells are text, and go on in the next line where they are too long.
+    """A table: its cells are text, which is folded if it is too long.
 
     Attributes
     ----------
-    right : numbers of the columns whose text ends where the column ends
+    right : numbers of right-aligned columns
     """
 
     heads: tuple[str, ...]
@@ -70,11 +72,11 @@ class Section(NamedTuple):
 
 
 class Card(NamedTuple):
-    """A box that no page break parts: a title, facts with their names, and a table.
+    """A box that is never split by a page break: a title, labelled facts, and a table.
 
     Attributes
     ----------
-    beside : a fact in the line of the title; its name is empty if there is none
+    beside : a fact on the line of the title; its label is empty if there is none
     """
 
     title: str
@@ -95,11 +97,11 @@ AXES = Inset()
 
 
 class Pages:
-    """Pages of A4 (`figures`), on the last of which the next thing comes below all others.
+    """A4 pages (`figures`); new content is added below the existing content of the last page.
 
     Parameters
     ----------
-    families : of fonts, the first of which has most letters
+    families : font families; the first has most letters
     """
 
     def __init__(self, families: Sequence[str]) -> None:
@@ -108,22 +110,22 @@ class Pages:
         self.begin_page()
 
     def begin_page(self) -> None:
-        """Begins another page."""
+        """Starts a new page."""
         self.figures.append(Figure(figsize=(WIDTH / _MM, HEIGHT / _MM)))
         self._y = TOP  # mm from the top
 
     @property
     def room(self) -> float:
-        """Millimetres that are left on the page."""
+        """Remaining height of the page in mm."""
         return HEIGHT - BOTTOM - self._y
 
     def need(self, height: float) -> None:
-        """Begins another page unless so many millimetres are left."""
+        """Starts a new page unless the given height (mm) remains."""
         if height > self.room and self._y > TOP:
             self.begin_page()
 
     def skip(self, height: float) -> None:
-        """Leaves some millimetres empty."""
+        """Leaves some height (mm) empty."""
         self._y += height
 
     def title(self, words: str) -> None:
@@ -132,7 +134,7 @@ class Pages:
         self.skip(2.0)
 
     def heading(self, words: str, below: float) -> None:
-        """Writes a heading, on a page that has room for so many millimetres below it, too.
+        """Writes a heading, on a page with enough room for the given height below it, too.
 
         If no page has room, it gets a page of its own.
         """
@@ -145,7 +147,9 @@ class Pages:
         self.skip(2.0)
 
     def sentence(self, words: str, look: Text = BODY, mark: str = "") -> None:
-        """Writes a sentence after a mark if there is one; parted only if no page holds it."""
+        """Writes a sentence, after a mark if there is one; it is split only if no page can hold
+        it.
+        """
         inset = self._wide(mark + "  ", look) if mark else 0.0
         lines = self._wrapped(words, INNER - inset, look)
         if len(lines) * look.line <= _WHOLE:
@@ -158,9 +162,10 @@ class Pages:
         self.skip(_AFTER_LINES)
 
     def checklist(self, title: str, sentences: Sequence[str], mark: str) -> None:
-        """Writes sentences after marks below a heading, in two columns; parted by no page break.
+        """Writes sentences after marks below a heading, in two columns, without a page break
+        inside.
 
-        A list that no page holds is in one column.
+        A list that no page can hold is in one column.
         """
         width, inset = (INNER - _BETWEEN) / 2, self._wide(mark + "  ", BODY)
         items = [self._wrapped(words, width - inset, BODY) for words in sentences]
@@ -183,7 +188,7 @@ class Pages:
         self._y = top + height
 
     def box(self, words: Sequence[str]) -> None:
-        """Writes sentences in a thick frame, which nobody is to overlook; in several if need be."""
+        """Writes sentences in a thick frame, for warnings; in several frames if necessary."""
         inner = INNER - 2 * _PAD
         lines = [line for text in words for line in self._wrapped(text, inner, STRONG)]
         most = int((_WHOLE - 2 * _PAD) / STRONG.line)
@@ -197,11 +202,11 @@ class Pages:
             self.skip(_PAD + 2.0)
 
     def section(self, words: str, blocks: Sequence[Block], look: Text = SMALL) -> None:
-        """Writes a heading, and sentences and tables below it; parted only if they are long.
+        """Writes a heading with sentences and tables below it; split only if they are long.
 
         Parameters
         ----------
-        look : of tables
+        look : text style of tables
         """
         height = sum(self._height(block, look) for block in blocks)
         self.heading(words, height if height <= _LONG else _LEAST)
@@ -219,7 +224,7 @@ class Pages:
         return sum(self._high(row, look) for row in rows) + 1.0 + _AFTER_TABLE
 
     def table(self, table: Table, look: Text = BODY) -> None:
-        """Writes a table; rows are not parted, and the head is repeated on each page."""
+        """Writes a table; rows are not split, and the head is repeated on each page."""
         widths = self._widths(table, INNER, look)
         head = self._cells(table.heads, widths, look.in_bold)
         for k, row in enumerate(table.rows):
@@ -235,13 +240,13 @@ class Pages:
         self.skip(_AFTER_TABLE)
 
     def cards(self, title: str, cards: Sequence[Card]) -> None:
-        """Draws cards below a heading in two columns; no card is split across pages.
+        """Draws cards below a heading in two columns; no card is split by a page break.
 
-        They are read line by line: every other one is on the right, if the page has room there.
+        They are ordered line by line: every other one is on the right, if the page has room there.
         """
         wide = (INNER - _BETWEEN) / 2
         self.heading(title, max(self._card_height(card, wide) for card in cards[:2]))
-        ends, side = [self._y, self._y], 0  # mm from the top, of the columns
+        ends, side = [self._y, self._y], 0  # mm from the top, for both columns
         for card in cards:
             height = self._card_height(card, wide)
             bottom = HEIGHT - BOTTOM - height
@@ -257,7 +262,7 @@ class Pages:
         self._y = max(ends)
 
     def fields(self, fields: Sequence[tuple[str, str]], columns: int) -> None:
-        """Writes names and values in so many columns; an empty value is a line to fill in."""
+        """Writes labels and values in a number of columns; an empty value is a line to fill in."""
         wide = (INNER - _GAP * (columns - 1)) / columns
         for k in range(0, len(fields), columns):
             row = fields[k : k + columns]
@@ -281,7 +286,7 @@ class Pages:
         self, height: float, draw: Callable[[Axes], None],
         inset: Inset = AXES,
     ) -> None:  # fmt: skip
-        """Draws a picture that is some millimetres high, with the inset around its axes."""
+        """Draws a picture of the given height (mm), with the inset around its axes."""
         self.need(height)
         box = (
             (SIDE + inset.left) / WIDTH, 1 - (self._y + height - inset.below) / HEIGHT,
@@ -291,7 +296,7 @@ class Pages:
         self.skip(height + 1.0)
 
     def foot(self, words: str) -> None:
-        """Writes words and its number at the foot of each page."""
+        """Writes text and the page number at the foot of each page."""
         for number, figure in enumerate(self.figures, 1):
             figure.text(
                 (WIDTH - SIDE) / WIDTH, 7.0 / HEIGHT, f"{words}  ·  page {number} of "
@@ -349,9 +354,10 @@ class Pages:
                 self._row(cells, widths, card.table, left + _PAD, SMALL)
 
     def _widths(self, table: Table, inner: float, look: Text) -> "_Widths":
-        """Returns the widths of columns: what they need; less of the widest if too much.
+        """Returns the widths of columns: the required ones, reduced from the widest if there is no
+        room.
 
-        Words are parted only where they have no room otherwise.
+        Words are split only if they have no room otherwise.
         """
         bold = look.in_bold
         cells = [
@@ -372,7 +378,7 @@ class Pages:
             rest, least = rest + sum(least), [0.0] * len(needs)
         more = [need - word for need, word in zip(needs, least, strict=True)]
         left, most = len(more), max(more)
-        for each in sorted(more):  # those that lack little have what they need
+        for each in sorted(more):  # those that lack little get what they need
             if each * left > rest:
                 most = rest / left
                 break
@@ -409,7 +415,7 @@ class Pages:
             self.skip(look.line)
 
     def _put(self, x: float, y: float, words: str, look: Text, side: str = "left") -> None:
-        base = y + look.size * POINT  # of the letters, below the top of the line
+        base = y + look.size * POINT  # baseline, relative to the top of the line
         self.figures[-1].text(
             x / WIDTH, 1 - base / HEIGHT, words, size=look.size, ha=side, va="baseline",
             weight="bold" if look.bold else "normal", family=list(self._families),

@@ -1,4 +1,4 @@
-"""Tables of times and places, and the degrees of places on the Earth."""
+"""Tables of times and places, with latitudes and longitudes."""
 
 from collections.abc import Iterator
 
@@ -14,12 +14,14 @@ _MOST_ROWS = 10_000
 
 
 def degree_heads(flight: Flight) -> tuple[str, ...]:
-    """Returns the heads of the columns that `degrees` fills."""
+    """Returns the heads of the columns filled by `degrees`."""
     return () if flight.geodesy is None else ("latitude", "longitude")
 
 
 def degrees(flight: Flight, x: float, y: float, digits: int = 7) -> tuple[str, ...]:
-    """Returns latitude and longitude of a point (m); nothing if the scene is nowhere on Earth."""
+    """Returns latitude and longitude of a point (m); empty if the scene's position on the Earth is
+    unknown.
+    """
     if flight.geodesy is None:
         return ()
     latitude, longitude = flight.geodesy.degrees(np.array([x]), np.array([y]))

@@ -1,4 +1,4 @@
-"""The sentences and tables of a sheet that its maps and cards do not show."""
+"""The sentences and tables of a sheet, except those on maps and cards."""
 
 import math
 from collections.abc import Iterator
@@ -33,17 +33,17 @@ _CHECKS = (
     "only people on this sheet are there; everybody knows their walk and their signal",
     "airspace and its rules are clear, and the owners of the ground agree",
 )
-_MOST_CORNERS = 8  # of a no-fly zone, that are listed
+_MOST_CORNERS = 8  # corners of a no-fly zone that are listed
 
 
 def sections(
     flight: Flight, clock: Clock, grounds: Touchdowns, every: float | None
 ) -> list[Section]:
-    """Returns the sections after maps and cards, without the list of things not checked.
+    """Returns the sections after maps and cards, except the list of things that were not checked.
 
     Parameters
     ----------
-    every : s between rows of tables of places; None: there are none
+    every : time between rows of tables of places, s; None: no tables
     """
     return [
         Section("Places and heights", list(_places_and_heights(flight))),
@@ -64,7 +64,7 @@ def running_order(flight: Flight, clock: Clock) -> Table:
 
 
 def to_check(flight: Flight, has_homes: bool) -> Iterator[str]:
-    """Yields what somebody checks on the spot and ticks, as it should be."""
+    """Yields the items that somebody checks on site and ticks off."""
     problem = flight.flown.problem
     yield "wind and gusts are within the drones' limits"
     if has_homes:
@@ -163,7 +163,7 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
 
 
 def _tracks(problem: Problem) -> Iterator[str]:
-    """Yields at which times of their tracks people are at step 0."""
+    """Yields the times of people's tracks at step 0."""
     begins = dict[float, list[str]]()
     for j, actor in enumerate(problem.actors):
         if actor.begin is not None:
@@ -182,7 +182,9 @@ def _angles(flight: Flight) -> str:
 
 
 def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
-    """Yields how near drones come to each other and to people, and the rules for it."""
+    """Yields the closest approaches of drones to each other and to people, and the rules for
+    them.
+    """
     problem = flight.flown.problem
     near = Nearest.of_drones(flight.flown)
     rules, heights = problem.rules, Heights.of(flight)
@@ -215,7 +217,9 @@ def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
 
 
 def _corners(zone: Zone) -> str:
-    """Returns where a zone is, by its corners if they are few; KML and GeoJSON have all others."""
+    """Returns the position of a zone, by its corners if they are few; KML and GeoJSON contain all
+    others.
+    """
     corners = list(zone.outline.exterior.coords)[:-1]
     if len(corners) > _MOST_CORNERS:
         west, south, east, north = zone.outline.bounds
@@ -224,7 +228,7 @@ def _corners(zone: Zone) -> str:
 
 
 def _delays(flight: Flight) -> Iterator[str]:
-    """Yields how late drones or people may be before a distance is lost."""
+    """Yields the delays of drones or people that distances tolerate."""
     rules, delay = flight.flown.problem.rules, tolerated_delay(flight)
     if delay is not None and math.isinf(delay):
         yield f"Between drones: {rules} holds for any delay of any drone."
@@ -241,7 +245,7 @@ def _delays(flight: Flight) -> Iterator[str]:
 
 
 def _limits(flight: Flight, clock: Clock) -> Iterator[Block]:
-    """Yields the tightest moment of each drone."""
+    """Yields the most demanding moment of each drone."""
     found = flight.rows()
     if all(row["limit"] is None for row in found):
         yield "The tightest moment of each drone (limits unknown):"
@@ -267,7 +271,7 @@ def _limits(flight: Flight, clock: Clock) -> Iterator[Block]:
 
 
 def _missions(flight: Flight) -> Iterator[Section]:
-    """Yields what the crew must know of each autopilot's missions of this flight."""
+    """Yields what the crew must know about the missions of this flight for each autopilot."""
     if flight.is_smooth or flight.geodesy is None or flight.flown.problem.begins_in_the_air:
         return
     rows = list[tuple[str, ...]]()
@@ -275,16 +279,16 @@ def _missions(flight: Flight) -> Iterator[Section]:
     for autopilot in AUTOPILOTS.values():
         known = {ending: kind.autopilots for ending, kind in FORMATS.items()}
         endings = [ending for ending, pilots in known.items() if autopilot.name in pilots]
-        endings.sort(key=lambda ending: known[ending].index(autopilot.name))  # usual ones first
+        # default autopilots first
+        endings.sort(key=lambda ending: known[ending].index(autopilot.name))
         names = "\n".join(f"*.{autopilot.name}.*{ending}" for ending in endings)
         late = "".join(f" {words}." for words in lateness(autopilot, found))
         rows.append((names, autopilot.title, f"{autopilot.note}.{late}"))
     yield Section(
         "Waypoint missions",
         [
-            "A mission flies on the autopilot that its file names, and on no other. "
-            "Altitudes in its file are above the take-off: the surface below the drone's first "
-            "place.",
+            "A mission flies only on the autopilot that its file names. Altitudes in its file "
+            "are relative to the take-off: the surface below the drone's first place.",
             Table(("files", "autopilot", "note"), rows),
         ],
     )

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Lowers a certificate or a proof to whole numbers, for cocap-check-verified.
+"""Lowers a certificate or a proof to whole numbers for cocap-check-verified.
 
     python lower.py INSTANCE CERTIFICATE [-o LOWERED] [--multipliers]
 
-Nothing of what it writes is believed: prices are rounded, constants of groups and of cuts are
-computed, and the verified checker accepts the numbers only if its theorem covers them. So a mistake
-here can have a true claim refused, but no false one accepted.
+The output need not be trusted: prices are rounded, constants of groups and cuts are computed, and
+the verified checker accepts the numbers only if its theorem covers them. So a mistake here can
+cause a true claim to be rejected, but never a false one to be accepted.
 """
 
 import argparse
@@ -20,18 +20,18 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "independent"))
 
-# By its path, as anyone runs it who has this folder and no more; mypy does not look there.
+# Imported by its path, as anyone does who has only this folder; mypy does not look there.
 import cocap_check as check  # type: ignore[import-not-found]
 
-SCALE = 1 << 64  # of alpha, beta, roots and shares
-MOST_BITS = 52  # of a payment's fraction
-COARSE = 1 << 20  # fractions of the search's bounds
+SCALE = 1 << 64  # denominator of alpha, beta, roots and shares
+MOST_BITS = 52  # bits of a payment's fraction
+COARSE = 1 << 20  # denominator of fractions in the search's bounds
 NATIVE_BITS = 60  # so that J in 1/precision is a small whole number of Zarith
 
 Spec = dict[str, Any]
 Words = list[object]
 
-# What is known of each resource, its type and step aside.
+# The fields of each resource, except its type and step.
 RESOURCES = {
     "visit": {"state", "robot_class"}, "cells": {"cells", "robot_class"}, "swap": {"cells"},
     "move": {"cells", "robot_class"}, "moves": {"moves"},
@@ -39,7 +39,7 @@ RESOURCES = {
 
 
 def up(value: Fraction) -> int:
-    """Returns a number rounded up."""
+    """Returns a number, rounded up."""
     return -(-value.numerator // value.denominator)
 
 
@@ -50,7 +50,7 @@ def root_up(square: int) -> int:
 
 
 def listed(items: Iterable[Words]) -> Words:
-    """Returns the words of a list: how many items, and theirs."""
+    """Returns the words of a list: the number of items, followed by their words."""
     found = [*items]
     return [len(found), *itertools.chain.from_iterable(found)]
 
@@ -60,16 +60,17 @@ class Lowering:
 
     Attributes
     ----------
-    precision : payments are in 1/precision
-    bound : the claim; None: there is no plan
+    precision : payments are in units of 1/precision
+    bound : the claimed bound; None: there is no plan
     """
 
     def __init__(self, instance: check.Instance, single: bool, bound: Fraction | None) -> None:
         self.instance, self.single, self.bound = instance, single, bound
         bits = 16 if bound is None else up(abs(bound)).bit_length()
         self.precision = 1 << max(min(NATIVE_BITS - bits, MOST_BITS), 32)
-        self.kinds = [*instance.classes]  # of each class
-        self.number: list[int] = [*range(len(self.kinds))]  # for the checker, by that in the file
+        self.kinds = [*instance.classes]  # kind of each class
+        # number of each class in the checker, by its number in the file
+        self.number: list[int] = [*range(len(self.kinds))]
         if single:
             drones = [d for members in instance.members for d in members]
             of = {d: n for n, members in enumerate(instance.members) for d in members}
@@ -83,15 +84,17 @@ class Lowering:
         self._constants: dict[str, int] = {}
 
     def claim(self) -> Words:
-        """Returns the words before the tree."""
+        """Returns the words that precede the tree."""
         bound = Fraction(-1) if self.bound is None else self.bound
         return ["cocap-lowered", 1, int(self.single), bound.numerator, bound.denominator]
 
     def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
-        """Returns the words of a leaf; decisions are those on the way from the root."""
+        """Returns the words of a leaf; `decisions` are those on the way from the root."""
         nus = [check.number_of(nu) for nu in numbers.get("decisions", ())]
-        check.require(len(nus) == len(decisions), "decisions: wrong number")
-        # Nobody may use it: a charge so high that whoever does gains nothing else.
+        check.require(
+            len(nus) == len(decisions), ("decisions: must contain one multiplier per decision")
+        )
+        # A closed resource: its charge is so high that no path that uses it gains anything.
         others = [check.number_of(row["multiplier"]) for row in numbers.get("rows", ())]
         charged = sum([abs(self.bound or Fraction(0)), *others, *nus], Fraction(1))
         closed = self.precision * up(1000 * charged)
@@ -104,7 +107,7 @@ class Lowering:
     def multipliers(self, numbers: Spec) -> Words:
         """Returns the words of a set of multipliers."""
         kind = numbers.get("type", "multipliers")
-        check.require(kind == "multipliers", f"certificate: {kind} is not covered")
+        check.require(kind == "multipliers", f"certificate: {kind} is not supported")
         check.only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
         for row in numbers.get("rows", ()):
             check.only(row, {"resource", "multiplier"})
@@ -122,7 +125,7 @@ class Lowering:
     # -- groups -----------------------------------------------------------------------------
 
     def groups(self, numbers: Spec) -> Iterator[Words]:
-        """Yields the words of each group that is seen: its prices, constant, step and cuts."""
+        """Yields the words of each visible group: its prices, constant, step and cuts."""
         i = self.instance
         cuts: dict[int, list[Spec]] = {}
         for cut in numbers.get("cuts", ()):
@@ -146,7 +149,7 @@ class Lowering:
         rest = SCALE - sum(share for share, _, _ in lowered)
         constant = Fraction(sum(share * most for share, most, _ in lowered), SCALE * SCALE)
         if rest > alpha:
-            check.require(beta > 0, "certificate: beta must be > 0 where alpha is too small")
+            check.require(beta > 0, "certificate: beta must be > 0 if alpha is too small")
             constant += Fraction((rest - alpha) ** 2, 4 * beta * SCALE)
         words = ([share, most, *curves] for share, most, curves in lowered)
         return [alpha, beta, up(weight * constant * self.precision), row, *listed(words)]
@@ -180,9 +183,9 @@ class Lowering:
     def resource(self, spec: Spec) -> Words:
         """Returns the words of a resource: places and moves of each class that can use it."""
         kind, t, of = spec["type"], check.whole(spec["t"]), spec.get("robot_class")
-        check.require(kind in RESOURCES, f"resource: what is {kind!r}?")
+        check.require(kind in RESOURCES, f"resource: unknown type {kind!r}")
         check.only(spec, RESOURCES[kind] | {"t"})
-        check.require(0 <= t <= self.instance.horizon, "resource: there is no such step")
+        check.require(0 <= t <= self.instance.horizon, "resource: t is not a step of the scene")
         users = [
             (n, self.instance.kinds[k])
             for n, k in enumerate(self.kinds)
@@ -233,7 +236,7 @@ class Lowering:
         for step in stage.get("payments", ()):
             check.only(step, {"t", "robot_class", "states", "payments", "others"})
             number = self._class(step.get("robot_class", 0))
-            check.require((self._step(step), number) not in priced, "stage: a class is twice")
+            check.require((self._step(step), number) not in priced, "stage: lists a class twice")
             priced.add((step["t"], number))
             kind = self.instance.kinds[self.kinds[number]]
             listed_prices = (
@@ -258,14 +261,14 @@ class Lowering:
 
     def _step(self, spec: Spec) -> int:
         t: int = check.whole(spec["t"])
-        check.require(0 <= t <= self.instance.horizon, "stage: there is no such step")
+        check.require(0 <= t <= self.instance.horizon, "stage: t is not a step of the scene")
         return t
 
     def _class(self, number: object) -> int:
         """Returns the number of a class for the checker."""
         known = range(len(self.number))
         named: int = check.whole(number)
-        check.require(named in known, "there is no such class")
+        check.require(named in known, "robot_class: does not exist")
         return self.number[named]
 
     def _rounded(self, value: object) -> int:
@@ -276,8 +279,10 @@ class Lowering:
 
     def tree(self, nodes: list[Spec], number: int = 0, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a tree of decisions."""
-        check.require(len(decisions) < len(nodes), "nodes: go round in a circle")
-        check.require(0 <= check.whole(number) < len(nodes), "nodes: no such node")
+        check.require(len(decisions) < len(nodes), "nodes: form a cycle")
+        check.require(
+            0 <= check.whole(number) < len(nodes), ("nodes: names a node that does not exist")
+        )
         node = nodes[number]
         if node["type"] == "leaf":
             check.only(node, {"certificate"})
@@ -293,20 +298,22 @@ class Lowering:
 
 
 def require_known(instance: check.Instance, file: Spec) -> None:
-    """Refuses files of another kind, version or instance, and fields that are not known."""
+    """Rejects files of another kind, version or instance, and files with unknown fields."""
     check.only(file, check.FIELDS)
     kind = str(file.get("format"))
     is_bound = kind in ("cocap-opt certificate", "cocap-opt proof")
     is_known = is_bound and check.whole(file.get("version")) in check.VERSIONS[kind]
-    check.require(is_known, "no certificate or proof, or of an unknown version")
-    check.require(file.get("digest") == instance.digest, "digest: it is of another instance")
+    check.require(is_known, "not a certificate or proof of a known version")
+    check.require(file.get("digest") == instance.digest, "digest: belongs to another instance")
     version = file.get("coverage_version")
-    check.require(version in (None, instance.coverage), "coverage_version: another is there")
+    check.require(
+        version in (None, instance.coverage), ("coverage_version: does not match the instance")
+    )
     classes = file.get("classes", "alike")
     check.require(classes in ("alike", "single"), "classes: must be alike or single")
     is_proof = kind == "cocap-opt proof"
     one_of = ("nodes" in file) == is_proof and ("certificate" in file) != is_proof
-    check.require(one_of, "must hold a certificate or, if it is a proof, nodes")
+    check.require(one_of, "must contain a certificate, or nodes if it is a proof")
 
 
 def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
@@ -314,7 +321,8 @@ def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
 
     Parameters
     ----------
-    multipliers : of a staged certificate lower the first multipliers alone, and claim what they say
+    multipliers : True: of a staged certificate, lower only the initial multipliers, and claim the
+        bound that they prove
     """
     require_known(instance, file)
     single = file.get("classes") == "single"
@@ -334,13 +342,15 @@ def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
 
 
 def main() -> int:
-    """Runs as a command."""
+    """Runs the command."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("instance", type=Path)
     parser.add_argument("certificate", type=Path)
-    parser.add_argument("-o", "--output", type=Path, help="instead of to the standard output")
+    parser.add_argument("-o", "--output", type=Path, help="output file (default: standard output)")
     parser.add_argument(
-        "--multipliers", action="store_true", help="of a staged certificate, its first bound"
+        "--multipliers",
+        action="store_true",
+        help=("lower only the initial multipliers of a staged certificate"),
     )
     given = parser.parse_args()
     instance = check.Instance(given.instance.read_text("utf-8"))

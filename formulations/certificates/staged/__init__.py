@@ -1,17 +1,17 @@
 """Staged certificates: bounds of multipliers, lowered by searches. The upper storey of the checker.
 
-If a file is staged, the searches have to be trusted, too. After the lower storey
+For staged files, the searches have to be trusted, too. After the lower storey
 (`cocap_opt.formulations.certificates`), a sceptic should read, in this order:
 
 1. `narrowing`: closes states that no better plan visits, and bounds the joint worth of all faces
    of a step.
 2. `conflicts`, `joint_states`, `relaxation`, `search`: the search for the most profitable joint
    state of a step.
-3. `joint_paths`: the exploration, at the end, of the joint paths of all robots that are left.
-4. `stages`: the effect of a file's stages, one after the other, and the numbers that are refused.
-5. `search_kernel` (with `relaxation_kernel`, `kernel_arrays`) repeats the searches of `search` and
-   `joint_paths`, only faster; tests compare their results. `compiled_search` has numba compile it.
-   Plain verification needs neither.
+3. `joint_paths`: the final exploration of the remaining joint paths of all robots.
+4. `stages`: the effect of a file's stages, in order, and the checks of its numbers.
+5. `search_kernel` (with `relaxation_kernel`, `kernel_arrays`) is a faster version of the searches
+   of `search` and `joint_paths`; tests compare their results. `compiled_search` compiles it with
+   numba. Plain verification needs neither.
 """
 
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used

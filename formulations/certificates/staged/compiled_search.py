@@ -1,14 +1,14 @@
-"""Compilation of searches by numba, if it is installed (extra `fast`) and time is left.
+"""Compiles searches with numba, if it is installed (extra `fast`) and enough time remains.
 
-The compiled searches of joint states (`search_kernel`) do the same as the plain one (`search`),
-about twenty times as fast, and can be interrupted; tests compare their results. Without numba the
-plain search is used.
+The compiled searches of joint states (`search_kernel`) give the same results as the plain one
+(`search`), about twenty times as fast, and can be interrupted; tests compare the two. Without numba
+the plain search is used.
 """
 
 from cocap_opt.compiling import Kernel, is_there
 from cocap_opt.stop import Stop
 
-_COMPILING = 5.0  # seconds that the first compiled search of a machine may take
+_COMPILING = 5.0  # seconds that the first compilation on a machine may take
 KERNEL = Kernel(
     "cocap_opt.formulations.certificates.staged.search_kernel", "the search of joint states",
     compiling=_COMPILING,
@@ -16,7 +16,9 @@ KERNEL = Kernel(
 
 
 def is_loaded() -> bool:
-    """Returns True if the compiled search has been used and is therefore loaded."""
+    """Returns True if the compiled search has been used in this process, and is therefore
+    loaded.
+    """
     return KERNEL.is_loaded
 
 
@@ -26,11 +28,11 @@ def may_take_over(stop: Stop) -> bool:
 
 
 def takes_over(stop: Stop) -> bool:
-    """Returns True once the compiled search is loaded; False if numba fails.
+    """Returns True once the compiled search is loaded, or False if numba fails.
 
     Raises
     ------
     LimitReached
-        If a limit is reached while it is compiled.
+        If a limit is reached during compilation.
     """
     return KERNEL.takes_over(stop)

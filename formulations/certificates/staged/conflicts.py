@@ -1,7 +1,7 @@
-"""The states of a step in which two robots may not be at once.
+"""Conflicts: pairs of states of a step that two robots may not have at once.
 
-They conflict where their places are too close, and many states have one place: the table is one of
-places.
+Two states conflict if their places are too close. As many states share a place, the table is
+indexed by place.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import CollisionRules
 
-_ROWS = 500  # of the table, for which distances are computed at once
+_ROWS = 500  # rows of the table for which distances are computed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Conflicts:
     Attributes
     ----------
     place_of : [n] number of each state's place
-    table_of : computes `too_near` when it is first needed, and keeps it, for parts, too
+    table_of : computes `too_near` at its first use and caches it, also for parts
     """
 
     place_of: IntArray
@@ -31,7 +31,7 @@ class Conflicts:
 
     @classmethod
     def of(cls, rules: CollisionRules, positions: FloatArray) -> "Conflicts":
-        """Returns the conflicts of states whose robots are at these positions [n, 3], in m."""
+        """Returns the conflicts of states, given the positions of their robots [n, 3] in m."""
         places, place_of = np.unique(positions, axis=0, return_inverse=True)
 
         def table() -> BoolArray:
@@ -45,16 +45,16 @@ class Conflicts:
 
     @property
     def too_near(self) -> BoolArray:
-        """An array [P, P], true for places at which two robots may not be at once."""
+        """An array [P, P], True for pairs of places that two robots may not occupy at once."""
         return self.table_of()
 
     def between(self, state: IntArray | int, other: IntArray | int) -> BoolArray:
-        """Returns True where a state and another, given by their positions, conflict."""
+        """Returns True for pairs of states, given by their positions, that conflict."""
         conflict: BoolArray = self.too_near[self.place_of[state], self.place_of[other]]
         return conflict
 
     def part(self, positions: IntArray) -> "Conflicts":
-        """Returns the conflicts of some of the states."""
+        """Returns the conflicts among some of the states."""
         return Conflicts(self.place_of[positions], self.table_of)
 
     @cached_property
@@ -65,7 +65,7 @@ class Conflicts:
     def cliques(self, class_of: IntArray) -> IntArray:
         """Returns numbers [n] such that any two states of one number and class conflict.
 
-        No number is that of two classes.
+        No number is used for two classes.
 
         Parameters
         ----------
@@ -73,7 +73,8 @@ class Conflicts:
         """
         n = len(self.place_of)
         numbers, classes = np.full(n, -1), np.full(n, -1)
-        fits: list[BoolArray] = []  # of each number, the places that conflict with all of its own
+        # for each number, the places that conflict with all of its places
+        fits: list[BoolArray] = []
         of_place: dict[tuple[int, int], int] = {}
         for s, place in enumerate(zip(class_of.tolist(), self.place_of.tolist(), strict=True)):
             number = of_place.get(place)

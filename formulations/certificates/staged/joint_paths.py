@@ -1,18 +1,18 @@
-"""The best plan among the joint states that are left: value iteration over joint states.
+"""Finds the best plan among the remaining joint states: value iteration over joint states.
 
-From each joint state that is reached, a search finds the joint states s of the next step t that
-plans above the target may visit. A plan is worth at most
+From each joint state that is reached, a search finds the joint states s at the next step t that
+plans above the target may visit. The J of a plan is at most
 
     value before + F(s) + sum_i future_i(s_i) + rest(t),
 
-where `future` is the most that robots can get later at the prices; s is explored only if this sum
-is above the target. The bound less this sum is the total loss of all steps up to t, so that soon
-only few joint states remain, whereas (*) of `narrowing` considers the loss of each step alone. Of
-the ways to a joint state only the best is continued; robots of one class are exchangeable there. If
-no joint state is left, no plan is better.
+where `future` is the most that robots can collect later at the prices; s is explored only if this
+sum is above the target. The bound less this sum is the total loss of all steps up to t, so the
+number of joint states falls quickly, whereas (*) of `narrowing` considers the loss of each step
+alone. Only the best way to each joint state is continued, where robots of one class are
+exchangeable. If no joint state remains, no plan is above the target.
 
-Robots are distinguished in these searches: they also decide which robot goes where. A search
-uses the bounds of the search for the most profitable joint state (`search`), and collects all joint
+These searches distinguish the robots, since they also decide which robot goes where. A search uses
+the bounds of the search for the most profitable joint state (`search`), and collects all joint
 states that count.
 """
 
@@ -40,17 +40,17 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
-MOST_REACHED = 1_000_000  # joint states of one step, some hundred bytes each
-MOST_CHOICES = 10_000  # states of one step, robot by robot: a table has a row and a column for each
-_STARTS_AT_ONCE = 1_000  # joint states, between two looks at the stop
-_AT_ONCE = 50_000  # joint states of which the pixels are added up at once
-# As many nodes take as long as what is done with a move that is found, of a team of so many pairs:
-# conflicts on the way are looked for pair by pair.
+MOST_REACHED = 1_000_000  # joint states of one step, of some hundred bytes each
+MOST_CHOICES = 10_000  # states of one step over all robots: a table has a row and a column for each
+_STARTS_AT_ONCE = 1_000  # joint states between two checks of the stopping criterion
+_AT_ONCE = 50_000  # joint states whose pixels are added up at once
+# Processing a move that was found takes as long as this many nodes, for a team of so many pairs:
+# conflicts on the way are checked pair by pair.
 NODES_OF_MOVE, PAIRS = 5, 15
-_NODES_AT_ONCE = AT_ONCE  # between two looks at the stop, likewise
+_NODES_AT_ONCE = AT_ONCE  # nodes between two checks of the stopping criterion
 
-# Moves of the whole team: numbers [M] of the joint states where they begin, and positions [M, R] of
-# the robots' states where they end.
+# Moves of the whole team: numbers [M] of the joint states at which they begin, and positions [M, R]
+# of the robots' states at which they end.
 Moved = tuple[IntArray, IntArray]
 
 
@@ -59,12 +59,12 @@ class _Choices(NamedTuple):
 
     Attributes
     ----------
-    robots : [R] in the order of the search, those with the fewest choices first, which halves the
-        number of nodes (field, seed 1). All other fields are in this order
+    robots : [R] in the order of the search, fewest choices first, which halves the number of nodes
+        (scene `field`, seed 1). All other fields have the same order
     states : for each robot, the numbers of all states to which it can move, increasing
     first : [K+1] first entry in `positions` of each list of states
-    positions : of the states of all lists, among those of all robots
-    lists : [L, R] number of each robot's list
+    positions : positions of the states of all lists among the states of all robots
+    lists : [L, R] number of each robot's list, for each joint state
     """
 
     robots: IntArray
@@ -81,7 +81,7 @@ class _Choices(NamedTuple):
 
         Parameters
         ----------
-        graphs : for each robot
+        graphs : the graph of each robot
         placed : [L, R] numbers of the robots' states at step t
         left : for each robot, the numbers of the states to which it may move, increasing
         """
@@ -110,53 +110,53 @@ class _Choices(NamedTuple):
 
     @classmethod
     def of_lists(cls, states: Sequence[IntArray]) -> Self:
-        """Returns choices without a joint state before: each robot may take any of its states."""
+        """Returns choices without a previous joint state: each robot may take any of its states."""
         robots = np.argsort([*map(len, states)], kind="stable")
         ordered = [states[robot] for robot in robots.tolist()]
         first = np.cumsum([0, *map(len, ordered)])
         return cls(robots, ordered, first, np.arange(first[-1]), np.arange(len(states))[None])
 
     def of_tail(self, tail: int) -> IntArray:
-        """Returns the positions of the states to which robots can move from a joint state."""
+        """Returns the positions of the states to which the robots can move from a joint state."""
         lists = self.lists[tail].tolist()
         return np.concatenate([self.positions[self.first[k] : self.first[k + 1]] for k in lists])
 
 
 @dataclass
 class _Following:
-    """Searches for moves of the whole team.
+    """Searches for the moves of the whole team.
 
-    A search from one joint state is plain; once searches have been long, all are compiled if that
-    is possible and allowed. Both kinds find all moves to joint states that reach their floor, and,
-    where rounding leaves a doubt, some more (`JointStates.margin`).
+    The first searches are plain; once a search has been long, all further ones are compiled, if
+    that is possible and allowed. Both kinds find all moves to joint states that reach their floor,
+    and some more if rounding leaves a doubt (`JointStates.margin`).
 
     Attributes
     ----------
-    nodes_left : nodes that the searches may still use; a move that is found counts as several
-    plain : True: do not use the compiled search
+    nodes_left : remaining number of nodes; a move that is found counts as several nodes
+    plain : True: use the plain search only
     """
 
     nodes_left: int
     plain: bool = False
-    _times: int = 1  # times PAIRS, how many pairs of robots there are; at least 1
-    _plain_nodes: int = 0  # that plain searches took
+    _times: int = 1  # number of pairs of robots in multiples of PAIRS; at least 1
+    _plain_nodes: int = 0  # number of nodes of plain searches
 
     def found(
         self, joint: JointStates, choices: _Choices, floors: FloatArray, stop: Stop
     ) -> Iterator[Moved]:
-        """Yields the moves from all joint states of a step, a part at a time.
+        """Yields the moves from all joint states of a step, in blocks.
 
         Parameters
         ----------
-        joint : the states of the next step, robot by robot as in the choices
-        floors : [L] for each joint state before: least worth, less charges, of one that follows
+        joint : the states of the next step, with the robots in the order of the choices
+        floors : [L] for each joint state of the step: least worth less charges of a successor
 
         Raises
         ------
         NotEndedError
-            If the searches use more nodes than are left, or one finds too many moves.
+            If the searches use more than the remaining nodes, or one finds too many moves.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         self._times = max(math.comb(len(choices.robots), 2) // PAIRS, 1)
         tail = 0
@@ -172,7 +172,9 @@ class _Following:
             yield from self._compiled(joint, choices, floors, tail, stop)
 
     def _plain(self, joint: JointStates, stop: Stop) -> list[tuple[int, ...]] | None:
-        """Returns the joint states of a plain search; None if the search should be compiled."""
+        """Returns the joint states that a plain search finds; None if the search should be
+        compiled.
+        """
         stop.check()
         may_compile = not self.plain and compiled_search.may_take_over(stop)
         most = max(PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
@@ -187,11 +189,13 @@ class _Following:
         return collected
 
     def _spend(self, nodes: int, moves: int) -> None:
-        """Counts what a search has used; raises NotEndedError if that was too much."""
+        """Subtracts the nodes and moves of a search; raises NotEndedError if they exceed the
+        limit.
+        """
         self.spend(nodes + NODES_OF_MOVE * self._times * moves)
 
     def spend(self, nodes: int) -> None:
-        """Counts nodes that were used; raises NotEndedError if these were too many."""
+        """Subtracts used nodes; raises NotEndedError if they exceed the limit."""
         self.nodes_left -= nodes
         if self.nodes_left < 0:
             raise NotEndedError
@@ -199,17 +203,17 @@ class _Following:
     def _compiled(
         self, joint: JointStates, choices: _Choices, floors: FloatArray, tail: int, stop: Stop
     ) -> Iterator[Moved]:
-        """Yields the moves that compiled searches find, beginning with a given joint state."""
+        """Yields the moves that compiled searches find, starting with a given joint state."""
         from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
         running = CompiledSearch.of(joint, -np.inf, _NODES_AT_ONCE)
         lists = (choices.first, choices.positions, choices.lists)
         least = floors - joint.margin
-        n_found = 0  # from the joint state whose search was interrupted
+        n_found = 0  # moves found from the joint state whose search was interrupted
         while tail < len(floors):
             stop.check()
             begun = tail
-            # One more: whether a node is the last one may only be seen after it.
+            # One more node, since the search may notice only then that the last one is done.
             nodes = min(self.nodes_left + 1, max(_NODES_AT_ONCE // self._times, 1))
             tail, tails, heads = running.follow(lists, least, (begun, len(floors)), nodes)
             n_found += int(np.count_nonzero(tails == begun))
@@ -226,27 +230,28 @@ class BestPlan(NamedTuple):
     """The best plan among the joint states that a narrowing leaves."""
 
     narrowing: Narrowing
-    value: float  # J; -infinity if there is no plan
+    value: float  # J; -inf if there is no plan
     paths: tuple[Path, ...] = ()  # state numbers, robot by robot
-    nodes: int = 0  # that the searches took
-    reached: tuple[int, ...] = ()  # joint states at each step, until there are none
+    nodes: int = 0  # number of nodes that the searches took
+    # number of joint states at each step, up to the first step without any
+    reached: tuple[int, ...] = ()
 
     @property
     def pricing(self) -> Pricing:
-        """The bound on all plans, given that those above the target have been explored."""
+        """The bound on all plans, given that all plans above the target have been explored."""
         return self.narrowing.pricing_of(self.value)
 
 
 class _Reached(NamedTuple):
-    """The joint states of a step that are reached, and the best way to each of them."""
+    """The joint states that are reached at a step, and the best way to each of them."""
 
     values: FloatArray  # [L] worth of the steps so far
     placed: IntArray  # [L, R] number of each robot's state
-    before: IntArray  # [L] number of the joint state of the step before
+    before: IntArray  # [L] number of the joint state of the previous step
 
     @classmethod
     def empty(cls, robots: int) -> Self:
-        """Returns an empty set of joint states of so many robots."""
+        """Returns an empty set of joint states for a number of robots."""
         nothing = np.zeros((0, robots), dtype=np.int64)
         return cls(np.zeros(0), nothing, np.zeros(0, dtype=np.int64))
 
@@ -254,24 +259,26 @@ class _Reached(NamedTuple):
 def best_plan(
     narrowing: Narrowing, most_nodes: int, stop: Stop = never, plain: bool = False
 ) -> BestPlan:
-    """Returns the best plan above the target among the joint states that are left.
+    """Returns the best plan above the target among the remaining joint states.
 
     Parameters
     ----------
-    most_nodes : for all searches together
-    plain : True: do not use the compiled search
+    most_nodes : largest number of nodes of all searches together
+    plain : True: use the plain search only
 
     Raises
     ------
     NotEndedError
         If there are too many joint states.
     LimitReached
-        At a limit.
+        If a limit is reached.
     ValueError
         If moves are rewarded, or views do not count at step 1.
     """
     if not may_be_used(narrowing.model):
-        raise ValueError("joint paths: moves are rewarded, or views do not count at step 1")
+        raise ValueError(
+            "joint paths: not possible if moves are rewarded or views do not count at step 1"
+        )
     team = _Team(narrowing)
     following = _Following(most_nodes, plain)
     reached = team.begun(following, stop)
@@ -281,35 +288,38 @@ def best_plan(
         reached.append(team.after(t, reached[-1], following, stop))
     nodes = most_nodes - following.nodes_left
     numbers = tuple(len(step.values) for step in reached)
-    # Rows may charge nobody: what is followed to the end may be worth less than the target.
+    # Rows may charge nobody, so a path that is followed to its end may be worth less than the
+    # target.
     if not (reached[-1].values > team.matters).any():
         return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
     return BestPlan(narrowing, float(reached[-1].values[0]), _paths(reached), nodes, numbers)
 
 
 def may_be_used(model: Model) -> bool:
-    """Returns True if joint states decide J: no move is rewarded, and views count from step 1."""
+    """Returns True if joint states determine J: no move is rewarded, and views count from step
+    1.
+    """
     objective = model.problem.objective
     rewarded = objective.stationarity or objective.keep_cell or objective.keep_heading
     return not (rewarded or objective.balanced) and model.problem.first_step <= 1
 
 
 class _Team:
-    """The robots, distinguished from each other, among the states that are left."""
+    """The robots, distinguished from each other, with their remaining states."""
 
     def __init__(self, narrowing: Narrowing) -> None:
         model = narrowing.model
         self._narrowing, self._model = narrowing, model
         class_of = {robot: n for n, robots in enumerate(model.classes) for robot in robots.robots}
         self._numbers = np.array([class_of[robot] for robot in range(len(class_of))])
-        # What is worth no more than the target at the end need not be followed.
+        # A path whose total worth would not exceed the target need not be followed.
         self.matters = narrowing.target - 2 * narrowing.rounding
 
     def begun(self, following: _Following, stop: Stop) -> "list[_Reached]":
-        """Returns the joint states reached at step 0 and, if starts are chosen, at step 1.
+        """Returns the joint states reached at step 0 and, if starts are free, at step 1.
 
-        Starts have too many joint states, unless views count there. Therefore those of step 1 are
-        found first, and then starts that lead to each of them.
+        Free starts have too many joint states, unless views count there. Therefore the joint states
+        of step 1 are found first, and then starts that lead to each of them.
 
         Raises
         ------
@@ -349,7 +359,7 @@ class _Team:
 
     @property
     def _starts(self) -> list[IntArray]:
-        """The possible start states of each robot, closed or not [R]."""
+        """The possible start states of each robot, whether closed or not [R]."""
         return [self._model.starts(robot) for robot in range(len(self._numbers))]
 
     def _fixed(self, starts: Sequence[IntArray]) -> "_Reached":
@@ -363,11 +373,12 @@ class _Team:
     def _chosen(
         self, t: int, states: Sequence[IntArray], following: _Following, stop: Stop
     ) -> "list[_Reached]":
-        """Returns the joint states of a step that are worth enough, however they are reached.
+        """Returns the joint states of a step that are worth enough, regardless of how they are
+        reached.
 
         Parameters
         ----------
-        states : [R] for each robot, the states in which it may be
+        states : [R] the possible states of each robot
         """
         choices = _Choices.of_lists(states)
         if sum(map(len, choices.states)) > MOST_CHOICES:
@@ -385,14 +396,14 @@ class _Team:
         return found
 
     def after(self, t: int, before: _Reached, following: _Following, stop: Stop) -> _Reached:
-        """Returns the joint states reached at a step from the one before, the best first.
+        """Returns the joint states reached at a step from those of the step before, best first.
 
         Raises
         ------
         NotEndedError
             If too many joint states are reached, or the searches use too many nodes.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         left = [np.flatnonzero(is_left[t]) for is_left in self._narrowing.left]
         choices = _Choices.of(
@@ -416,16 +427,16 @@ class _Team:
     def _rest(self, t: int) -> float:
         """Returns the J that later constants and rows add to the worth so far and `_future`.
 
-        A plan above the target whose steps up to t are worth F is worth at most the sum of F, this
-        amount, and the most that all robots can get from their states at t on.
+        A plan above the target that has collected F up to step t is worth at most the sum of F,
+        this amount, and the most that all robots can collect from their states at t on.
         """
         later = float(self._narrowing.constants[t + 1 :].sum())
-        # Rows charge at most their multipliers at the step itself, which this sum holds.
+        # At the step itself, rows charge at most their multipliers, which this sum contains.
         rows = self._narrowing.row_multipliers
         return later + exact_sum(multiplier for step, multiplier in rows if step >= t)
 
     def _future(self, number: int, t: int, states: IntArray) -> FloatArray:
-        """Returns the most [n] that robots of a class can get for later steps, in units of J.
+        """Returns the most [n] that robots of a class can collect at later steps, in units of J.
 
         Parameters
         ----------
@@ -438,13 +449,13 @@ class _Team:
     def _apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of distinguished robots; their charges are `_future`, negated.
 
-        The worth less the charges is thus the most that the step and the later prices can bring,
-        and the present prices limit it.
+        Thus the worth less the charges is the most that this step and the later prices can bring,
+        and the current prices limit it.
 
         Parameters
         ----------
-        numbers : for each robot, its class
-        states : for each robot, some of the states that are left at the step
+        numbers : class of each robot
+        states : for each robot, some of its remaining states at the step
         """
         charge = [-self._future(number, t, at) for number, at in zip(numbers, states, strict=True)]
         raised = [
@@ -460,7 +471,7 @@ class _Team:
         self, joint: JointStates, robots: IntArray, before: _Reached, tails: IntArray,
         heads: IntArray,
     ) -> _Reached:  # fmt: skip
-        """Returns the ends of moves without conflict, each with its value."""
+        """Returns the ends of moves that have no conflict, each with its value."""
         placed = np.empty_like(heads)
         placed[:, robots] = joint.states[heads]
         able = ~self._conflicts(before.placed[tails], placed)
@@ -468,7 +479,9 @@ class _Team:
         return _Reached(before.values[tails] + _worths(joint, heads), placed, tails)
 
     def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
-        """Returns an array [M], true for moves of the team with a conflict between the steps."""
+        """Returns an array [M], True for moves of the team that have a conflict between the
+        steps.
+        """
         rules, model = self._model.problem.rules, self._model
         found = np.zeros(len(tails), dtype=np.bool_)
         if not rules.hold_between_steps:
@@ -486,9 +499,9 @@ class _Team:
         return found
 
     def _best(self, parts: Iterable[_Reached]) -> _Reached:
-        """Returns the best way to each joint state, ordered from the best."""
+        """Returns the best way to each joint state, best first."""
         values, placed, before = (np.concatenate(column) for column in zip(*parts, strict=True))
-        same = placed.copy()  # for robots that are exchangeable
+        same = placed.copy()  # sorted below, as exchangeable robots may be permuted
         for number in range(len(self._model.classes)):
             alike = self._numbers == number
             same[:, alike] = np.sort(placed[:, alike], axis=1)
@@ -502,7 +515,7 @@ class _Team:
 
 
 def _worths(joint: JointStates, chosen: IntArray) -> FloatArray:
-    """Returns the worths of joint states [K, R], a part at a time."""
+    """Returns the worths of joint states [K, R], computed in blocks."""
     parts = range(0, len(chosen), _AT_ONCE)
     return np.concatenate([*(joint.worths(chosen[k : k + _AT_ONCE]) for k in parts), []])
 
@@ -512,7 +525,7 @@ class _StartWays:
 
     Parameters
     ----------
-    starts : [R] for each robot, the states that are left to it at step 0
+    starts : [R] for each robot, its remaining states at step 0
     """
 
     def __init__(self, model: Model, numbers: IntArray, starts: Sequence[IntArray]) -> None:
@@ -520,7 +533,8 @@ class _StartWays:
         classes = [model.classes[number] for number in numbers.tolist()]
         self._graphs = [robot_class.graph for robot_class in classes]
         self._where = [model.places.positions[number] for number in numbers.tolist()]
-        self._tails: list[dict[int, list[int]]] = []  # of each robot by the state at step 1
+        # for each robot: its starts by the state at step 1
+        self._tails: list[dict[int, list[int]]] = []
         self._able: dict[tuple[int, ...], BoolArray] = {}
         known: dict[tuple[int, bytes], dict[int, list[int]]] = {}
         for number, graph, states in zip(numbers.tolist(), self._graphs, starts, strict=True):
@@ -530,7 +544,7 @@ class _StartWays:
             self._tails.append(known[key])
 
     def reached(self, robot: int) -> BoolArray:
-        """Returns the states [S] of step 1 to which a robot can come."""
+        """Returns the states [S] of step 1 that a robot can reach."""
         found = np.zeros(self._graphs[robot].n_states, dtype=np.bool_)
         found[list(self._tails[robot])] = True
         return found
@@ -538,14 +552,15 @@ class _StartWays:
     def with_starts(
         self, reached: _Reached, following: _Following, stop: Stop
     ) -> tuple[IntArray, _Reached]:
-        """Returns starts for the joint states of step 1 that have any, and these joint states.
+        """Returns starts for the joint states of step 1 that have any, together with these joint
+        states.
 
         Raises
         ------
         NotEndedError
-            If the searches for starts use more nodes than are left.
+            If the searches for starts use more than the remaining nodes.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         tails = []
         for row, heads in enumerate(reached.placed.tolist()):
@@ -560,11 +575,13 @@ class _StartWays:
     def _starts_of(
         self, heads: list[int], following: _Following, chosen: tuple[int, ...] = ()
     ) -> list[int]:
-        """Returns starts of all robots that lead to states at step 1, or nothing.
+        """Returns starts of all robots that lead to given states at step 1; empty if there are
+        none.
 
         Parameters
         ----------
-        chosen : for the first robots, the numbers of their starts among those that lead there
+        chosen : for the first robots, the number of the chosen start among those that lead to the
+            state
         """
         following.spend(1)
         robot = len(chosen)
@@ -580,8 +597,10 @@ class _StartWays:
         return []
 
     def _may_start(self, first: int, head: int, second: int, other_head: int) -> BoolArray:
-        """Returns an array [n, m], true where two robots' ways from their starts keep the rules."""
-        # Robots of one class and choice have one table of tails.
+        """Returns an array [n, m], True if the ways of two robots from their starts keep the
+        rules.
+        """
+        # Robots with the same class and the same choices share a table of tails.
         key = id(self._tails[first]), head, id(self._tails[second]), other_head
         if key not in self._able:
             ways = []
@@ -594,7 +613,7 @@ class _StartWays:
 
 
 def _tails_of(graph: TimeGraph, starts: IntArray) -> dict[int, list[int]]:
-    """Returns the starts that lead to each state of step 1, one for each place."""
+    """Returns the starts that lead to each state of step 1, one per place."""
     found: dict[int, dict[int, int]] = {}
     for start in starts.tolist():
         for head in graph.successors(0, start).tolist():

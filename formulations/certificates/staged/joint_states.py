@@ -1,22 +1,22 @@
 """The joint states of a team at one step, and their worth.
 
-A joint state is one state for each robot. Its worth is the sum of the weighted returns of the
-pixels that its robots have together; each state has a price. Its reduced profit is the difference
-of the two,
+A joint state consists of one state for each robot. Its worth is the sum of the weighted returns of
+the pixels that its robots have together; each state has a price. Its reduced profit is the worth
+less the prices,
 
     F(s) - sum_i price(s_i),     F(s) = sum_f w_f phi_f(sum_i c_f(s_i)).
 
-The return phi_f of a face is the root. Where drones that see people are counted, each person is one
-more face here, with c = 0 or 1 and phi = min(., k): prices include credits for these, too, so that
-F would be too low without them.
+The return phi_f of a face is the root. If drones that see people are counted, each person is one
+more face here, with c = 0 or 1 and phi = min(., k): prices include credits for people, too, so F
+has to include them.
 
-Robots of one class are alike, so that joint states are multisets; states in conflict are not part
-of the same joint state. Only joint states count that some plan above a target may visit: their
-worth less their charges is at least a floor (`narrowing` has the inequality).
+Robots of one class are interchangeable, so joint states are multisets; no joint state contains two
+states in conflict. Only joint states that some plan above a target may visit count: their worth
+less their charges is at least a floor (see the inequality in `narrowing`).
 
 The producer of a certificate searches among more states than its checker, and the rounding of
-profits depends on the search. The profit of a joint state that is found is therefore computed
-again, from its own states alone and correctly rounded.
+profits depends on the search. Therefore the profit of a joint state that was found is recomputed
+from its own states alone, correctly rounded.
 """
 
 import math
@@ -33,14 +33,14 @@ from cocap_opt.formulations.certificates.staged.conflicts import Conflicts
 from cocap_opt.model import Model
 from cocap_opt.returns import Returns
 
-# The most reduced profit of a joint state at other prices, and by how much each state's price, or
-# charge, is higher than then [n].
+# A ceiling: the largest reduced profit of a joint state at other prices, and the increase of each
+# state's price, or charge, since then [n].
 Ceiling = tuple[float, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class JointStates:
-    """The states that are left to the robots at one step, class by class.
+    """The states that remain for the robots at one step, class by class.
 
     Attributes
     ----------
@@ -48,16 +48,17 @@ class JointStates:
     sizes : number of robots of each class
     class_of : [n] number of each state's class, not decreasing
     states : [n] number of each state in the graph of its class
-    pixels : [n, F] coverage of the faces that any of the states sees, px/m2; then of the people
-        whose drones are counted, 1 where a state sees the person
-    weights : [F] of all of these, > 0
-    returns : of all of these: roots, then counts
-    price : [n] of each state, in units of J
-    charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
+    pixels : [n, F] coverage of the faces that any of the states sees, px/m2; then a column per
+        counted person, 1 where a state sees the person
+    weights : [F] weights of these faces and people, > 0
+    returns : their returns: roots for faces, then counts for people
+    price : [n] price of each state, in units of J
+    charge : [n] charge of each state; a joint state counts if its worth less its charges is >=
+        `floor`
     floor : in units of J
-    conflicts : of the states
-    ceilings : of earlier prices; rounding included
-    limits : ceilings of the worth less the charges; rounding included
+    conflicts : conflicts of the states
+    ceilings : ceilings of earlier prices, including rounding
+    limits : ceilings of the worth less the charges, including rounding
     """
 
     t: int
@@ -91,11 +92,11 @@ class JointStates:
 
         Parameters
         ----------
-        left : for each class, the numbers [n] of the states that are left at the step
-        price, charge : for each class, of these states [n]
-        ceilings, limits : over these states
+        left : for each class, the numbers [n] of the remaining states at the step
+        price, charge : for each class, the prices and charges of these states [n]
+        ceilings, limits : ceilings and limits over these states
         apart : the class of each robot, if every robot is a class of its own here; "for each class"
-            then means for each robot
+            above then means "for each robot"
         """
         class_of = np.repeat(np.arange(len(left)), [*map(len, left)])
         numbers = range(len(left)) if apart is None else apart
@@ -125,22 +126,24 @@ class JointStates:
 
     @cached_property
     def cliques(self) -> IntArray:
-        """Numbers [n] such that any two states with the same number, all of a class, conflict."""
+        """Numbers [n] such that any two states with the same number conflict; all have the same
+        class.
+        """
         return self.conflicts.cliques(self.class_of)
 
     @cached_property
     def most_pixels(self) -> FloatArray:
-        """The most [F] that any of the states sees of each face."""
+        """The most [F] that any state sees of each face."""
         most: FloatArray = self.pixels.max(axis=0, initial=0.0)
         return most
 
     @cached_property
     def margin(self) -> float:
-        """The room that a constant leaves above a profit for rounding, in units of J.
+        """The allowance for rounding in a constant that bounds a profit, in units of J.
 
-        In the search a profit is a sum of at most R (F + 2) terms, each the result of a few
-        operations, none of them larger than what all robots see and all prices at most: rounding
-        changes it by at most an eighth of this.
+        A profit in the search is a sum of at most R (F + 2) terms. Each is the result of a few
+        operations on numbers no larger than the pixels of all robots and the sum of the largest
+        prices, so rounding changes it by at most an eighth of this margin.
         """
         robots = sum(self.sizes)
         most = self.weights @ self.returns.values(robots * self.most_pixels)
@@ -149,11 +152,11 @@ class JointStates:
         return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)
 
     def part(self, positions: IntArray, floor: float) -> "JointStates":
-        """Returns the joint states of some of the states, those up to another floor.
+        """Returns the joint states over some of the states, for another floor.
 
         Parameters
         ----------
-        positions : [n] of the states, increasing
+        positions : [n] positions of the states, increasing
         """
         ceilings, limits = (
             tuple((profit, raised[positions]) for profit, raised in bounds)
@@ -173,14 +176,17 @@ class JointStates:
         )
 
     def worth(self, chosen: Sequence[int]) -> float:
-        """Returns F of a joint state, whose states are given by their positions.
+        """Returns F of a joint state, given the positions of its states.
 
-        It depends on these states alone: not on their order, nor on which others are listed.
+        The result depends on these states alone: not on their order, nor on which others are in the
+        list.
         """
         return exact_sum(self._worths(chosen))
 
     def worths(self, chosen: IntArray) -> FloatArray:
-        """Returns F of some joint states [K, R], each the same in whatever company."""
+        """Returns F of several joint states [K, R]; each value is independent of the other joint
+        states.
+        """
         seen = np.zeros((len(chosen), len(self.weights)))
         for k in range(chosen.shape[1]):
             seen += self.pixels[chosen[:, k]]
@@ -188,7 +194,9 @@ class JointStates:
         return worths
 
     def reduced_profit(self, chosen: Sequence[int]) -> float:
-        """Returns the worth of a joint state less its states' prices; as `worth` does."""
+        """Returns the worth of a joint state less its states' prices, with the same rounding as
+        `worth`.
+        """
         return exact_sum([*self._worths(chosen), *(-self.price[list(chosen)]).tolist()])
 
     def _worths(self, chosen: Sequence[int]) -> list[float]:
@@ -199,10 +207,11 @@ class JointStates:
 
     @cached_property
     def sparse(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """The pixels in compressed sparse rows: first entry of each state [n+1], faces, pixels."""
+        """The pixels as compressed sparse rows: first entry of each state [n+1], faces, pixels."""
         rows, faces = np.nonzero(self.pixels)
         return (
             np.searchsorted(rows, np.arange(len(self.pixels) + 1)),
-            np.ascontiguousarray(faces),  # numba compiles once more for another layout
+            # contiguous, as numba would compile again for another layout
+            np.ascontiguousarray(faces),
             self.pixels[rows, faces],
         )

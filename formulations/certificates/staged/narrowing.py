@@ -1,39 +1,41 @@
-"""Narrowing down the states of better plans: prices of states, and states that are closed.
+"""Narrows down the states of better plans: sets prices of states, and closes states.
 
 Multipliers bound J by constants K_t for the faces of each step, a constant for rows, and one best
-path per robot (`pricing`). Write B for that bound, sigma_i(t, s) for the difference between robot
-i's best path and its best path through state s at step t, and h_t for the reduced profit of the
-joint state of a plan at t: its worth less the prices of its states (`joint_states`). Then
+path per robot (`pricing`). Let B be that bound, sigma_i(t, s) for the difference between robot i's
+best path and its best path through state s at step t, and h_t for the reduced profit of the joint
+state of a plan at t: its worth less the prices of its states (`joint_states`). Then
 
     J = B - sum of the paths' slacks - sum_t (K_t - h_t) - mu (1 - used),     all terms >= 0,
 
-so that a plan with J > target obeys, at every step,
+so a plan with J > target obeys, at every step,
 
     sum_i sigma_i(t, s_i) + (K_t - h_t) <= B - target.                                         (*)
 
 States whose slack alone violates (*) are closed: no plan above the target visits them (Lagrangian
-fixing). From then on it is enough to bound plans that visit only states that are left, and only
-joint states that obey (*). For these plans, a state at a step may have any price, which a robot
-gets for being there, if K_t is a number that none of their reduced profits then exceeds: each set
-of prices is a supporting plane of the concave envelope over joint states. Each stage does both: it
-sets new prices and their constants, then closes states. At the end
+fixing). From then on it is enough to bound plans that visit only remaining states, and only joint
+states that obey (*). For these plans, a state at a step may have any price, which is credited to a
+robot for visiting it, provided that none of their reduced profits exceeds K_t: each set of prices
+is a supporting plane of the concave envelope over joint states. Each stage does both: it sets new
+prices and their constants, then closes states. At the end
 
     J <= max(target, B)    for all plans.
 
-Prices need not be listed state by state. If no joint state had more profit than K' at price', none
-now has more than
+Prices need not be listed state by state. If no joint state had a profit above K' at price', none
+now has a profit above
 
     K' - sum_i [price(s_i) - price'(s_i)],                                                    (**)
 
-so that a state whose price has risen by K' - K, while no other price has fallen, is in no joint
-state of more profit than K. A stage raises the prices of all states of a step by that much, except
-for those on a short list; K_t is then found by search among the states on the list. Higher prices
-of the others cost nothing where their paths' slack is as large. Joint states that violate (*) of an
-earlier stage may have more profit than (**), but no plan above the target visits these.
+so a state whose price has risen by K' - K is in no joint state with a profit above K, unless
+another price has fallen. A stage raises the prices of all states of a step by that much, except for
+those on a short list; K_t is then found by search among the states on the list. Higher prices of
+the other states do not raise the bound if their paths' slack is at least as large. Joint states
+that violate (*) of an earlier stage may have more profit than (**), but no plan above the target
+visits these.
 
 A `Narrowing` is immutable: methods that narrow further return a new one. A stage is one call that
-sets prices, has the constants of its own joint states found, and closes states; no order of calls
-can therefore prove too much, and joint states of another narrowing cannot lower a constant.
+sets prices, searches for the constants of its own joint states, and closes states. Therefore no
+order of calls can prove a false bound, and joint states of another narrowing cannot lower a
+constant.
 """
 
 import math
@@ -66,30 +68,33 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
-# The constant that replaced prices of a step had, rounding included, and those of each class [S].
+# A constant of a step whose prices have been replaced, including rounding, and the prices of each
+# class [S].
 _Earlier = tuple[float, list[FloatArray]]
 
-# Finds a profit that none of some joint states exceeds; given a constant's position, and them.
+# Given a constant's position and its joint states, finds a profit that none of them exceeds.
 Search = Callable[[int, JointStates], float]
 
 
 class _Closing(NamedTuple):
-    """The values that decide which joint states count, as of the last closing of states."""
+    """The values that decide which joint states count, from the last time that states were
+    closed.
+    """
 
     constants: FloatArray  # [T+1]
     floors: FloatArray  # [T+1] least worth less charges of a joint state that counts
     slack: list[FloatArray]  # of each class [T+1, S]
-    charges: list[FloatArray]  # of each class [T+1, S], price and slack together
+    charges: list[FloatArray]  # of each class [T+1, S], sum of price and slack
 
 
 class _Sweeps(NamedTuple):
-    """The paths of each class over the states that are left, at the present prices."""
+    """The paths of each class over the remaining states, at the current prices."""
 
     left: list[BoolArray]  # [T+1, S]
     slack: list[FloatArray]  # [T+1, S]
     to_go: list[FloatArray]  # [T+1, S] value of the best path from each state on
     worth: float  # of the best paths of all robots
-    magnitude: float  # the most that the absolute values along them add up to
+    magnitude: float  # largest sum of absolute values along these paths
 
     @classmethod
     def of(
@@ -99,7 +104,7 @@ class _Sweeps(NamedTuple):
         rewards: Sequence[FloatArray],
         left: Sequence[BoolArray],
     ) -> Self:
-        """Prices the paths over the states that are left, and finds the slack of every state."""
+        """Prices the paths over the remaining states, and computes the slack of every state."""
         problem = model.problem
         found = cls([], [], [], 0.0, 0.0)
         worth = 0.0
@@ -132,10 +137,11 @@ class Narrowing:
     Attributes
     ----------
     model : a model with the classes of the multipliers
-    target : J; plans that are not above it need not be bounded
+    target : J; only plans above it are bounded
     constants : [T+1] K_t; infinite where prices are new
-    rewards : for each class, the prices of states [T+1, S], which its robots get for being there
-    charges : for each class, the charges of its robots by rows
+    rewards : for each class, the prices of states [T+1, S], credited to its robots for visiting
+        them
+    charges : for each class, the charges that rows put on its robots
     row_multipliers : the step and the multiplier of each row
     """
 
@@ -149,23 +155,24 @@ class Narrowing:
     _sweeps: _Sweeps
     _closing: _Closing
     _earlier: tuple[tuple[_Earlier, ...], ...]  # by step
-    _bounds_all: bool = True  # all plans above the target, not only those among some states
+    # True: bounds all plans above the target; False: only plans that visit certain states
+    _bounds_all: bool = True
 
     @classmethod
     def of(
         cls, model: Model, multipliers: Multipliers, target: float, stop: Stop = never
     ) -> "Narrowing":
-        """Returns the narrowing by multipliers alone, before any state is closed.
+        """Returns the narrowing by multipliers alone, with no state closed yet.
 
         Raises
         ------
         CertificateError
             If the multipliers prove nothing, or pixels add up over time.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         if model.problem.objective.over_time:
-            raise CertificateError("certificate: where pixels add up over time, there are no steps")
+            raise CertificateError("certificate: must not be staged if pixels add up over time")
         if not math.isfinite(target):
             raise CertificateError(f"certificate.target: must be finite, not {target!r}")
         prices = CertificatePrices.of(model, multipliers, stop=stop)
@@ -190,7 +197,9 @@ class Narrowing:
 
     @property
     def slack(self) -> list[FloatArray]:
-        """The loss of the best path through each state [T+1, S] of a class against the best."""
+        """The loss of the best path through each state [T+1, S] of a class, relative to the best
+        path.
+        """
         return self._sweeps.slack
 
     @property
@@ -200,16 +209,16 @@ class Narrowing:
 
     @property
     def bound(self) -> float:
-        """B, which no plan above the target exceeds, apart from rounding."""
+        """B, which no plan above the target exceeds, except for rounding."""
         return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
 
     @property
     def rounding(self) -> float:
-        """The most by which rounding changes B, in units of J."""
+        """The largest effect of rounding on B, in units of J."""
         return self._rounding(float(np.abs(self.constants).sum()))
 
     def _rounding(self, constants: float) -> float:
-        """Returns the most by which rounding changes a sum of constants, multipliers and prices."""
+        """Returns the largest effect of rounding on a sum of constants, multipliers and prices."""
         prices, sweeps = self._prices, self._sweeps
         magnitude = prices.pixels.magnitude + prices.row_magnitude + sweeps.magnitude + constants
         return prices.rounding_factor * magnitude
@@ -226,18 +235,18 @@ class Narrowing:
             If only some of the plans above the target are bounded.
         """
         if not self._bounds_all:
-            raise ValueError("narrowing: the bound is not one on all plans")
+            raise ValueError("narrowing: the bound does not hold for all plans")
         self._require_finite()
         return Pricing(self._proved_by(self.bound), self.rounding)
 
     def pricing_of(self, best: float) -> Pricing:
-        """Returns the bound on all plans, once those above the target have been explored.
+        """Returns the bound on all plans, after those above the target have been explored.
 
-        `BestPlan.pricing` calls it, after exploring the plans of this narrowing.
+        `BestPlan.pricing` calls this method after exploring the plans of this narrowing.
 
         Parameters
         ----------
-        best : J of the best of them; -inf if there is none
+        best : J of the best explored plan; -inf if there is none
 
         Raises
         ------
@@ -248,22 +257,22 @@ class Narrowing:
         return of_stages._replace(bound=min(of_stages.bound, self._proved_by(best)))
 
     def _proved_by(self, most: float) -> float:
-        """Returns the bound on all plans if none above the target exceeds `most`."""
+        """Returns the bound on all plans, given that none above the target exceeds `most`."""
         return max(self.target, math.nextafter(most + self.rounding, math.inf))
 
     def room_above(self, target: float) -> float:
-        """Returns the right side of (*) for a target, rounding included."""
+        """Returns the right-hand side of (*) for a target, including rounding."""
         return self.bound + 2 * self.rounding - target
 
     # -- the next narrowing -------------------------------------------------------------------
 
     def closed(self) -> "Narrowing":
-        """Returns the narrowing in which states that no plan above the target visits are closed.
+        """Returns the narrowing after closing all states that no plan above the target visits.
 
         Raises
         ------
         CertificateError
-            If a step has new prices and no constant yet.
+            If a step has new prices but no constant yet.
         """
         self._require_finite()
         room = self.room_above(self.target)
@@ -276,12 +285,12 @@ class Narrowing:
         )
 
     def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":
-        """Returns the narrowing for a target that is not lower, with more states closed.
+        """Returns the narrowing for an equal or higher target, with more states closed.
 
         Parameters
         ----------
         among : for each class, the only states [T+1, S] that plans may visit; plans that visit
-            others are not bounded, so that there is no `pricing`
+            other states are not bounded, so `pricing` is not available
 
         Raises
         ------
@@ -303,7 +312,8 @@ class Narrowing:
     def after(
         self, stage: Stage, search: Search, field: str = "stage", most_states: float = math.inf
     ) -> "Narrowing":
-        """Returns the narrowing after a stage: prices, then constants, then states closed.
+        """Returns the narrowing after a stage, which sets prices, then constants, then closes
+        states.
 
         Parameters
         ----------
@@ -311,31 +321,31 @@ class Narrowing:
             that may have more profit than the constant; returns a profit that none of them
             exceeds. A constant is never lowered below its stated value.
         field : name of the stage, for messages
-        most_states : largest number of states that may be left at a step
+        most_states : largest number of remaining states at a step
 
         Raises
         ------
         CertificateError
-            If a step has new prices and no constant, or has more states.
+            If a step has new prices but no constant, or has more states.
         """
         narrowing = self._repriced(stage.prices)
         for k, claim in enumerate(stage.constants):
             states = narrowing._states_of_joint(claim.t, claim.constant)
             if (left := sum(map(len, states))) > most_states:
                 raise CertificateError(
-                    f"{field}.constants[{k}]: {left:,} states are left at step {claim.t}; "
-                    f"at most {most_states:,} can be searched"
+                    f"{field}.constants[{k}]: {left:,} states remain at step {claim.t}; at most "
+                    f"{most_states:,} can be searched"
                 )
             joint = narrowing.joint_states_of(claim.t, states)
             narrowing = narrowing._lowered(joint, max(search(k, joint), claim.constant))
         if not math.isfinite(narrowing.rounding):
             raise CertificateError(
-                f"{field}: a step has payments but no constant, or too large ones"
+                f"{field}: a step has payments but no constant, or its payments are too large"
             )
         return narrowing.closed()
 
     def _repriced(self, prices: Sequence[StepPrices]) -> "Narrowing":
-        """Returns the narrowing at new prices, with K_t of their steps still unknown."""
+        """Returns the narrowing at new prices; K_t of their steps is still unknown."""
         if not prices:
             return self
         rewards, constants = [reward.copy() for reward in self.rewards], self.constants.copy()
@@ -355,18 +365,18 @@ class Narrowing:
         )
 
     def _lowered(self, joint: JointStates, profit: float) -> "Narrowing":
-        """Returns the narrowing with K_t lowered to a profit plus room for rounding.
+        """Returns the narrowing with K_t lowered to a profit plus an allowance for rounding.
 
         Parameters
         ----------
-        joint : joint states that are left at a step, including all with more profit
+        joint : remaining joint states of a step, including all with a larger profit
         """
         constants = self.constants.copy()
         constants[joint.t] = min(float(constants[joint.t]), profit + joint.margin)
         return replace(self, constants=constants)
 
     def _closed_now(self, floors: FloatArray) -> _Closing:
-        """Returns the values that decide, from this point on, which joint states count."""
+        """Returns the values that decide from now on which joint states count."""
         charges = [
             reward + np.where(is_left, slack, 0.0)
             for reward, slack, is_left in zip(self.rewards, self.slack, self.left, strict=True)
@@ -374,23 +384,23 @@ class Narrowing:
         return _Closing(self.constants, floors, self.slack, charges)
 
     def _require_finite(self) -> None:
-        """Refuses numbers so large that they prove nothing: inf - inf bounds nothing."""
+        """Raises an error if numbers are so large that they prove nothing (inf - inf)."""
         if not math.isfinite(self.rounding) or math.isnan(self.bound) or self.bound == math.inf:
             raise CertificateError("certificate: too large, the bound is infinite")
 
     # -- the joint states of a step -----------------------------------------------------------
 
     def joint_states(self, t: int, above: float = -math.inf) -> JointStates:
-        """Returns the joint states that are left at a step, with the prices of their states.
+        """Returns the remaining joint states of a step, with the prices of their states.
 
         Parameters
         ----------
-        above : states that are in no joint state of more profit than this may be missing
+        above : states that are in no joint state with a profit above this may be left out
         """
         return self.joint_states_of(t, self._states_of_joint(t, above))
 
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states of some of the states left to each class at a step."""
+        """Returns the joint states over some of the remaining states of each class at a step."""
         ceilings = tuple(
             self.ceiling_of(constant, np.concatenate(self._raised(t, rewards, states)))
             for constant, rewards in self._earlier[t]
@@ -399,18 +409,20 @@ class Narrowing:
             [array[t, at] for array, at in zip(arrays, states, strict=True)]
             for arrays in (self.rewards, self._closing.charges, self._closing.slack)
         )
-        # What the slacks in (*) say of joint states, as K_t - h_t is not negative.
+        # The slacks in (*) limit joint states, since K_t - h_t is not negative.
         constant = float(self._closing.constants[t])
         limit = self.ceiling_of(constant + self._rounding(abs(constant)), np.concatenate(slack))
         floor = float(self._closing.floors[t])
         return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
 
     def ceiling(self, t: int) -> float:
-        """Returns the ceiling that the present constant of a step gives for later prices."""
+        """Returns the ceiling that the current constant of a step sets for later prices."""
         return float(self.constants[t]) + self._rounding(abs(float(self.constants[t])))
 
     def _states_of_joint(self, t: int, above: float = -math.inf) -> list[IntArray]:
-        """Returns the states of each class that ceilings leave in a joint state of more profit."""
+        """Returns the states of each class that, by the ceilings, may be in a joint state with a
+        larger profit.
+        """
         states = [np.flatnonzero(is_left[t]) for is_left in self.left]
         sizes = self.model.class_sizes
         for constant, rewards in self._earlier[t] if above > -math.inf else ():
@@ -436,13 +448,13 @@ class Narrowing:
         ]
 
     def ceiling_of(self, constant: float, raised: FloatArray) -> Ceiling:
-        """Returns a ceiling, rounding of the search included."""
+        """Returns a ceiling, including the rounding of the search."""
         magnitude = abs(constant) + len(self.model.problem.robots) * np.abs(raised)
         rounding = float(self._rounding_of_sums(magnitude).max(initial=0.0))
         return constant + rounding, raised
 
     def _rounding_of_sums(self, magnitude: FloatArray) -> FloatArray:
-        """Returns the most by which rounding changes sums over all robots."""
+        """Returns the largest effect of rounding on sums over all robots."""
         robots = len(self.model.problem.robots)
         rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * magnitude
         return rounding

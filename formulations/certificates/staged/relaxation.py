@@ -1,7 +1,8 @@
 """A concave relaxation of the completions of a partial joint state.
 
-At a node of the search some robots have their states, and see z_f of each face f. The robots left
-add c_f(s) for the states s that they take. The gain of a face is concave and 0 at 0,
+At a node of the search some robots have their states, and together see z_f of each face f. The
+remaining robots add c_f(s) for the states s that they take. The gain of a face is concave and 0 at
+0,
 
     psi_f(y) = phi_f(z_f + y) - phi_f(z_f),
 
@@ -10,26 +11,28 @@ so that for any alpha from 0 to 1 and beta >= 0, as for certificates (`cocap_opt
     psi_f(sum c) <= alpha sum psi_f(c) + beta sum c + kappa,
     kappa = sup over y >= 0 of (1 - alpha) psi_f(y) - beta y.
 
-With alpha = 1 for all faces this is the sum of the largest gains, by which the search prunes
-anyway. It is weak where robots see the same; tangents, alpha = 0, are stronger there.
+With alpha = 1 for all faces, this is the sum of the largest gains, which the search uses for
+pruning anyway. This bound is weak if several robots see the same faces; tangents, alpha = 0, are
+stronger there.
 
-A joint state matters if several conditions hold at once, each of the form
+A joint state is relevant if it meets several conditions at once, each of the form
 
-    constant - sum of payments of its states (+ what its faces gain) > 0:
+constant - sum of payments of its states (+ gains of the faces) > 0:
 
-its profit is above the least wanted, its worth less charges is not below the floor, and each
-ceiling leaves enough. A sum of these, each with a share >= 0, is then above 0, too; the right sides
-above turn it into a sum over states. The largest such sum takes the best states one by one, at most
-one from each set of states that all conflict with one another. If even that is not above 0, nothing
-at this node matters, and a state that does not get above 0 together with the best others can be
-dropped.
+its profit exceeds the least profit asked for, its worth less charges is not below the floor, and
+each ceiling leaves room. A sum of these conditions, weighted with shares >= 0, is then above 0,
+too; the right-hand sides above turn it into a sum over states. Its maximum is found by taking the
+best states one by one, at most one from each set of mutually conflicting states. If even the
+maximum is not above 0, no completion of this node is relevant, and a state whose sum with the best
+other states is not above 0 can be dropped.
 
-Any alpha, beta and shares prove something. Good ones come from conditional gradients: a mixture of
-states is moved a little towards the best ones, round after round, and prices are the slopes at the
-mixture. If the mixture's own value is above 0 for all conditions, no prices can end the node.
+Any alpha, beta and shares give a valid bound. Good ones are found by the conditional gradient
+method: each round moves a mixture of states a little towards the best states, and the prices are
+the slopes at the mixture. If the mixture meets all conditions, no prices can prune the node.
 
-Sixty searches of a field's steps, six drones each, took 0.46 million nodes and 5 s in place of 8.6
-million and 12 s; with a views term 0.16 million and 2.5 s in place of 19 million and 14 s.
+Example: sixty searches at steps of scene `field`, with six drones each, took 0.46 million nodes and
+5 s instead of 8.6 million and 12 s; with a views term 0.16 million and 2.5 s instead of 19 million
+and 14 s.
 """
 
 from typing import NamedTuple
@@ -39,18 +42,21 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 
-ROUNDS = 60  # of conditional gradients at a node; half of the nodes take less than four
-ROBOTS = 2  # that are left at least: one more is looked at by itself
-STEP = 20.0  # a round goes 2 / (STEP + round) of the way; a node begins near its parent's mixture
-BEND = 8.0  # how sharply alpha goes from 1 to 0 where gains together fall below single gains
-HEAT = 0.02  # of the lowest condition, within which others have a share, too
-LEAST_MASS = 0.3  # share of the parent's mixture that must be left to begin with it
-LEAST_PIXELS = 1 / 16  # of the most that a state sees of a face: tangents touch no lower
-ROOM = 4.0  # times the margin of a search, for rounding here
+ROUNDS = 60  # rounds of conditional gradients at a node; half of the nodes take fewer than four
+ROBOTS = 2  # smallest number of remaining robots: with one, each state is checked by itself
+STEP = 20.0  # a round moves 2 / (STEP + round) of the way; a node begins near its parent's mixture
+# how sharply alpha falls from 1 to 0 where joint gains fall below the sum of single gains
+BEND = 8.0
+HEAT = 0.02  # relative to the lowest condition; conditions within this range get a share, too
+# smallest remaining share of the parent's mixture with which a node starts from it
+LEAST_MASS = 0.3
+# of the most that a state sees of a face: tangents touch the root at no fewer pixels
+LEAST_PIXELS = 1 / 16
+ROOM = 4.0  # multiple of a search's margin that allows for rounding here
 
 
 class Conditions(NamedTuple):
-    """Conditions on completions of a node: constant - payments, possibly + gains, is > 0.
+    """Conditions on completions of a node: constant - payments, possibly + gains, must be > 0.
 
     Attributes
     ----------
@@ -66,13 +72,13 @@ class _Mixture(NamedTuple):
     """A convex combination of completions, with its values for faces and conditions."""
 
     shares: FloatArray  # [m] of each state that may be taken
-    pixels: FloatArray  # [F] beyond what is seen
-    gains: FloatArray  # [F] of all states, each alone
+    pixels: FloatArray  # [F] in addition to the pixels seen so far
+    gains: FloatArray  # [F] sum of the gains of single states
     values: FloatArray  # [P] of the conditions, without gains
 
 
 class _Prices(NamedTuple):
-    """The right side of the inequality for the sum of the conditions."""
+    """The right-hand side of the inequality for the sum of the conditions."""
 
     constant: float
     worth: FloatArray  # [m] of each state that may be taken
@@ -83,9 +89,9 @@ class Relaxation:
 
     Parameters
     ----------
-    joint : the joint states that are searched
+    joint : the joint states to search
     pixels : [F] seen so far
-    counts : robots left of each class
+    counts : remaining robots of each class
     states : [m] positions of the states that may be taken, class by class
     """
 
@@ -108,11 +114,11 @@ class Relaxation:
         self.shares: FloatArray = np.zeros(len(states))
 
     def run(self, above: FloatArray) -> None:
-        """Drops states that cannot matter from `kept`; leaves the mixture in `shares`.
+        """Drops irrelevant states from `kept`, and stores the mixture in `shares`.
 
         Parameters
         ----------
-        above : [m] share of each state in the mixture of the node above
+        above : [m] share of each state in the mixture of the parent node
         """
         first = 0 if np.isfinite(self._constants[0]) else 1
         picks = self._picks(self._gains @ self._joint.weights - self._payments[first])
@@ -127,7 +133,8 @@ class Relaxation:
             lowest = float(values.min())
             if lowest > 0:
                 break
-            heat = heat or max(-HEAT * lowest, self._joint.margin) or 1.0  # any will do at 0
+            # if all conditions are 0, any value will do
+            heat = heat or max(-HEAT * lowest, self._joint.margin) or 1.0
             prices = self._prices(np.exp((lowest - values) / heat), slopes, kappa)
             picks = self._picks(prices.worth)
             if picks is None:
@@ -142,7 +149,7 @@ class Relaxation:
         self.shares = mixture.shares
 
     def _begun(self, above: FloatArray, picks: IntArray) -> FloatArray:
-        """Returns the initial shares: those of the node above, if enough of them is left."""
+        """Returns the initial shares: those of the parent node, if enough of them remains."""
         shares = np.zeros(len(self.kept))
         for c, count in enumerate(self._counts):
             if not count:
@@ -182,7 +189,9 @@ class Relaxation:
     def _prices(
         self, shares: FloatArray, slopes: tuple[FloatArray, FloatArray], kappa: float
     ) -> _Prices:
-        """Returns the right side for shares [P] of the conditions, which need not add up to 1."""
+        """Returns the right-hand side for shares [P] of the conditions, which need not add up to
+        1.
+        """
         shares = shares / shares.sum()
         gaining, taken = float(shares[:2].sum()), shares > 0
         worth = gaining * (self._gains @ slopes[0] + self._amounts @ slopes[1])
@@ -190,9 +199,10 @@ class Relaxation:
         return _Prices(gaining * kappa + float(shares[taken] @ self._constants[taken]), worth)
 
     def _picks(self, worth: FloatArray) -> IntArray | None:
-        """Returns the best states for the robots left, each class's from the best on.
+        """Returns the best states for the remaining robots, those of each class in descending
+        order.
 
-        None if there are too few.
+        Returns None if there are too few states.
         """
         picks = []
         for c, count in enumerate(self._counts):
@@ -211,7 +221,7 @@ class Relaxation:
         return np.concatenate(picks)
 
     def _drop(self, prices: _Prices, picks: IntArray) -> bool:
-        """Drops states that are not above 0; returns True if none is left."""
+        """Drops states whose sum is not above 0; returns True if no state remains."""
         room = ROOM * self._joint.margin
         bound = prices.constant + float(prices.worth[picks].sum())
         if bound <= -room:

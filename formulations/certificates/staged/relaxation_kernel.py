@@ -1,4 +1,4 @@
-"""The relaxation at a node, compiled into the search; `relaxation` explains it."""
+"""The relaxation at a node, compiled into the search; `relaxation` explains the method."""
 
 from functools import partial
 from typing import NamedTuple
@@ -26,36 +26,36 @@ from cocap_opt.formulations.certificates.staged.relaxation import (
     STEP,
 )
 
-# The rows of `Relaxed.mixed` and `.slopes` are PIXELS and this.
+# Rows of `Relaxed.mixed` and `.slopes`: PIXELS and this.
 GAINS = 1
 
-# The rows of `Relaxed.conditions`.
+# Rows of `Relaxed.conditions`.
 CONSTANTS, AT_MIXTURE, SHARES = range(3)
 
-# Into the callers: calls that hand over all arrays took half as long again.
+# Inlined into the callers: calls that pass all arrays took half as long again.
 _inlined = partial(compiled, kept=False, forceinline=True)
 
 
 class Relaxed(NamedTuple):
-    """The arrays of `relaxation`: of n states, E entries of coverage, F faces, P conditions."""
+    """The arrays of `relaxation`, for n states, E entries of coverage, F faces, P conditions."""
 
-    margin: float  # ROOM and rounding of searches
+    margin: float  # margin of the relaxation, for rounding
     may_repeat: bool
     cliques: IntArray  # [n]
-    least_pixels: FloatArray  # [F] that a tangent touches at least
-    gains: FloatArray  # [E] at the present node
+    least_pixels: FloatArray  # [F] smallest number of pixels at which a tangent touches the root
+    gains: FloatArray  # [E] at the current node
     shares: FloatArray  # [R+1, n] of the mixture at each depth
     mixed: FloatArray  # [2, F] pixels and single gains of the mixture
     slopes: FloatArray  # [2, F] for pixels and for single gains, weighted
     conditions: FloatArray  # [3, P] constants, values at the mixture, shares
     worth: FloatArray  # [n] of the node's states
-    picks: IntArray  # [R] numbers of states among the node's
-    last: FloatArray  # [C] worth of the last pick of each class; or the mass of its mixture
+    picks: IntArray  # [R] numbers of the picked states among the node's states
+    last: FloatArray  # [C] worth of the last pick of each class, or mass of its mixture
     moved: IntArray  # [n] new number of each of the node's states
 
 
 def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
-    """Returns the arrays of the relaxed, before the first node."""
+    """Returns the arrays of the relaxation, as they are before the first node."""
     n, n_faces, robots = len(data.class_of), len(data.weights), len(data.classes)
     return Relaxed(
         margin=ROOM * joint.margin,
@@ -76,7 +76,9 @@ def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
 
 @_inlined
 def _pick(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> float:
-    """Picks the best states for the robots left; returns their worth, -inf if there are too few."""
+    """Picks the best states for the remaining robots; returns their worth, or -inf if there are too
+    few.
+    """
     worth, picks, states = relaxed.worth, relaxed.picks, memory.states
     total, begin = 0.0, 0
     for c in range(data.counts.shape[1]):
@@ -91,7 +93,7 @@ def _pick(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> float:
                     picks[begin + k] = i
                 found = count
                 continue
-            j = 0  # the place of its clique, if that has one
+            j = 0  # the position of the pick from its clique, if there is one
             while j < found:
                 if relaxed.cliques[states[depth, picks[begin + j]]] == relaxed.cliques[s]:
                     break
@@ -118,7 +120,7 @@ def _pick(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> float:
 
 @_inlined
 def _mix(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, share: float) -> None:
-    """Moves the mixture towards the picks, by a share of the way; by all of it to begin with."""
+    """Moves the mixture a share of the way towards the picks; all the way in the first round."""
     conditions, mixed = relaxed.conditions, relaxed.mixed
     for f in range(len(data.weights)):
         for row in (PIXELS, GAINS):
@@ -148,7 +150,9 @@ def _add(data: Inputs, relaxed: Relaxed, depth: int, state: int, share: float) -
 
 @_inlined
 def _begin_mixture(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> None:
-    """Begins with the mixture of the node above, if enough of it is left; else with the picks."""
+    """Starts from the mixture of the parent node, if enough of it remains; otherwise from the
+    picks.
+    """
     conditions, shares, last = relaxed.conditions, relaxed.shares, relaxed.last
     for f in range(len(data.weights)):
         for row in (PIXELS, GAINS):
@@ -179,7 +183,7 @@ def _begin_mixture(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -
 
 @_inlined
 def _find_slopes(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> tuple[float, float]:
-    """Finds alpha and beta at the mixture; returns its gains, and the sum of kappas."""
+    """Finds alpha and beta at the mixture; returns its gains and the sum of kappas."""
     seen, slopes, high, kappa = memory.seen, relaxed.slopes, 0.0, 0.0
     for f in range(len(data.weights)):
         before, value, weight = seen[PIXELS, depth, f], seen[VALUES, depth, f], data.weights[f]
@@ -207,7 +211,9 @@ def _find_slopes(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> 
 
 @_inlined
 def _find_shares(relaxed: Relaxed, high: float, lowest: float, heat: float) -> None:
-    """Finds a share for each condition, the largest for those that are lowest at the mixture."""
+    """Finds a share for each condition; the conditions that are lowest at the mixture get the
+    largest.
+    """
     conditions, total = relaxed.conditions, 0.0
     for p in range(conditions.shape[1]):
         value = conditions[AT_MIXTURE, p] + (high if p <= CHARGED else 0.0)
@@ -241,7 +247,7 @@ def _find_worth(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, kapp
 
 @_inlined
 def _drop(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, bound: float) -> None:
-    """Drops states that, together with the best others, are not above 0."""
+    """Drops states whose sum with the best other states is not above 0."""
     states, values, worth = memory.states, memory.values, relaxed.worth
     kept = 0
     for i in range(memory.numbers[depth, 0]):
@@ -263,7 +269,9 @@ def _drop(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, bound: flo
 def relax(
     data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, least: float, floor: float
 ) -> None:
-    """Drops the states that the relaxation rules out, or all if none can matter."""
+    """Drops the states that the relaxation rules out, or all states if no completion is
+    relevant.
+    """
     conditions, numbers = relaxed.conditions, memory.numbers
     conditions[CONSTANTS, PRICED] = memory.profits[PRICED, depth] - least
     conditions[CONSTANTS, CHARGED] = memory.profits[CHARGED, depth] - floor
@@ -288,7 +296,7 @@ def relax(
                 break
             if heat == 0.0:
                 heat = max(-HEAT * lowest, relaxed.margin)
-            if heat == 0.0:  # where all is 0, any will do
+            if heat == 0.0:  # if all conditions are 0, any value will do
                 heat = 1.0
             _find_shares(relaxed, high, lowest, heat)
             bound = _find_worth(data, memory, relaxed, depth, kappa)

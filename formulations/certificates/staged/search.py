@@ -1,19 +1,19 @@
-"""The search for the joint state of most reduced profit, and for all joint states that count.
+"""Searches for the joint state of largest reduced profit, and for all joint states that count.
 
 It searches the tree of partial joint states depth-first. A partial joint state with pixels z can be
-completed to at most F(z) - prices so far + sum over the robots left of the largest gain, since
+completed to at most F(z) - prices so far + sum over the remaining robots of the largest gain, since
 gains only shrink as more is seen (returns are concave, so that F is submodular): a subtree that
-cannot exceed the least profit wanted is left out. A ceiling of earlier prices leaves out more: if
-no joint state had more profit than V' at price', then
+cannot exceed the least profit asked for is pruned. A ceiling from earlier prices prunes more: if no
+joint state had more profit than V' at price', then
 
     F(s) - sum_i price(s_i) <= V' - sum_i [price(s_i) - price'(s_i)].
 
-Ceilings bound the worth less charges, too: a few states with much slack exceed what is left,
-whatever their worth. Nodes that pass all of these tests are relaxed (`relaxation`); most branches
-end there.
+Ceilings bound the worth less charges, too: a few states with large slack use up the allowed loss,
+whatever their worth. Nodes that pass all of these tests are relaxed (`relaxation`), where most
+branches are pruned.
 
-Two searches do the same: the plain one, which is here and is written to be read, and the compiled
-one (`search_kernel`), which takes over when searches are long, unless it is switched off.
+There are two implementations: the plain search in this module, which is written to be read, and the
+compiled one (`search_kernel`), which takes over if a search is long, unless it is switched off.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -29,46 +29,49 @@ from cocap_opt.stop import Stop, never
 if TYPE_CHECKING:
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
-PLAIN_NODES = 300  # after which the compiled search takes over, where there is one
-_LARGE, _FEW_NODES = 5, 30  # likewise, of teams of so many robots, whose searches are long
-# Joint states that one search collects: as many would follow each of them, so it does not end soon.
+PLAIN_NODES = 300  # nodes after which the compiled search takes over, if it is available
+# nodes (second) after which it takes over for teams of at least this many robots (first)
+_LARGE, _FEW_NODES = 5, 30
+# Limit on collected joint states per search: each would be followed by as many at the next step, so
+# a search that exceeds it would not end soon.
 MOST_FOUND = 200_000
-AT_ONCE = 20_000  # nodes of the compiled search between two looks at the stop
+AT_ONCE = 20_000  # nodes of the compiled search between two checks of the stopping criterion
 
 
 class NotEndedError(Exception):
-    """The search has not ended within its number of nodes."""
+    """The search needs more than its number of nodes."""
 
 
 class MostProfitable(NamedTuple):
-    """The joint state of most reduced profit among those that count."""
+    """The joint state of largest reduced profit among those that count."""
 
-    profit: float  # or the least one wanted, if none has more
-    positions: tuple[int, ...] = ()  # of its states; none if none has more
-    nodes: int = 0  # of the tree
+    profit: float  # its profit, or the least profit asked for if no joint state has more
+    positions: tuple[int, ...] = ()  # positions of its states; empty if no joint state has more
+    nodes: int = 0  # number of nodes of the tree
 
 
 def most_profitable(
     joint: JointStates, least: float, most_nodes: int, stop: Stop = never, plain: bool = False
 ) -> MostProfitable:
-    """Returns the joint state of most profit, if that is clearly more than the least wanted.
+    """Returns the joint state of largest profit, if it is clearly above the least profit asked for.
 
     An excess of up to half the margin does not count. Profits in the search have errors of up to an
-    eighth of the margin, so that a search among fewer states may end with another joint state, with
-    up to a quarter of it more. The margin allows for that half and for errors of the search.
+    eighth of the margin, so a search among fewer states may return another joint state, whose
+    profit differs by up to a quarter of the margin. The margin covers that half and the errors of
+    the search.
 
     Parameters
     ----------
-    least : profits up to this do not matter
+    least : profits up to this value are ignored
     most_nodes : largest number of nodes of the tree
-    plain : True: do not use the compiled search
+    plain : True: use the plain search only
 
     Raises
     ------
     NotEndedError
         If the tree is larger.
     LimitReached
-        At a limit.
+        If a limit is reached.
     """
     search = _searched(joint, least, most_nodes, stop, plain)
     if search.positions:
@@ -81,14 +84,15 @@ def most_profitable(
 def all_that_count(
     joint: JointStates, most_nodes: int, stop: Stop = never
 ) -> tuple[list[tuple[int, ...]], int]:
-    """Returns the positions of all joint states that count, and the nodes of the plain search.
+    """Returns the positions of all joint states that count, and the number of nodes of the plain
+    search.
 
     Raises
     ------
     NotEndedError
-        If the tree is larger, or more than `MOST_FOUND` count.
+        If the tree is larger, or more than `MOST_FOUND` joint states count.
     LimitReached
-        At a limit.
+        If a limit is reached.
     """
     search = _PlainSearch(joint, -np.inf, most_nodes, collects=True)
     search.run(stop)
@@ -103,10 +107,10 @@ def plain_nodes(joint: JointStates) -> int:
 def _searched(
     joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
 ) -> "_PlainSearch | CompiledSearch":
-    """Returns a search that has ended; a long one is started again, compiled, if possible.
+    """Returns a finished search; a long search is restarted with compiled code if possible.
 
-    Once the compiled search has been loaded, which takes longer than most searches, all searches
-    are compiled.
+    Loading the compiled search takes longer than most searches; once it is loaded, all searches use
+    it.
     """
     if not plain and compiled_search.is_loaded():
         return _run_compiled(joint, least, most_nodes, stop)
@@ -128,9 +132,9 @@ def _searched(
 def _run_compiled(
     joint: JointStates, least: float, most_nodes: int, stop: Stop
 ) -> "CompiledSearch":
-    """Returns a compiled search that has ended; raises NotEndedError and LimitReached.
+    """Returns a finished compiled search; raises NotEndedError and LimitReached.
 
-    A call may use a few more nodes than it is allowed, those of its last two robots.
+    A call may exceed its number of nodes slightly, by those of the last two robots.
     """
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
@@ -150,24 +154,26 @@ class _Partial(NamedTuple):
     pixels: FloatArray  # [F] seen so far
     profit: float  # worth so far less the prices so far
     low: float  # worth so far less the charges so far
-    below: tuple[float, ...]  # ceilings and limits, less what prices and charges so far are raised
-    counts: tuple[int, ...]  # robots left of each class
+    below: tuple[float, ...]  # ceilings and limits, less the increases of prices and charges so far
+    counts: tuple[int, ...]  # remaining robots of each class
     states: IntArray  # positions of the states that may still be taken, class by class
-    shares: FloatArray  # [n] of all states in the mixture of the node above (`relaxation`)
+    shares: FloatArray  # [n] of all states in the mixture of the parent node (`relaxation`)
 
 
 class _Children(NamedTuple):
-    """The states that may be taken next and reach enough, the next robot's first, best first."""
+    """The states that may be taken next and can reach enough profit; the next robot's first, best
+    first.
+    """
 
     states: IntArray  # [n] their positions
     gains: FloatArray  # [n] of worth less prices
     low: FloatArray  # [n] gains of worth less charges
-    most: FloatArray  # [n] the profit that is reached with them at most
-    of_class: int  # how many are of the next robot's class
+    most: FloatArray  # [n] the largest profit that is reachable with them
+    of_class: int  # number of states of the next robot's class
 
 
 class _PlainSearch:
-    """The plain search, written to be read; `compiled_search` does the same, faster.
+    """The plain search, written to be read; `compiled_search` is a faster version.
 
     Parameters
     ----------
@@ -175,8 +181,8 @@ class _PlainSearch:
 
     Attributes
     ----------
-    best : largest profit found, initially the least one wanted
-    positions : positions of the states of the joint state with that profit; empty if none has more
+    best : largest profit found, initially the least profit asked for
+    positions : positions of the states of the best joint state; empty if none was found
     found : positions of the joint states that were collected
     nodes : number of nodes of the tree so far
     """
@@ -203,7 +209,7 @@ class _PlainSearch:
         self._explore(_Partial((), nothing, 0.0, 0.0, below, joint.sizes, everything, none), stop)
 
     def _explore(self, node: _Partial, stop: Stop) -> None:
-        """Goes through all completions of a partial joint state that count and may be better."""
+        """Explores all completions of a partial joint state that count and may be better."""
         self.nodes += 1
         if self.nodes > self._most_nodes:
             raise NotEndedError
@@ -218,7 +224,7 @@ class _PlainSearch:
         if found.of_class and not self._collects and sum(node.counts) >= ROBOTS:
             node, found = self._relaxed(node, found)
         for k in range(found.of_class):
-            # Of this class, none of those before it is taken any more.
+            # Later robots of this class take no state before this one.
             worse = found.gains[0] - found.gains[k]
             if found.most[k] - counts[robot_class] * worse <= self.best:
                 break
@@ -236,7 +242,7 @@ class _PlainSearch:
             self.best, self.positions = node.profit, node.chosen
 
     def _children(self, node: _Partial, robot_class: int) -> _Children:
-        """Returns the states that may be taken next, those of this class first."""
+        """Returns the states that may be taken next, those of the given class first."""
         joint, states, counts = self._joint, node.states, node.counts
         worth = joint.returns.values(node.pixels) @ joint.weights
         gains = joint.returns.values(node.pixels + joint.pixels[states]) @ joint.weights - worth
@@ -254,7 +260,7 @@ class _PlainSearch:
         return _Children(states[able], gains[able], low[able], most[able], of_class)
 
     def _relaxed(self, node: _Partial, found: _Children) -> tuple[_Partial, _Children]:
-        """Returns the node with its mixture, and the states that the relaxation leaves."""
+        """Returns the node with its mixture, and the states that pass the relaxation."""
         joint = self._joint
         least = [
             self.best if k < len(joint.ceilings) else self._floor for k in range(len(node.below))
@@ -276,7 +282,9 @@ class _PlainSearch:
         self, node: _Partial, state: int, gained: tuple[float, float], counts: tuple[int, ...],
         left: IntArray,
     ) -> _Partial:  # fmt: skip
-        """Returns the node with one more state, with its gains net of prices and of charges."""
+        """Returns the child of a node for one more state, with its gains net of prices and of
+        charges.
+        """
         joint, bounds = self._joint, zip(node.below, self._joint.bounds, strict=True)
         return _Partial(
             (*node.chosen, state),
@@ -293,7 +301,7 @@ class _PlainSearch:
 def _most(
     so_far: float, gains: FloatArray, classes: IntArray, counts: tuple[int, ...]
 ) -> FloatArray:
-    """Returns the most [n] that completions with each of the states can reach."""
+    """Returns the largest profit [n] that completions with each of the states can reach."""
     best = np.full(len(counts), -np.inf)
     np.maximum.at(best, classes, gains)
     total = so_far + sum(n * best[c] for c, n in enumerate(counts) if n)

@@ -1,8 +1,8 @@
-"""The compiled searches of joint states, step by step; only imported where numba is installed.
+"""The compiled searches of joint states, step by step; imported only if numba is installed.
 
-A node of the tree is a partial joint state. The search goes down into a child and up again, and
-keeps the data that it needs to continue at each depth in arrays that are made once. There are no
-slices and no sorting by NumPy, with which numba would compile for ten seconds instead of two.
+A node of the tree is a partial joint state. The search descends into a child and returns; for each
+depth, the data needed to continue is kept in arrays that are allocated once. The code avoids slices
+and sorting by NumPy, with which compilation would take ten seconds instead of two.
 """
 
 from dataclasses import dataclass
@@ -35,15 +35,17 @@ from cocap_opt.returns import Returns, return_of
 
 
 class _MoveLists(NamedTuple):
-    """The states that may be taken from each of L joint states before, robot by robot."""
+    """The states that may be taken after each of L joint states of the step before, robot by
+    robot.
+    """
 
     first: IntArray  # [K+1] first entry of each list of states
-    positions: IntArray  # of the states of all lists
+    positions: IntArray  # positions of the states of all lists
     lists: IntArray  # [L, R] number of each robot's list
-    floors: FloatArray  # [L] least worth, less charges, of a joint state that counts
+    floors: FloatArray  # [L] least worth less charges of a joint state that counts
 
 
-# Into the callers: calls that hand over all arrays took half as long again.
+# Inlined into the callers: calls that pass all arrays took half as long again.
 _inlined = partial(compiled, kept=False, forceinline=True)
 _return_of = _inlined(return_of)
 
@@ -64,7 +66,7 @@ def _end(memory: Memory, depth: int, best: float) -> float:
 
 @_inlined
 def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: int) -> float:
-    """Returns an upper bound, to which each robot that is left adds its class's largest gain."""
+    """Returns an upper bound, in which each remaining robot adds its class's largest gain."""
     for c in range(data.counts.shape[1]):
         if data.counts[depth, c]:
             so_far += data.counts[depth, c] * largest[row, c]
@@ -75,7 +77,9 @@ def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: 
 def _keep_within_bounds(
     data: Inputs, memory: Memory, depth: int, least: float, floor: float
 ) -> None:
-    """Drops states to which some ceiling or limit leaves no profit above the least wanted."""
+    """Drops states for which some ceiling or limit leaves no profit above the least profit asked
+    for.
+    """
     states, largest = memory.states, memory.largest
     for k in range(len(data.raised)):
         for c in range(largest.shape[1]):
@@ -119,7 +123,7 @@ def _gain(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> None:
 
 @_inlined
 def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: float) -> None:
-    """Drops states that reach too little with the largest gains of the robots that are left."""
+    """Drops states that reach too little even with the largest gains of the remaining robots."""
     states, values, largest = memory.states, memory.values, memory.largest
     most = _at_most(memory.profits[PRICED, depth], data, depth, largest, PRICED)
     most_charged = _at_most(memory.profits[CHARGED, depth], data, depth, largest, CHARGED)
@@ -142,9 +146,9 @@ def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: fl
 
 @_inlined
 def _begin_with_highest(memory: Memory, depth: int) -> None:
-    """Sorts the states of the next robot's class by their gains, and begins with the first.
+    """Sorts the states of the next robot's class by their gains, and starts with the largest.
 
-    They come nearly sorted from the node above; among equals, the order is kept.
+    The states arrive nearly sorted from the parent node; the sort is stable.
     """
     states, values = memory.states, memory.values
     for i in range(1, memory.numbers[depth, 1]):
@@ -161,18 +165,19 @@ def _begin_with_highest(memory: Memory, depth: int) -> None:
 
 @_inlined
 def _is_exhausted(data: Inputs, memory: Memory, depth: int, least: float) -> bool:
-    """Returns True if no child that is left reaches more than the least wanted."""
+    """Returns True if no remaining child can reach more than the least profit asked for."""
     i, values = memory.child[depth], memory.values
     if i >= memory.numbers[depth, 1]:
         return True
-    others = data.counts[depth + 1, data.classes[depth]]  # of this class, chosen after this robot
+    # robots of this class that are chosen after this robot
+    others = data.counts[depth + 1, data.classes[depth]]
     fallen = values[PRICED, depth, 0] - values[PRICED, depth, i]
     return bool(values[MOST, depth, i] - others * fallen <= least)
 
 
 @_inlined
 def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
-    """Takes the next child's state and goes down, with the pixels and prices there."""
+    """Takes the next child's state and descends, with updated pixels and prices."""
     i, seen, profits = memory.child[depth], memory.seen, memory.profits
     s = memory.states[depth, i]
     memory.child[depth] = i + 1
@@ -194,10 +199,10 @@ def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
 
 @_inlined
 def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: float) -> None:
-    """Hands down the states that do not conflict with the one taken and do not come before it."""
+    """Passes on the states that do not conflict with the taken state and do not come before it."""
     states, values = memory.states, memory.values
     others = data.counts[depth + 1, data.classes[depth]]
-    # Gains only shrink: of one class, what has gained too little here need not be looked at.
+    # Gains only shrink: states of the class whose gain is too small here need not be checked again.
     is_one_class = others > 0 and others == len(data.classes) - depth - 1
     least_gain = (
         least - memory.profits[PRICED, depth + 1] - (others - 1) * values[PRICED, depth, taken]
@@ -216,9 +221,9 @@ def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: floa
 def _end_with_two(data: Inputs, memory: Memory, depth: int, best: float, floor: float) -> float:
     """Chooses the states of the last two robots, of one class; returns the largest profit so far.
 
-    It is equivalent to going down twice, with the same number of nodes, but updates only the faces
-    that the first of the two states sees. Most nodes are of these two depths. Loops are inlined by
-    hand: a call for each state, though it is inlined, doubles the time.
+    It is equivalent to descending twice, with the same number of nodes, but updates only the faces
+    that the first of the two states sees. Most nodes are at these two depths. Loops are inlined by
+    hand: a call for each state, even if the compiler inlines it, doubles the time.
     """
     states, values, profits, seen = memory.states, memory.values, memory.profits, memory.seen
     for f in range(len(data.weights)):
@@ -272,7 +277,7 @@ def _advance(
     data: Inputs, memory: Memory, relaxed: Relaxed, is_relaxed: bool, best: float,
     floor: float, nodes: int,
 ) -> float:  # fmt: skip
-    """Continues a search for so many nodes; returns the largest profit so far."""
+    """Continues a search for a number of nodes; returns the largest profit so far."""
     depth, last_two = memory.progress[DEPTH], len(data.classes) - 2
     if last_two < 0 or data.classes[-2] != data.classes[-1] or len(memory.collected):
         last_two = -1
@@ -308,7 +313,7 @@ def _advance(
 
 @_inlined
 def _begin_with_choices(memory: Memory, choices: _MoveLists, tail: int) -> None:
-    """Begins a search among the states that may be taken from a joint state before."""
+    """Begins a search among the states that may follow a given joint state."""
     n = 0
     for robot in range(choices.lists.shape[1]):
         number = choices.lists[tail, robot]
@@ -324,15 +329,17 @@ def _follow(
     data: Inputs, memory: Memory, relaxed: Relaxed, choices: _MoveLists, tail: int,
     end: int, nodes: int, tails: IntArray,
 ) -> int:  # fmt: skip
-    """Collects the followers of given joint states; returns the number of the first not done.
+    """Collects the successors of given joint states; returns the number of the first unfinished
+    one.
 
-    A search that has been interrupted continues at the next call.
+    An interrupted search continues at the next call.
 
     Parameters
     ----------
-    tail, end : number of the first joint state before, and one more than that of the last
-    nodes : number of nodes after which it is interrupted; no more than can be collected
-    tails : [most] for each collected joint state, the number of the one that it follows
+    tail, end : number of the first joint state, and that of the last plus one
+    nodes : number of nodes after which the search is interrupted; at most the number of joint
+        states that can be collected
+    tails : [most] for each collected joint state, the number of its predecessor
     """
     memory.progress[FOUND], memory.progress[NODES] = 0, 0
     while tail < end:
@@ -351,14 +358,14 @@ def _follow(
 
 @dataclass(eq=False)
 class CompiledSearch:
-    """A search that has begun.
+    """A search in progress.
 
     Attributes
     ----------
-    data : the arrays that it reads
-    memory, relaxed : the arrays that it writes
-    best : largest profit found, at first the least one wanted
-    floor : least worth, less charges, of a joint state that counts
+    data : the arrays that the search reads
+    memory, relaxed : the arrays that the search writes
+    best : largest profit found, initially the least profit asked for
+    floor : least worth less charges of a joint state that counts
     """
 
     data: Inputs
@@ -373,8 +380,9 @@ class CompiledSearch:
 
         Parameters
         ----------
-        least : profits up to this do not matter
-        most_found : if not 0, the search is for `follow`, which collects up to so many per call
+        least : profits up to this value are ignored
+        most_found : if not 0, prepare for `follow`, which collects up to this many joint states per
+            call
         """
         bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
         data = Inputs(
@@ -409,7 +417,7 @@ class CompiledSearch:
         return tuple(found.tolist()) if found[0] >= 0 else ()
 
     def advance(self, nodes: int) -> bool:
-        """Continues for so many nodes; returns True once all is done."""
+        """Continues for a number of nodes; returns True if the search has ended."""
         arrays = self.data, self.memory, self.relaxed
         self.best = float(_advance(*arrays, True, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
@@ -421,24 +429,24 @@ class CompiledSearch:
         tails: tuple[int, int],
         nodes: int,
     ) -> tuple[int, IntArray, IntArray]:
-        """Collects the followers of given joint states; continues where it was interrupted.
+        """Collects the successors of given joint states; continues after an interruption.
 
         Parameters
         ----------
         choices : first entry of each list of states [K+1], positions of the states of all lists,
             and the number of each robot's list [L, R]
-        floors : [L] for each joint state before: least worth, less charges, of one that follows,
-            rounding included
-        tails : number of the first joint state before, and one more than that of the last
-        nodes : number of nodes after which it is interrupted, unless as many joint states as may be
-            collected come first
+        floors : [L] for each joint state of the step before: least worth less charges of a
+            successor, including rounding
+        tails : number of the first joint state of the step before, and that of the last plus one
+        nodes : number of nodes after which the search is interrupted; it ends earlier if it has
+            collected as many joint states as fit
 
         Returns
         -------
-        The number of the first joint state that is not done, and, for the collected ones, the
-        numbers of the joint states that they follow [M] and the positions of their states [M, R].
+        The number of the first unfinished joint state and, for the collected ones, the numbers of
+        their predecessors [M] and the positions of their states [M, R].
         """
-        nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
+        nodes = min(nodes, len(self.memory.collected))  # each node collects at most one joint state
         arrays = _MoveLists(*choices, floors)
         found = np.zeros(len(self.memory.collected), dtype=np.int64)
         both = self.data, self.memory, self.relaxed
@@ -453,7 +461,7 @@ class CompiledSearch:
 
 
 def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
-    """Returns the memory of a search whose root is its next node, or that `follow` begins."""
+    """Returns the memory of a search whose next node is the root, or which `follow` starts."""
     depths, n_classes = data.counts.shape
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
     return Memory(
@@ -472,7 +480,7 @@ def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
 
 
 def call_once() -> None:
-    """Searches among one state, so that the kernel is loaded, or compiled and stored."""
+    """Runs a search over one state, so that the kernel is loaded, or compiled and stored."""
     none, single = np.zeros(1, dtype=np.int64), np.ones(1)
     joint = JointStates(
         t=0, sizes=(1,), class_of=none, states=none, pixels=np.ones((1, 1)), weights=single,

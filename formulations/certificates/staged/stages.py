@@ -1,8 +1,8 @@
-"""Staged certificates: the bound of multipliers, lowered in stages.
+"""Prices staged certificates: bounds of multipliers that stages lower.
 
-A stage replaces prices and constants, and then closes states (`narrowing` has the inequalities).
-At the end the joint paths of all robots that are left may be explored (`joint_paths`): those of
-plans above the target or above a higher one.
+A stage replaces prices and constants, and then closes states (see the inequalities in `narrowing`).
+At the end, the remaining joint paths of all robots may be explored (`joint_paths`): those of plans
+above the target, or above a higher value.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,9 @@ from cocap_opt.formulations.certificates.staged.search import NotEndedError, mos
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
-MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
-MOST_NODES = 100_000_000  # of all searches of a file: a quarter of an hour
+# states of a step; with more, the table of conflicts and the search are too large
+MOST_STATES = 3000
+MOST_NODES = 100_000_000  # nodes of all searches of a file: take a quarter of an hour
 LARGEST_PRICE = 1e50  # its square is finite
 
 
@@ -40,8 +41,8 @@ def price_staged(
 
     Parameters
     ----------
-    progress : called with the number of searches of steps that are done, and the total
-    plain : use no compiled code, which takes about twenty times as long
+    progress : called with the number of finished searches of steps, and the total
+    plain : True: use no compiled code, which takes about twenty times as long
 
     Raises
     ------
@@ -50,7 +51,7 @@ def price_staged(
     UnfinishedError
         If the searches take too long.
     LimitReached
-        At a limit.
+        If a limit is reached.
     """
     narrowing = Narrowing.of(model, certificate.multipliers, certificate.target, stop).closed()
     total = sum(len(stage.constants) for stage in certificate.stages)
@@ -63,7 +64,8 @@ def price_staged(
         return narrowing.pricing._replace(nodes=nodes)
     if not may_be_used(model):
         raise CertificateError(
-            "certificate.paths_above: moves are rewarded, or views do not count at step 1"
+            "certificate.paths_above: not allowed if moves are rewarded or views do not "
+            "count at step 1"
         )
     higher = narrowing.above(certificate.paths_above)
     try:
@@ -71,21 +73,21 @@ def price_staged(
         return best.pricing._replace(nodes=nodes + best.nodes)
     except NotEndedError as error:
         raise UnfinishedError(
-            "certificate.paths_above: not verified: too many joint states are left to go through "
-            "them all; the claim may hold all the same"
+            "certificate.paths_above: not verified: too many joint states remain to explore; "
+            "the claim may still hold"
         ) from error
 
 
 @dataclass
 class _Searches:
-    """The searches of a file, which share a number of nodes.
+    """The searches of a file, which share a limit on the number of nodes.
 
     Attributes
     ----------
-    nodes_left : nodes that they may still use
+    nodes_left : remaining number of nodes
     total : number of searches
-    progress : called with the number of searches that are done, and the total
-    done : number of searches that are done
+    progress : called with the number of finished searches, and the total
+    done : number of finished searches
     """
 
     nodes_left: int
@@ -96,7 +98,7 @@ class _Searches:
     done: int = 0
 
     def after(self, stage: Stage, narrowing: Narrowing, field: str) -> Narrowing:
-        """Returns the narrowing after a stage, which is checked first."""
+        """Checks a stage and returns the narrowing after it."""
         _check(narrowing.model, stage, field)
 
         def most_profit(k: int, joint: JointStates) -> float:
@@ -116,8 +118,8 @@ class _Searches:
             found = most_profitable(joint, claim.constant, self.nodes_left, self.stop, self.plain)
         except NotEndedError as error:
             raise UnfinishedError(
-                f"{field}: not verified: the searches of the file do not end within {MOST_NODES:,} "
-                "nodes in all; the claim may hold all the same"
+                f"{field}: not verified: the searches of the file need more than {MOST_NODES:,} "
+                "nodes in total; the claim may still hold"
             ) from error
         self.nodes_left -= found.nodes
         self.done += 1
@@ -126,7 +128,7 @@ class _Searches:
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:
-    """Refuses steps, classes and states that do not exist, and values that are not numbers."""
+    """Rejects steps, classes and states that do not exist, and values that are not finite."""
     problem = model.problem
     for k, step in enumerate(stage.prices):
         name = f"{field}.payments[{k}]"
@@ -153,7 +155,7 @@ def _check(model: Model, stage: Stage, field: str) -> None:
 
 
 def _check_step(model: Model, t: int, field: str) -> None:
-    """Refuses a step at which no view counts."""
+    """Rejects a step at which no view counts."""
     first, last = model.problem.first_step, model.problem.horizon
     if not first <= t <= last:
         raise CertificateError(f"{field}.t: must be {first}..{last}, not {t}")

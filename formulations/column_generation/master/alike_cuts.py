@@ -1,12 +1,12 @@
-"""Separation of envelope cuts where many robots of one class share a view sum.
+"""Separates envelope cuts for view sums that many robots of one class share.
 
-Robots of one class may exchange their amounts, so that a corner of a cut (`certificates.envelope`)
-is a multiset of breakpoints: how many robots are at each. Only multisets of few robots matter. Let
-each robot of the highest one be taken up in turn: the root gains by each at least its phi, as it
-gains less and less. So the highest multiset is among those that grow by gains alone, in the order
-of the breakpoints, and these are few, however many robots there are. The transport problem of a
-cut (`relaxations.separation`) thus has a small program of its own, to which the highest multisets
-are added until none is above the cut.
+Robots of one class may exchange their amounts, so a corner of a cut (`certificates.envelope`) is a
+multiset of breakpoints: the number of robots at each. Only small multisets matter. Add the robots
+of the highest multiset one by one: each raises the root by at least its phi, since gains diminish.
+So the highest multiset is among those that grow by gains alone, in the order of the breakpoints,
+and these are few, however many robots there are. Therefore the transport problem of a cut
+(`relaxations.separation`) has a small program of its own, to which the highest multisets are added
+until none is above the cut.
 """
 
 import math
@@ -19,7 +19,7 @@ from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation.parameters import AlikeCutParameters
 from cocap_opt.formulations.relaxations.separation import Seen, Transport
 
-_ROUNDING = 1e-12  # of the largest root
+_ROUNDING = 1e-12  # relative to the largest root
 
 
 def alike_cut(
@@ -31,15 +31,15 @@ def alike_cut(
     least: float,
     parameters: AlikeCutParameters,
 ) -> Cut | None:
-    """Returns the cut of one class that is tightest at a mixture, or nearly so.
+    """Returns the cut of one class that is tightest, or nearly tightest, at a mixture.
 
     Parameters
     ----------
-    seen : of robots of one class alone
+    seen : roots of robots of one class only
     largest : largest root that a robot can have, px^0.5/m
     robots : number of robots of the class
-    known, least : height at the mixture of what is known, and by how much the cut must be lower;
-        None is returned where it is not
+    known, least : height of the known cuts at the mixture, and the amount by which the new cut must
+        be lower; otherwise None is returned
     """
     most = min(parameters.breakpoints, MOST_WORK // robots)
     if most == 0:
@@ -51,7 +51,7 @@ def alike_cut(
     values = _values(pixels, mass, robots, known / unit, parameters)
     if values is None:
         return None
-    # The root grows with each robot's, so that phi need nowhere be above its later values.
+    # The root grows with each robot's root, so phi never needs to be above its later values.
     values = np.minimum.accumulate(values[::-1])[::-1]
     grown = _grown_multisets(pixels, values, robots, parameters.most_growing)
     if grown is None:
@@ -65,16 +65,16 @@ def alike_cut(
 def _grown_multisets(
     pixels: FloatArray, values: FloatArray, robots: int, most: int
 ) -> tuple[IntArray, FloatArray] | None:
-    """Returns the multisets that grow by gains alone, among which is the highest one.
+    """Returns the multisets that grow by gains alone, which include the highest one.
 
-    These are the robots at each breakpoint [n, K], and how far their roots are above the sums of
-    phi [n]. None where they are too many.
+    The result is the number of robots at each breakpoint [n, K], and the excess of their roots over
+    the sums of phi [n]; None if there are too many multisets.
 
     Parameters
     ----------
     pixels, values : [K] pixels of a robot at each breakpoint, and phi there
-    robots : the most that a multiset has
-    most : multisets of one size that are gone through
+    robots : largest number of robots in a multiset
+    most : largest number of multisets of one size to examine
     """
     size = len(pixels)
     each, numbers = np.eye(size, dtype=np.int64), np.arange(size)
@@ -98,14 +98,14 @@ def _grown_multisets(
 def _values(
     pixels: FloatArray, mass: FloatArray, robots: int, known: float, parameters: AlikeCutParameters
 ) -> FloatArray | None:
-    """Returns phi at the breakpoints [K]; None if the cut gets no lower than what is known."""
+    """Returns phi at the breakpoints [K]; None if the cut is not lower than the known cuts."""
     size = min(math.ceil(float(mass.sum())) + 1, robots)
     while size > 1 and math.comb(len(pixels) + size, size) > parameters.first_multisets:
         size -= 1
     counts, program = multisets(len(pixels), size), Transport(mass)
     for _ in range(parameters.most_rounds):
         found = program.solve(counts, np.sqrt(counts @ pixels))
-        if found is None:  # not to be expected
+        if found is None:  # not expected
             return None
         values, total = found
         height = total + float(mass @ values)
@@ -122,7 +122,7 @@ def _values(
 
 
 def _breakpoints(seen: Seen, largest: float, most: int) -> FloatArray:
-    """Returns so many roots: the largest and those between which others lose little."""
+    """Returns a given number of roots: the largest, and those whose neighbours lose little."""
     top = largest * (1 + 1e-9)
     points, which = np.unique(np.round(seen.roots / largest, 4) * largest, return_inverse=True)
     mass = np.bincount(which, seen.amounts)
@@ -140,7 +140,9 @@ def _breakpoints(seen: Seen, largest: float, most: int) -> FloatArray:
 
 
 def _shared(seen: Seen, points: FloatArray) -> FloatArray:
-    """Returns the amounts at breakpoints [K]; between two of them, they are shared."""
+    """Returns the amounts at breakpoints [K]; an amount between two breakpoints is shared between
+    them.
+    """
     roots = np.minimum(seen.roots, points[-1])
     ends = np.append(0.0, points)
     after = np.searchsorted(points, roots)

@@ -1,4 +1,4 @@
-"""Which arcs use which resources."""
+"""Finds the arcs that use each resource."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -11,10 +11,11 @@ from cocap_opt.model import Model
 def users_of(model: Model, arcs: Sequence[Arc], resources: Sequence[Resource]) -> list[list[int]]:
     """Returns the numbers of the arcs that use each resource.
 
-    A state is used by the arcs into it, a start by those out of it.
+    A state is used by the arcs that enter it, a start by the arcs that leave it.
     """
-    into: dict[tuple[int, int, int], list[int]] = defaultdict(list)  # by class, step and place
-    along: dict[tuple[int, int, int, int], list[int]] = defaultdict(list)  # and the next place
+    into: dict[tuple[int, int, int], list[int]] = defaultdict(list)  # arcs by class, step and head
+    # arcs by class, step, tail and head
+    along: dict[tuple[int, int, int, int], list[int]] = defaultdict(list)
     n_places = [robot_class.graph.n_places for robot_class in model.classes]
     for k, (number, t, tail, head) in enumerate(arcs):
         start, end = tail % n_places[number], head % n_places[number]

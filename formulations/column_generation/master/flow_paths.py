@@ -1,4 +1,4 @@
-"""Flows on arcs, split into paths of robots."""
+"""Splits flows on arcs into paths of robots."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -10,13 +10,14 @@ from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, Path
 
-# In robots: less flow on an arc is none, as solvers that are accurate to 1e-8 leave about as much
-# anywhere. Of a robot ten times as much may be missing, since each of its arcs may lack some.
+# Tolerances, in robots. A smaller flow on an arc counts as zero, since solvers with an accuracy of
+# 1e-8 leave about that much on any arc. Ten times as much of a robot may be missing, since each of
+# its arcs may lack some.
 LEAST_USE = 1e-7
 
 
 class StartChoice(NamedTuple):
-    """A state in which robots of a class start that have a choice."""
+    """A start state of a class's robots that have a choice of starts."""
 
     class_number: int
     start_set: int  # number of their set of starts among those of the class
@@ -24,7 +25,7 @@ class StartChoice(NamedTuple):
 
     @classmethod
     def of_arcs(cls, model: Model, arcs: Iterable[Arc]) -> "list[StartChoice]":
-        """Returns the choices from which arcs lead on, set by set."""
+        """Returns the choices from which arcs lead on, one set after the other."""
         tails: dict[int, set[int]] = {}
         for arc in arcs:
             if arc.t == 0:
@@ -44,15 +45,15 @@ def mixture_of_flow(
     known: Mapping[tuple[int, Path], Column] = MappingProxyType({}),
     starting: Mapping[StartChoice, float] | None = None,
 ) -> Mixture:
-    """Returns paths of all robots that a flow splits into, the widest of each robot first.
+    """Returns the paths into which a flow splits, for all robots, each robot's widest path first.
 
-    The amounts of a robot's paths add up to 1, or to less where the flow runs dry.
+    The amounts of a robot's paths add up to 1, or to less if the flow runs out.
 
     Parameters
     ----------
     flow : number of robots on each arc
-    known : columns by robot and path, which need not be made again
-    starting : number of robots that choose each start; None: as many as go on from there
+    known : existing columns by robot and path, which are reused
+    starting : number of robots that choose each start; None: as many as the flow that leaves it
     """
     left: dict[tuple[int, int, int], dict[int, float]] = {}
     for arc, amount in flow.items():
@@ -82,7 +83,7 @@ def mixture_of_flow(
 
 
 def _going_on(model: Model, flow: Mapping[Arc, float]) -> dict[StartChoice, float]:
-    """Returns the robots that go on from each start; two sets of starts may share them."""
+    """Returns the flow that leaves each start; two sets of starts may share a state."""
     leaving: dict[tuple[int, int], float] = {}
     for arc, amount in flow.items():
         if arc.t == 0:
@@ -92,7 +93,7 @@ def _going_on(model: Model, flow: Mapping[Arc, float]) -> dict[StartChoice, floa
 
 
 def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> list[StartChoice]:
-    """Returns the starts that a robot may choose, as far as there is flow, or its fixed one."""
+    """Returns the starts that a robot may choose and that have flow, or its fixed start."""
     robot_class = model.class_of[robot]
     number = model.classes.index(robot_class)
     of_robot = next(k for k, (_, robots) in enumerate(robot_class.start_sets) if robot in robots)
@@ -105,7 +106,9 @@ def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> lis
 def _widest(
     left: Mapping[tuple[int, int, int], Mapping[int, float]], number: int, start: int, horizon: int
 ) -> tuple[Path, float]:
-    """Returns a path along the largest flow at each step, and its least; 0 where it runs dry."""
+    """Returns a path along the largest flow at each step, and its smallest flow; 0 if the flow runs
+    out.
+    """
     path, least = [start], np.inf
     for t in range(horizon):
         heads = left.get((number, t, path[-1]), {})

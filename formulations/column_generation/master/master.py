@@ -1,11 +1,10 @@
 """The restricted master problem: the best mixture of the paths found so far.
 
-Columns are single-robot paths. The master takes their arcs, so that paths of one class of
-robots that meet in a state may be recombined there: an aggregated flow with one unit from
-each start over the union of all paths. (Column generation for extended formulations: Sadykov
-and Vanderbeck 2013. With long horizons it needs far fewer columns than mixtures of entire
-paths.) Its conic program is in `master_program`; any non-negative multipliers of its rows are a
-certificate.
+Columns are single-robot paths. The master uses their arcs, so that paths of robots of one class
+that meet in a state may be recombined there: an aggregated flow with one unit from each start over
+the union of all paths. (Column generation for extended formulations: Sadykov and Vanderbeck 2013.
+With long horizons it needs far fewer columns than mixtures of entire paths.) Its conic program is
+in `master_program`; any non-negative multipliers of its rows form a certificate.
 """
 
 from collections.abc import Collection, Iterable
@@ -23,11 +22,11 @@ BEST_ACCURACY = 1e-8
 
 
 class Master:
-    """A restricted master problem; rows that its mixture breaks are added later.
+    """A restricted master problem; rows that its mixture violates are added later.
 
     Attributes
     ----------
-    penalty : cost of a broken conflict row or decision, so that there is always a solution
+    penalty : cost of violating a conflict row or decision, so that a solution always exists
     rows : resources of the conflict rows
     cuts : the envelope cuts
     """
@@ -52,7 +51,7 @@ class Master:
         return self._idle.keys()
 
     def add(self, column: Column) -> bool:
-        """Adds a path; returns False if it brings no new arc or a decision closes it."""
+        """Adds a path; returns False if it adds no new arc or if a decision closes it."""
         if column.key in self._columns:
             return False
         closed = (decision.resource for decision in self.decisions if decision.closes)
@@ -65,7 +64,7 @@ class Master:
         return len(self._idle) > before
 
     def add_row(self, resource: Resource) -> bool:
-        """Adds a conflict row; returns False if it is there already."""
+        """Adds a conflict row; returns False if the row exists already."""
         if resource in self.rows:
             return False
         self.rows.append(resource)
@@ -74,7 +73,7 @@ class Master:
     def add_all(
         self, columns: Iterable[Column], rows: Iterable[Resource], cuts: Iterable[Cut]
     ) -> None:
-        """Adds columns, conflict rows and cuts, as another master has them."""
+        """Adds columns, conflict rows and cuts of another master."""
         for column in columns:
             self.add(column)
         for resource in rows:
@@ -82,9 +81,9 @@ class Master:
         self.cuts.extend(cuts)
 
     def drop_idle(self, most_idle: int) -> None:
-        """Drops the arcs that none of the last solves has used, and the paths over them.
+        """Drops the arcs that the last solves have not used, and the paths over them.
 
-        Arcs that lead nowhere then are dropped, too.
+        Arcs that then lead nowhere are dropped, too.
         """
         fresh = [arc for arc, solves in self._idle.items() if solves <= most_idle]
         if len(fresh) == len(self._idle):
@@ -104,7 +103,7 @@ class Master:
         }
 
     def used_columns(self, most_idle: int) -> list[Column]:
-        """Returns the paths all of whose arcs one of the last solves has used."""
+        """Returns the paths whose arcs have all been used by one of the last solves."""
         return [
             column
             for column in self._columns.values()
@@ -112,7 +111,9 @@ class Master:
         ]
 
     def solve(self, stop: Stop = never, accuracy: float = BEST_ACCURACY) -> Solution:
-        """Solves to a relative accuracy of the value, or to what a stop leaves time for."""
+        """Solves to a relative accuracy of the value, or as far as the stopping criterion
+        allows.
+        """
         program = MasterProgram(
             self.model, [*self._idle], self.rows, self.decisions, self.cuts, self.penalty
         )

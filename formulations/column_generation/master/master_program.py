@@ -6,12 +6,12 @@ It maximises rewards for moves + sum w u - penalty * slack, where the root u of 
     u <= sum of roots of pixels              (single-view row: the root is subadditive)
     u <= constant + sum of phi(roots)        (envelope cuts, `certificates.envelope`)
 
-the value u of a count, of which at most k drones count,
+the value u of a count, in which at most k drones count,
 
     u <= number of drones,  u <= k           (the first is its single-view row)
 
-and so many robots use a resource (conflict rows, decisions). Roots are in units of the largest
-that an arc has of the view sum.
+and a limited number of robots uses each resource (conflict rows, decisions). Roots are in units of
+the largest root that any arc has of the view sum.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ from cocap_opt.stop import Stop
 
 _SOLVED = ("Solved", "AlmostSolved")
 
-_Blocks = Mapping[str, FloatArray]  # values or multipliers by the names of their blocks
+_Blocks = Mapping[str, FloatArray]  # values or multipliers, by the names of their blocks
 
 
 class _ConicProgram:
@@ -60,12 +60,12 @@ class _ConicProgram:
         self._entries: list[tuple[IntArray, IntArray, FloatArray]] = []
 
     def add_rows(self, name: str, rhs: FloatArray, cone: type = clarabel.NonnegativeConeT) -> None:
-        """Begins a block of rows A x <= b with the right sides b [m]; A is 0 at first.
+        """Adds a block of rows A x <= b with right-hand sides b [m]; A is initially 0.
 
         Parameters
         ----------
-        cone : in which b - A x lies, if not A x <= b: the zero cone makes equations, second-order
-            cones have r >= |(x, y)| for each three rows (r, x, y)
+        cone : the cone that contains b - A x, by default for A x <= b: the zero cone gives
+            equations, second-order cones mean r >= |(x, y)| for each three rows (r, x, y)
         """
         first = sum(size for _, size in self._cones)
         self._rows[name] = slice(first, first + len(rhs))
@@ -75,29 +75,29 @@ class _ConicProgram:
     def put(
         self, block: str, variable: str, rows: IntArray, columns: IntArray, values: FloatArray
     ) -> None:
-        """Writes entries; rows and columns count from the first of their blocks."""
+        """Sets entries; rows and columns are numbered within their blocks."""
         first_row, first_column = self._rows[block].start, self._variables[variable].start
         self._entries.append((rows + first_row, columns + first_column, values))
 
     def put_diagonal(self, block: str, variable: str, value: float) -> None:
-        """Writes one value into each row of a block for the variable of the same number."""
+        """Sets one value in each row of a block, for the variable with the same number."""
         each = np.arange(len(self._rhs[block]))
         self.put(block, variable, each, each, np.full(len(each), value))
 
     def solve(
         self, cost: _Blocks, stop: Stop, accuracy: float
     ) -> tuple[float, bool, _Blocks, _Blocks]:
-        """Solves by Clarabel's interior-point method (one thread).
+        """Solves with Clarabel's interior-point method on one thread.
 
         Parameters
         ----------
-        cost : of each block of variables; 0 where a block has none
-        accuracy : relative, of the value
+        cost : costs of each block of variables; 0 for blocks that are not listed
+        accuracy : relative accuracy of the value
 
         Returns
         -------
-        value, True if the solver says that it is solved, be it with reduced accuracy, the values of
-        the variables, and the multipliers of the rows, as they come from the solver
+        The value, True if the solver reports success (possibly with reduced accuracy), the values
+        of the variables, and the multipliers of the rows as the solver returns them
         """
         costs = np.zeros(self._n)
         for name, part in cost.items():
@@ -105,7 +105,7 @@ class _ConicProgram:
         rows, columns, values = (np.concatenate(part) for part in zip(*self._entries, strict=True))
         rhs = np.concatenate([*self._rhs.values()])
         matrix = sparse.csc_matrix((values, (rows, columns)), shape=(len(rhs), self._n))
-        # Multipliers are certified whatever they are: digits cost time, no more.
+        # Multipliers of any accuracy can be certified: more digits only cost time.
         solution = solve_cones(
             costs, matrix, rhs, self._clarabel_cones(), stop,
             tol_gap_rel=accuracy, tol_gap_abs=accuracy, tol_feas=accuracy,
@@ -121,7 +121,7 @@ class _ConicProgram:
         )
 
     def _clarabel_cones(self) -> list[object]:
-        """Returns the cones; neighbouring blocks in the same one are one cone to the solver."""
+        """Returns the cones, merging neighbouring blocks of the same kind."""
         cones: list[object] = []
         for cone, blocks in groupby(self._cones, key=lambda block: block[0]):
             size = sum(size for _, size in blocks)
@@ -135,21 +135,21 @@ class _ConicProgram:
 class Solution(NamedTuple):
     """An optimal mixture and its multipliers."""
 
-    value: float  # of the master
-    mixture: Mixture  # of the paths that the flow splits into
-    slack: float  # robots by which conflict rows and decisions are broken, at the penalty's price
+    value: float  # value of the master
+    mixture: Mixture  # mixture of the paths into which the flow splits
+    slack: float  # robots in excess of conflict rows and decisions, at the penalty's price
     duals: Duals
-    is_solved: bool  # the solver says so, be it with reduced accuracy
+    is_solved: bool  # True if the solver reports success, possibly with reduced accuracy
 
 
 class MasterProgram:
-    """One restricted master problem over a set of arcs.
+    """A restricted master problem over a set of arcs.
 
     Parameters
     ----------
     rows : resources that at most one robot may use
-    decisions : those that close a resource have no row
-    penalty : cost of each unit by which a row or a decision is broken
+    decisions : the decisions; those that close a resource have no row
+    penalty : cost per unit of violation of a row or a decision
     """
 
     def __init__(
@@ -164,33 +164,33 @@ class MasterProgram:
         self._read_views()
         self._bonus = self._move_rewards()
         self._weights = model.problem.view_sum_weights[self._view_sums] * self._scale
-        # The solver's costs are in units of the largest one.
+        # The solver's costs are in units of the largest cost.
         largest = max(float(self._weights.max(initial=0.0)), float(self._bonus.max()))
         self._unit = largest or 1.0
         numbers = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
-        # Where each cut's view sum is among those that arcs see, and whether it is among them.
+        # Position of each cut's view sum among those that arcs see, and True if it is among them.
         self._cut_at = np.searchsorted(self._view_sums, numbers)
         self._is_seen = np.isin(numbers, self._view_sums)
 
     def _read_views(self) -> None:
         """Reads the pixels that the arcs have of view sums, entry by entry.
 
-        An arc sees what the state sees that it enters; at step 0 also what its start sees.
+        An arc sees what its head sees; at step 0 also what its tail sees.
         """
         of_classes = [self._entries_of_class(number) for number in range(len(self._model.classes))]
         arcs, view_sums, pixels = (np.concatenate(part) for part in zip(*of_classes, strict=True))
         counted = self._model.problem.view_sum_weights[view_sums] > 0
         self._seeing, view_sums, pixels = arcs[counted], view_sums[counted], pixels[counted]
-        # View sums [z] that any arc sees and that count, and the position there of each entry.
+        # View sums [z] that count and that any arc sees, and each entry's position among them.
         self._view_sums, self._at = np.unique(view_sums, return_inverse=True)
         best = np.zeros(len(self._view_sums))
         np.maximum.at(best, self._at, pixels)
-        self._scale = np.sqrt(best)  # [z] largest root of each, px^0.5/m
+        self._scale = np.sqrt(best)  # [z] largest root of each view sum, px^0.5/m
         self._roots = np.sqrt(pixels) / self._scale[self._at]
         self._returns = self._model.problem.returns.part(self._view_sums)
 
     def _entries_of_class(self, number: int) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns the arcs of a class, entry by entry, with view sums and pixels."""
+        """Returns the arcs of a class with their view sums and pixels, one per entry."""
         robot_class = self._model.classes[number]
         table, n_states = self._model.coverage(robot_class), robot_class.graph.n_states
         of_class = [(k, arc) for k, arc in enumerate(self._arcs) if arc.class_number == number]
@@ -203,7 +203,7 @@ class MasterProgram:
         return numbers[which], table.view_sums[entries], table.pixels[entries]
 
     def _move_rewards(self) -> FloatArray:
-        """Returns the rewards of the arcs for the moves themselves [n]."""
+        """Returns the rewards for the moves along arcs [n]."""
         bonuses = Bonuses.of(self._model.problem.objective)
         classes, _, tails, heads = np.array(self._arcs, dtype=np.int64).reshape(-1, 4).T
         rewards = np.zeros(len(self._arcs))
@@ -215,11 +215,11 @@ class MasterProgram:
     def solve(
         self, stop: Stop, accuracy: float, known: Mapping[tuple[int, Path], Column]
     ) -> tuple[Solution, FloatArray]:
-        """Solves to a relative accuracy of the value, or to what a stop leaves time for.
+        """Solves to a relative accuracy of the value, or as far as the stopping criterion allows.
 
         Parameters
         ----------
-        known : columns by robot and path, which need not be made again
+        known : existing columns by robot and path, which are reused
 
         Returns
         -------
@@ -255,9 +255,10 @@ class MasterProgram:
         return solution, values["flow"]
 
     def _add_conservation(self, program: _ConicProgram) -> None:
-        """Adds the rows by which one unit leaves each start, and what enters a state leaves it.
+        """Adds the rows of flow conservation: one unit leaves each start, and the flow into a state
+        leaves it.
 
-        Robots that choose their start are as many units that leave their set of starts.
+        For robots that choose their start, one unit per robot leaves their set of starts.
         """
         nodes: dict[tuple[int, int, int], int] = {}
         leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self._arcs]
@@ -315,12 +316,12 @@ class MasterProgram:
         program.add_rows("caps", self._returns.caps / self._scale[n:])
         counts = np.arange(len(self._returns.caps))
         program.put("caps", "roots", counts, n + counts, np.ones(len(counts)))
-        # z <= pixels; a variable of its own keeps the cones small.
+        # z <= pixels; separate variables z keep the cones small.
         program.add_rows("pixels", np.zeros(n))
         pixels = -(self._roots[of_root] ** 2)
         program.put("pixels", "flow", self._at[of_root], self._seeing[of_root], pixels)
         program.put_diagonal("pixels", "pixels", 1.0)
-        # Per view sum the cone (1 + z, 2 u, z - 1): u^2 <= z.
+        # For each view sum, the cone (1 + z, 2 u, z - 1): u^2 <= z.
         program.add_rows("cones", np.tile([1.0, 0.0, -1.0], n), clarabel.SecondOrderConeT)
         each = 3 * np.arange(n)
         program.put("cones", "pixels", each, each // 3, -np.ones(n))
@@ -328,7 +329,7 @@ class MasterProgram:
         program.put("cones", "roots", each + 1, each // 3, np.full(n, -2.0))
 
     def _add_cuts(self, program: _ConicProgram) -> None:
-        """Adds rows u <= constant + sum of phi(roots); 0 <= 0 where no arc sees the view sum."""
+        """Adds rows u <= constant + sum of phi(roots), or 0 <= 0 if no arc sees the view sum."""
         seen = np.flatnonzero(self._is_seen).tolist()
         constants = np.zeros(len(self._cuts))
         for k in seen:
@@ -346,9 +347,9 @@ class MasterProgram:
             program.put("cuts", "roots", np.array([k]), np.array([z]), np.ones(1))
 
     def _duals(self, multipliers: _Blocks) -> Duals:
-        """Returns the multipliers of the rows, repaired where they are out of range.
+        """Returns the multipliers of the rows, repaired if they are out of range.
 
-        Decisions that close a resource need none.
+        Decisions that close a resource need no multipliers.
         """
         seen, shares = self._is_seen, np.zeros(len(self._cuts))
         alpha, beta, shares[seen] = repaired_roots(

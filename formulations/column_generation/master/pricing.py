@@ -1,8 +1,8 @@
-"""Pricing: the bound that multipliers prove, and the paths that would improve the master.
+"""Pricing: computes the bound that multipliers prove, and the paths that would improve the master.
 
-One backward sweep prices all robots of a class at once: it finds the path of the largest reduced
-cost of each. The value is the bound that the multipliers' certificate proves, but for rounding;
-`certificates.Pricing` computes it again by other means before anything is called proved.
+One backward sweep prices all robots of a class at once: it finds each robot's path of largest
+reduced profit. The result is the bound that the multipliers' certificate proves, except for
+rounding; `certificates.Pricing` recomputes it with other code before it is called proved.
 """
 
 import math
@@ -24,7 +24,7 @@ from cocap_opt.stop import Stop, never
 
 
 class Priced(NamedTuple):
-    """A bound, the multipliers it belongs to, and each robot's best path for them."""
+    """A bound, its multipliers, and each robot's best path under them."""
 
     bound: float
     duals: Duals
@@ -36,16 +36,19 @@ class Pricer:
 
     Attributes
     ----------
-    views : of all its states, to be priced
+    views : the views of all states of the model
     """
 
     def __init__(self, model: Model, stop: Stop = never) -> None:
         self.model, self.views = model, PricedViews(model, stop)
         self._weights = model.problem.view_sum_weights
-        self._by_view_sum: dict[int, sparse.csc_array] = {}  # roots, once there are cuts
+        # roots by view sum, filled once there are cuts
+        self._by_view_sum: dict[int, sparse.csc_array] = {}
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
-        """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
+        """Returns the bound that multipliers prove for plans that obey the decisions, and new
+        columns.
+        """
         model, base = self.model, self.views.at(duals.alpha, duals.beta)
         constant, costs = self._constant(duals, decisions), _costs(duals, decisions)
         rewards = (
@@ -61,7 +64,7 @@ class Pricer:
         return self(Duals(*prices))
 
     def _constant(self, duals: Duals, decisions: Sequence[Decision]) -> float:
-        """Returns the part of the bound that no path decides."""
+        """Returns the part of the bound that does not depend on paths."""
         rest = np.ones_like(duals.alpha)
         total = 0.0
         for cut, share in duals.cuts:
@@ -83,7 +86,7 @@ class Pricer:
 
         Parameters
         ----------
-        base : of each table, the prices of its nodes by alpha and beta [n]
+        base : for each table, the prices of its nodes by alpha and beta [n]
         """
         table = self.views.tables[number]
         prices = base[table].copy()
@@ -99,7 +102,7 @@ class Pricer:
 
 
 def _costs(duals: Duals, decisions: Sequence[Decision]) -> list[tuple[Resource, float]]:
-    """Returns the costs of resources by conflict rows and decisions."""
+    """Returns the costs that conflict rows and decisions put on resources."""
     costs = list(duals.rows)
     for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
         costs.append((decision.resource, math.inf if decision.closes else decision.sign * nu))

@@ -1,10 +1,11 @@
-"""Uses of resources by mixtures: the rules that they break, and what they use in part.
+"""The use of resources by mixtures: rules that they violate, and resources that they use
+fractionally.
 
-A resource that a mixture uses a fraction of is one to branch on: a robot in a cell at a step, of
-all robots, then of one class; then a state, which settles the heading; then a move. A decision
-about any of these stays a charge on places, states or moves, so that pricing stays value iteration.
-If all states are used by integral numbers of robots, so are all moves but where the swap rule
-couples them.
+A fractionally used resource is a candidate for branching: a robot in a cell at a step, first over
+all robots, then over one class; then a state, which fixes the heading; then a move. A decision
+about any of these is a charge on places, states or moves, so pricing remains value iteration. If
+every state is used by an integral number of robots, so is every move, except where the swap rule
+couples moves.
 """
 
 from collections import defaultdict
@@ -23,15 +24,15 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
 
 INTEGRAL = 1e-4  # amounts closer than this to an integer count as integral
-_LEAST_SEEN = 1e-7  # of a robot; smaller amounts of a column see nothing
+_LEAST_SEEN = 1e-7  # of a robot; columns with smaller amounts are treated as seeing nothing
 
 
 def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:
-    """Returns the view sums that the mixture sees, each with the roots that it has there.
+    """Returns the view sums that a mixture sees, each with its roots.
 
     Parameters
     ----------
-    n_roots : view sums from this number on are left out: envelope cuts are of roots alone
+    n_roots : view sums from this number on are left out, since envelope cuts exist only for roots
     """
     used = np.flatnonzero(mixture.amounts > _LEAST_SEEN).tolist()
     columns = [mixture.columns[n] for n in used]
@@ -54,11 +55,11 @@ def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:
 
 
 def violated_rows(mixture: Mixture, model: Model, tolerance: float) -> list[Cells | Swap | Moves]:
-    """Returns the resources that the mixture uses more than once, though one robot may.
+    """Returns the resources that a mixture uses more than once although only one robot may.
 
     Parameters
     ----------
-    tolerance : uses in excess of 1 that are left alone
+    tolerance : excess over one use that is tolerated
     """
     problem = model.problem
     if problem.rules.none:
@@ -85,11 +86,11 @@ def violated_rows(mixture: Mixture, model: Model, tolerance: float) -> list[Cell
 
 _CellMove = tuple[Cell, Cell]
 _User = TypeVar("_User", Cell, _CellMove)
-_Uses = dict[_User, float]  # number of robots that are there, or make the move
+_Uses = dict[_User, float]  # number of robots that are in a cell, or make a move
 
 
 def _crowded_cells(problem: Problem, t: int, used: _Uses[Cell], most: float) -> list[Cells]:
-    """Returns cliques of cells that are used more than they may be."""
+    """Returns cliques of cells whose use exceeds the limit."""
     if not problem.rules.separation:
         return [Cells(t, (cell,)) for cell, amount in used.items() if amount > most]
     cells, at = list(used), problem.positions(list(used))
@@ -103,7 +104,7 @@ def _crowded_cells(problem: Problem, t: int, used: _Uses[Cell], most: float) -> 
 
 
 def _crowded_swaps(t: int, used: _Uses[tuple[Cell, Cell]], most: float) -> list[Swap]:
-    """Returns swaps that are used more than they may be."""
+    """Returns swaps whose use exceeds the limit."""
     pairs = {(min(move), max(move)) for move in used if move[0] != move[1]}
     return [
         Swap(t, (a, b))
@@ -115,10 +116,11 @@ def _crowded_swaps(t: int, used: _Uses[tuple[Cell, Cell]], most: float) -> list[
 def _crowded_moves(
     cliques: CliquesOfMoves, t: int, used: _Uses[tuple[Cell, Cell]], most: float
 ) -> list[Moves]:
-    """Returns cliques of moves that are used more than they may be.
+    """Returns cliques of moves whose use exceeds the limit.
 
-    Around the place and moment at which two used moves are nearest, all moves that pass there are
-    one clique, used or not. Where that is not used too much, cliques of used moves may be.
+    All moves that pass near the place and moment at which two used moves are closest form a clique,
+    whether used or not. If the use of that clique is within the limit, cliques of used moves are
+    tried.
     """
     moves, amounts = list(used), list(used.values())
     near, between = cliques.conflicts(moves)
@@ -134,11 +136,11 @@ def _crowded_moves(
 
 
 def _clique(near: BoolArray, first: int, amounts: Sequence[float]) -> list[int]:
-    """Returns a clique with one member, to which the most used ones are added first.
+    """Returns a clique that contains a given member, adding the most used moves first.
 
     Parameters
     ----------
-    near : [n, n] true where two conflict
+    near : [n, n] True if two moves conflict
     """
     clique, open_ = [first], near[first].copy()
     open_[first] = False
@@ -150,10 +152,10 @@ def _clique(near: BoolArray, first: int, amounts: Sequence[float]) -> list[int]:
 
 
 class ResourceUse(NamedTuple):
-    """The number of robots of a mixture, maybe fractional, that uses each resource, by kinds."""
+    """The number of robots of a mixture, possibly fractional, that use each resource, by kind."""
 
-    cells: dict[Resource, float]  # by all robots
-    cells_of_classes: dict[Resource, float]  # empty where there is one class
+    cells: dict[Resource, float]  # use by all robots
+    cells_of_classes: dict[Resource, float]  # use by one class; empty if there is only one class
     states: dict[Resource, float]
     moves: dict[Resource, float]
 
@@ -179,7 +181,9 @@ class ResourceUse(NamedTuple):
 
     @property
     def has_integral_states(self) -> bool:
-        """True where an integral number of robots is in every state, be it on fractional paths."""
+        """True if an integral number of robots is in every state, even if their paths are
+        fractional.
+        """
         return not any(_is_fractional(amount) for amount in self.states.values())
 
     def fractional(self, tolerance: float = INTEGRAL) -> dict[Resource, float]:
@@ -196,7 +200,7 @@ class ResourceUse(NamedTuple):
         return {}
 
     def most_fractional(self, tolerance: float) -> tuple[Resource, float] | None:
-        """Returns the resource to branch on and its amount; ties go to the earlier step."""
+        """Returns the resource to branch on, and its amount; ties go to the earlier step."""
         choices = self.fractional(tolerance).items()
         return min(
             choices, key=lambda c: (round(abs(c[1] % 1 - 0.5), 3), c[0].t, repr(c[0])), default=None

@@ -1,10 +1,10 @@
-"""Mixtures under conflict rows and envelope cuts, where a master would take too long.
+"""Mixtures under conflict rows and envelope cuts, for scenes in which a master would take too long.
 
-As in `mixtures.mixture_ascent` the root of a view sum is a smooth minimum of its bounds; here also
-of the heights H of its envelope cuts. Each bound has a share of the root's multiplier, in
-proportion to its value to the power -(k+1). A conflict row has a multiplier that rises with its
-excess over one use, as in an augmented Lagrangian: mu <- max(0, mu + rho (uses - 1)). Whatever the
-multipliers, pricing gives a bound.
+As in `mixtures.mixture_ascent`, the root of a view sum is a smooth minimum of its bounds, here
+including the heights H of its envelope cuts. Each bound has a share of the root's multiplier, in
+proportion to its value to the power -(k+1). The multiplier of a conflict row rises with the excess
+over one use, as in an augmented Lagrangian: mu <- max(0, mu + rho (uses - 1)). For any multipliers,
+pricing gives a bound.
 """
 
 from collections.abc import Sequence
@@ -17,20 +17,20 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.mixtures.mixture_ascent import SHARPNESS, MixtureProgram, together_of
 
-_DARK = 1e-6  # px^0.5/m: a root below it is none, so that nothing is divided by it
+_DARK = 1e-6  # px^0.5/m: smaller roots count as zero, which avoids divisions by zero
 
 
 class RuledProgram:
-    """The amounts of some columns, under conflict rows and envelope cuts.
+    """The amounts of some columns under conflict rows and envelope cuts.
 
     Parameters
     ----------
-    base : the same without them
+    base : the program without rows and cuts
     classes : [n] class number of each column
-    uses : [n, rows] of resources by columns
-    charges : [rows] multipliers at a use of 1
-    steepness : by how much they rise with each robot too many
-    least_share : of a root's multiplier, above which pixels have a multiplier of their own
+    uses : [n, rows] use of resources by columns
+    charges : [rows] multipliers at one use
+    steepness : increase of the multipliers per robot in excess
+    least_share : share of a root's multiplier above which pixels have a multiplier of their own
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class RuledProgram:
         self._constants = np.array([cut.constant for cut in cuts])
 
     def _bounds(self, amounts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Returns the bounds on the roots of view sums: R, S and H, and the least of them."""
+        """Returns the bounds R, S and H on the roots of view sums, and their minimum."""
         alone = amounts @ self._base.roots
         together = together_of(self._base.returns, amounts @ self._base.pixels)
         heights = self._constants + amounts @ self._heights
@@ -53,7 +53,7 @@ class RuledProgram:
         return alone, together, heights, least
 
     def value(self, amounts: FloatArray) -> float:
-        """Returns the value of a mixture, without regard for conflicts."""
+        """Returns the value of a mixture, ignoring conflicts."""
         least = self._bounds(amounts)[-1]
         seen = np.where(least > _DARK, least, 0.0)
         return float(self._base.weights @ seen + amounts @ self._base.bonus)
@@ -72,8 +72,8 @@ class RuledProgram:
         total = of_alone + of_together + np.bincount(at, of_cuts, minlength=len(least))
         total = np.where(seen, total, 1.0)
         share = of_together / total
-        # The rounding of what alpha leaves would outweigh so small a beta: it has none, and alpha
-        # a little more than is left.
+        # With so small a beta, the rounding of alpha's remainder would dominate: beta is set to 0,
+        # and alpha to slightly more than the whole.
         nearly = share < self._least_share
         alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
         beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)
@@ -83,7 +83,7 @@ class RuledProgram:
         return alpha, beta, shares, np.maximum(charges, 0.0)
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
-        """Returns the credit of each column by the multipliers, less its charges [n]."""
+        """Returns the credit of each column under the multipliers, less its charges [n]."""
         alpha, beta, shares, charges = self.multipliers(amounts)
         prices = self._base.priced(alpha, beta)
         prices += self._heights @ (self._base.weights[self._at] * shares)
@@ -92,7 +92,7 @@ class RuledProgram:
 
 
 def _cut_heights(base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut]) -> sparse.csr_array:
-    """Returns by how much each column raises the heights of cuts [n, cuts]."""
+    """Returns the amounts by which each column raises the heights of cuts [n, cuts]."""
     by_view_sum = base.roots.tocsc()
     values, at, ends = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
     for cut in cuts:

@@ -1,11 +1,11 @@
-"""Large neighbourhood search over known arcs: better plans where robots are many.
+"""Large neighbourhood search over known arcs: improves plans of many robots.
 
-Some robots whose views overlap are taken out of a plan, put back in a random order by best
-responses over the arcs of all known columns, and answer one another's paths with
-their neighbours until none gains. The new plan stays if it is no worse (Shaw 1998; ruin and
-recreate: Schrimpf et al. 2000). A move takes some hundredths of a second: where pricing has found
-columns, their arcs are some thousands, of millions that a class has, and a best response over
-these takes a thirtieth of the time of one over all of them.
+Each move removes some robots with overlapping views from the plan, reinserts them in random order
+by best responses over the arcs of all known columns, and lets them and their neighbours respond to
+each other until none gains. The new plan is accepted if it is no worse (Shaw 1998; ruin and
+recreate: Schrimpf et al. 2000). A move takes some hundredths of a second: the arcs of the columns
+found by pricing are some thousands of the millions that a class has, and a best response over them
+takes a thirtieth of the time of one over all arcs.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -23,20 +23,20 @@ from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 
-_GAIN = 1e-9  # relative; a path that gains less is no better
+_GAIN = 1e-9  # relative; smaller gains do not count
 
 
 class ArcSearch:
-    """A plan that is changed over the arcs of some columns and its own.
+    """A plan that is improved over the arcs of some columns and its own columns.
 
     Parameters
     ----------
-    columns : of any robots
-    tell : called between two moves, to say that the search goes on
+    columns : columns of any robots, whose arcs may be used
+    tell : called between two moves to report that the search continues
 
     Attributes
     ----------
-    columns : those of the plan, robot by robot
+    columns : columns of the plan, robot by robot
     """
 
     def __init__(
@@ -61,18 +61,18 @@ class ArcSearch:
             self._put(column)
 
     def plan(self) -> Incumbent | None:
-        """Returns the plan as it is now; None if it broke a rule."""
+        """Returns the current plan; None if it breaks a rule."""
         return Incumbent.of(self._model, self.columns)
 
     def search(self, moves: int, rng: np.random.Generator) -> None:
-        """Makes so many moves; raises LimitReached between two of them."""
+        """Makes a number of moves; raises LimitReached between two of them."""
         for _ in range(moves):
             self._tell()
             self._stop.check()
             self._move(rng)
 
     def _move(self, rng: np.random.Generator) -> None:
-        """Makes one move, which is undone where it makes the plan worse."""
+        """Makes one move, and undoes it if it makes the plan worse."""
         robots = len(self.columns)
         if robots < 2:
             return
@@ -92,9 +92,9 @@ class ArcSearch:
                 self._replace(robot, column)
 
     def _put_back(self, robots: list[int]) -> bool:
-        """Plans robots anew, one after the other; returns False if one is left no way.
+        """Replans robots one after the other; returns False if one of them has no path left.
 
-        Those that are not planned then keep their columns.
+        Robots that are not replanned then keep their columns.
         """
         for robot in robots:
             self._take(self.columns[robot])
@@ -109,14 +109,14 @@ class ArcSearch:
         return True
 
     def _answer(self, robots: list[int]) -> None:
-        """Takes best responses of these robots in turn until none gains."""
+        """Lets the given robots make best responses in turn until none gains."""
         quiet = turn = 0
         while quiet < len(robots) and turn < self._parameters.most_turns * len(robots):
             quiet = 0 if self._responds(robots[turn % len(robots)]) else quiet + 1
             turn += 1
 
     def _responds(self, robot: int) -> bool:
-        """Takes a robot's best response; returns True if it gains."""
+        """Replaces a robot's path by its best response; returns True if it gains."""
         before = self.columns[robot]
         self._take(before)
         path = self._best_path(robot)
@@ -128,18 +128,18 @@ class ArcSearch:
         return best is not before
 
     def _best_path(self, robot: int) -> Path | None:
-        """Returns a robot's best path over the arcs, beside all that are in sight."""
+        """Returns a robot's best path over the arcs, given the columns of all other robots."""
         graph = self._graphs[self.columns[robot].along.class_number]
         return graph.best_path(self._model.starts(robot), self._seen)
 
     def _gain(self, column: Column) -> float:
-        """Returns the gain of a column beside the pixels that are seen."""
+        """Returns the gain of a column, given the pixels that the others see."""
         seen, problem = self._seen[column.view_sums], self._model.problem
         gains = marginal_gain(problem, column.view_sums, seen, column.pixels)
         return float(gains @ self._weights[column.view_sums]) + column.bonus(self._model)
 
     def _value(self) -> float:
-        """Returns J of the plan as it is now."""
+        """Returns J of the current plan."""
         values = self._model.problem.returns.values(self._seen)
         return float(self._weights @ values) + sum(
             column.bonus(self._model) for column in self.columns
@@ -163,13 +163,13 @@ class ArcSearch:
         self._put(column)
 
     def _put(self, column: Column) -> None:
-        """Brings a column into the others' sight and way."""
+        """Adds a column's pixels and closures to those that the other robots face."""
         self._seen[column.view_sums] += column.pixels
         for graph in self._graphs:
             graph.put(column, 1)
 
     def _take(self, column: Column) -> None:
-        """Takes a column out of the others' sight and way."""
+        """Removes a column's pixels and closures from those that the other robots face."""
         at = column.view_sums
         self._seen[at] = np.maximum(self._seen[at] - column.pixels, 0.0)
         for graph in self._graphs:
@@ -177,12 +177,12 @@ class ArcSearch:
 
 
 class _ArcGraph:
-    """The arcs of columns of one class, and what the columns of others close of them.
+    """The arcs of columns of one class, and the arcs that other robots' columns close.
 
     Parameters
     ----------
-    number : of the class
-    columns : of robots of the class
+    number : number of the class
+    columns : columns of robots of the class
     """
 
     def __init__(self, model: Model, number: int, columns: Sequence[Column]) -> None:
@@ -207,7 +207,7 @@ class _ArcGraph:
         self._closes: dict[tuple[int, Path], tuple[IntArray, IntArray]] = {}
 
     def _read_views(self) -> None:
-        """Reads what the nodes see, and where they are."""
+        """Reads the views and the places of the nodes."""
         graph, table = self._class.graph, self._model.coverage(self._class)
         steps = np.repeat(np.arange(self._horizon + 1), np.diff(self._first_node))
         states = np.concatenate(self._states)
@@ -220,7 +220,7 @@ class _ArcGraph:
             self._at.setdefault(key, []).append(node)
 
     def _read_moves(self) -> None:
-        """Reads the rewards of arcs, and the places that they join."""
+        """Reads the rewards of arcs and the places that they join."""
         graph, bonuses = self._class.graph, Bonuses.of(self._model.problem.objective)
         self._along: dict[tuple[int, int, int], list[int]] = {}  # arcs by step and places
         self._bonus = np.zeros(self._first_arc[-1])
@@ -233,7 +233,9 @@ class _ArcGraph:
                 self._along.setdefault((t, tail, head), []).append(arc)
 
     def put(self, column: Column, times: int) -> None:
-        """Closes what the column of another robot closes (1), or opens it again (-1)."""
+        """Closes the nodes and arcs that another robot's column blocks (1), or opens them again
+        (-1).
+        """
         if column.key not in self._closes:
             charges = Column.avoid(self._model, self._class, [column])
             nodes = [node for t, at in charges.places for node in self._at.get((t, at), ())]
@@ -246,11 +248,11 @@ class _ArcGraph:
         np.add.at(self._closed_arcs, arcs_of, times)
 
     def best_path(self, starts: IntArray, pixels: FloatArray) -> Path | None:
-        """Returns the path of the largest marginal gain from any start; None where none is open.
+        """Returns the path of the largest marginal gain from any start; None if no path is open.
 
         Parameters
         ----------
-        pixels : [Z] px/m2 that the other robots have in every view sum
+        pixels : [Z] px/m2 that the other robots have of every view sum
         """
         values = self._values(pixels)
         open_ = np.flatnonzero(np.isin(self._states[0], starts))

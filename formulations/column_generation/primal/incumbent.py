@@ -1,4 +1,4 @@
-"""The incumbent: a plan that obeys all rules, as one column per robot."""
+"""The incumbent: the best plan that obeys all rules, as one column per robot."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Plan
 
-_NO_MOVE = -1e3  # less than any flow along a move
+_NO_MOVE = -1e3  # lower than any flow along a move
 
 
 @dataclass(frozen=True)
@@ -22,18 +22,18 @@ class Incumbent(Team[Column]):
 
     @classmethod
     def of(cls, model: Model, columns: Sequence[Column]) -> "Incumbent | None":
-        """Returns the plan made of one column per robot; None if it breaks a rule."""
+        """Returns the plan that consists of one column per robot; None if it breaks a rule."""
         team = cls(model, tuple(columns))
         return team if team.obeys_the_rules else None
 
     @classmethod
     def along(cls, model: Model, paths: Sequence[Path]) -> "Incumbent | None":
-        """Returns the plan of one path per robot; None if it breaks a rule."""
+        """Returns the plan that consists of one path per robot; None if it breaks a rule."""
         return cls.of(model, [Column.of(model, i, path) for i, path in enumerate(paths)])
 
     @classmethod
     def of_plan(cls, model: Model, plan: Plan | None) -> "Incumbent | None":
-        """Returns a plan as an incumbent; None without one and if it breaks a rule."""
+        """Returns a plan as an incumbent; None if there is no plan, or if it breaks a rule."""
         return None if plan is None else cls.along(model, model.paths(plan))
 
     @classmethod
@@ -48,15 +48,15 @@ class Incumbent(Team[Column]):
         return tuple(column for column in self.found if column is not None)
 
     def in_model(self, model: Model) -> "Incumbent":
-        """Returns the same plan with the numbers of another model's classes."""
+        """Returns the same plan, with the class numbers of another model."""
         return Incumbent(model, tuple(column.in_model(model) for column in self.columns))
 
     def of_others(self, *robots: int) -> list[Column]:
-        """Returns the columns of all robots but some."""
+        """Returns the columns of all robots except the given ones."""
         return [column for column in self.columns if column.robot not in robots]
 
     def changed(self, column: Column) -> "Incumbent | None":
-        """Returns the plan with another column for its robot; None if it breaks a rule."""
+        """Returns the plan with another column for one robot; None if it breaks a rule."""
         columns = [*self.columns]
         columns[column.robot] = column
         return Incumbent.of(self.model, columns)
@@ -65,13 +65,14 @@ class Incumbent(Team[Column]):
 def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
     """Returns the paths of all robots if the mixture is integral; None if it is fractional.
 
-    It is integral if integral numbers of robots use every state, be it along fractional paths.
-    From step to step the robots in the states of t go where most of the mixture goes from there.
+    A mixture is integral if every state is used by an integral number of robots, even along
+    fractional paths. From step to step, robots move from the states at t to where most of the
+    mixture moves.
     """
     use = ResourceUse.of(model, mixture)
     if not use.has_integral_states:
         return None
-    heads: defaultdict[tuple[int, int], list[int]] = defaultdict(list)  # by class and step
+    heads: defaultdict[tuple[int, int], list[int]] = defaultdict(list)  # heads by class and step
     for resource, amount in use.states.items():
         assert isinstance(resource, Visit)
         number = resource.class_number

@@ -1,9 +1,9 @@
-"""Local search: plans from fractional mixtures by rounding and best responses.
+"""Local search: makes plans from fractional mixtures by rounding and best responses.
 
-All of it obeys the collision rules. Rounding fixes the most used columns that do not
-conflict; then local optima of a pool of columns are taken up, one after the other
-(`column_pool`). A best response is one robot's best path against all others. A perturbation
-plans some robots anew, from where local search starts again.
+All steps obey the collision rules. Rounding fixes the most used columns that do not conflict; then
+local optima of a pool of columns are improved one by one (`column_pool`). A best response is one
+robot's best path given the paths of all others. A perturbation replans some robots, and local
+search restarts from the result.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,37 +29,37 @@ from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 
 class ResponseLimit(Stop):
-    """The best responses that local search may still ask for; reached at none.
+    """A limit on the best responses of a local search.
 
-    They are counted, not timed, so that a search takes the same course on every machine.
+    Responses are counted, not timed, so that a search takes the same course on every machine.
 
     Attributes
     ----------
-    left : how many
+    left : remaining number of best responses
     """
 
     def __init__(self, responses: float = np.inf) -> None:
         self.left = responses
 
     def reached(self) -> Limit | None:
-        """Return `Limit.WORK` where none is left."""
+        """Returns `Limit.WORK` if none remains."""
         return Limit.WORK if self.left <= 0 else None
 
     def count_work(self) -> None:
-        """Count one of them."""
+        """Counts one best response."""
         self.left -= 1
 
 
 @dataclass(frozen=True)
 class LocalSearch:
-    """Improves plans of a model; where it is stopped, it returns the best plan so far.
+    """Improves plans of a model; if it is stopped, it returns the best plan so far.
 
     Attributes
     ----------
-    rng : of roundings and perturbations
+    rng : random generator of roundings and perturbations
     tell : called before each best response
-    found : told each plan where it ends
-    taken_up : the plans from which it has started, and those where it has ended
+    found : called with each plan in which a search ends
+    taken_up : the plans from which searches have started, and those in which they have ended
     """
 
     model: Model
@@ -76,7 +76,7 @@ class LocalSearch:
 
         Parameters
         ----------
-        known : a plan whose columns may be taken, too
+        known : a plan whose columns may be used, too
         """
         pool, best, in_vain = ColumnPool(self.model), None, 0
         for column, amount in mixture.used(self.parameters.least_amount):
@@ -95,7 +95,9 @@ class LocalSearch:
     def _starts(
         self, mixture: Mixture, pool: ColumnPool, known: Incumbent | None
     ) -> Iterator[LocalOptimum]:
-        """Yields local optima of a pool that are not taken up yet, until no more are allowed."""
+        """Yields local optima of a pool that have not been improved yet, until the limit is
+        reached.
+        """
         with suppress(LimitReached):
             rounded = self._rounded(mixture, known)
             if rounded is None:
@@ -115,7 +117,7 @@ class LocalSearch:
         return tuple(column.path for column in found[1]) in self.taken_up
 
     def _drawn(self, pool: ColumnPool) -> Iterator[LocalOptimum]:
-        """Yields local optima that are drawn from a pool, at a limit one at least."""
+        """Yields local optima drawn from a pool; at least one, even at a limit."""
         for found in pool.drawn(self.rng, self.parameters.draws):
             self.tell()
             yield found
@@ -123,7 +125,7 @@ class LocalSearch:
                 return
 
     def _improved(self, start: LocalOptimum, pool: ColumnPool) -> Incumbent | None:
-        """Returns the plan after best responses; its columns join the pool."""
+        """Returns the plan after best responses, and adds its columns to the pool."""
         columns = start[1]
         self.taken_up.add(tuple(column.path for column in columns))
         best = self.with_best_responses(columns)
@@ -141,10 +143,10 @@ class LocalSearch:
         return None if plan is None else self.with_best_responses(plan.columns)
 
     def perturbed(self, plan: Incumbent) -> Incumbent | None:
-        """Returns the local optimum found after some robots are planned anew, one by one.
+        """Returns the local optimum that is found after some robots are replanned, one by one.
 
-        Best responses lead to another local optimum: iterated local search. None where the robots
-        leave one another no way.
+        Best responses then lead to another local optimum: iterated local search. Returns None if
+        the robots block each other.
         """
         robots = len(plan.columns)
         if robots < 2:
@@ -162,13 +164,13 @@ class LocalSearch:
         return best
 
     def _check(self) -> None:
-        """Raises LimitReached where it is stopped, or no more responses are allowed."""
+        """Raises LimitReached if the search is stopped or no more responses are allowed."""
         self.tell()
         self.stop.check()
         self.allowance.check()
 
     def best_response(self, robot: int, others: Sequence[Column]) -> Column | None:
-        """Returns a robot's best path against other robots' columns; None if they leave none."""
+        """Returns a robot's best path given other robots' columns; None if they leave no path."""
         model, pixels = self.model, self.model.problem.no_pixels()
         self.allowance.count_work()
         for column in others:
@@ -178,14 +180,14 @@ class LocalSearch:
         return None if path is None else Column.of(model, robot, path)
 
     def with_best_responses(self, columns: Sequence[Column]) -> Incumbent | None:
-        """Returns the plan after best responses, robot by robot, until none gains.
+        """Returns the plan after best responses, robot by robot, until no robot gains.
 
         None if the columns break a rule.
         """
         best = Incumbent.of(self.model, columns)
         if best is None:
             return None
-        quiet = 0  # robots in a row that could gain nothing
+        quiet = 0  # number of consecutive robots that could not gain
         robot = 0
         with suppress(LimitReached):
             while quiet < len(best.columns):
@@ -200,15 +202,15 @@ class LocalSearch:
         return best
 
     def _rounded(self, mixture: Mixture, known: Incumbent | None) -> list[Column] | None:
-        """Returns one column per robot without conflicts; None where none is left for a robot.
+        """Returns one column per robot without conflicts; None if a robot has no path left.
 
-        The most used ones come first, then best responses; at a limit, and where none is left,
-        columns of a known plan.
+        The most used columns are fixed first, then best responses; at a limit, or if no response
+        exists, columns of a known plan are used.
 
         Raises
         ------
         LimitReached
-            While robots without a column are left, and no plan is known.
+            If robots without a column remain and no plan is known.
         """
         columns, amounts, problem = mixture.columns, mixture.amounts, self.model.problem
         chosen: dict[int, Column] = {}
@@ -237,9 +239,10 @@ class LocalSearch:
 
 
 def _completed(chosen: dict[int, Column], known: Incumbent, problem: Problem) -> list[Column]:
-    """Returns one column per robot without conflicts: the chosen ones, or those of a known plan.
+    """Returns one column per robot without conflicts: the chosen columns, completed from a known
+    plan.
 
-    The chosen ones are kept but for those in conflict with what others must take.
+    Chosen columns are kept unless they conflict with columns that other robots must use.
     """
     columns = {column.robot: column for column in known.columns} | chosen
     waiting = [robot for robot in columns if robot not in chosen]

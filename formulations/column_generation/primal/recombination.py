@@ -1,10 +1,10 @@
 """Recombination: the best plan along the states of several plans.
 
-Local search ends in many plans that differ here and there. Where each of them is better than the
-others, a plan that is made of parts of all is better than any; and its robots need not go on along
-the path of one robot, nor its steps come from one plan. Value iteration over joint states
-(`staged.joint_paths`) finds the best of all these plans, since the bound on all plans leaves
-few of their joint states to look at. So many plans are taken, the best first, as it can cope with.
+Local search ends in many plans that differ in places. If each is better than the others in some
+part, a plan that combines the best parts is better than all; in such a plan, a robot need not
+follow one robot's path, and the steps need not come from one plan. Value iteration over joint
+states (`staged.joint_paths`) finds the best of all such plans, since the bound on all plans leaves
+few joint states to explore. As many plans are recombined as the search can handle, best first.
 
 Compare optimal recombination in genetic algorithms (Aggarwal, Orlin, Tai 1997; Eremeev, Kovalenko
 2014), which finds the best offspring of two parents.
@@ -31,13 +31,13 @@ from cocap_opt.stop import Stop, never
 
 
 def searches_are_fast(stop: Stop) -> bool:
-    """Returns True if searches are compiled, or will be once they are long."""
+    """Returns True if searches are compiled, or will be once they take long."""
     return compiled_search.is_loaded() or compiled_search.may_take_over(stop)
 
 
 @dataclass
 class Recombination:
-    """The plans that were found, and what is known of their recombinations.
+    """The plans found so far, and the outcomes of their recombinations.
 
     Attributes
     ----------
@@ -47,11 +47,12 @@ class Recombination:
     parameters: RecombinationParameters
     values: dict[PlanKey, float] = field(default_factory=dict)
     _done: set[frozenset[PlanKey]] = field(default_factory=set)
-    _failed_plans: float = np.inf  # of the last recombination of too many
+    # number of plans in the last recombination that failed because there were too many
+    _failed_plans: float = np.inf
     _failed_room: float = np.inf
 
     def add(self, plan: Incumbent) -> None:
-        """Adds a plan; once there are too many, only the best are kept."""
+        """Adds a plan; if there are too many, only the best are kept."""
         self.values[plan.paths] = plan.value
         if len(self.values) > 2 * self.parameters.most_plans:
             self.values = {
@@ -59,26 +60,30 @@ class Recombination:
             }
 
     def _best_keys(self, most: int) -> list[PlanKey]:
-        """Returns the best plans, those first that were found first if they are equal."""
+        """Returns the best plans; among equal ones, those that were found first."""
         return sorted(self.values, key=lambda key: -self.values[key])[:most]
 
     def applies_to(self, model: Model) -> bool:
-        """Returns True if there are plans to recombine, and joint states decide J of the model."""
+        """Returns True if there are plans to recombine, and if joint states determine J of the
+        model.
+        """
         return len(self.values) > 1 and may_be_used(model)
 
     def better_plans(
         self, plan: Incumbent, narrowing: Narrowing, stop: Stop = never
     ) -> Iterator[Incumbent]:
-        """Yields better plans along the states of a plan and others, each the best of more plans.
+        """Yields ever better plans along the states of a plan and others, using more plans each
+        time.
 
         Parameters
         ----------
-        narrowing : of the same model, to which recombination applies; its target is not above J
+        narrowing : a narrowing of the same model, to which recombination applies; its target is not
+            above J
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         best, most = plan, self.parameters.first_plans
         least, most_room = self._failed_plans, self.parameters.less_room * self._failed_room
@@ -99,7 +104,7 @@ class Recombination:
             most *= self.parameters.more_plans
 
     def _most_nodes(self, stop: Stop) -> int:
-        """Returns the most nodes that the searches may take."""
+        """Returns the largest number of nodes that the searches may use."""
         most, plain = self.parameters.most_nodes, self.parameters.most_plain_nodes
         return most if searches_are_fast(stop) else plain
 
@@ -111,9 +116,9 @@ class Recombination:
         Raises
         ------
         NotEndedError
-            If these are too many.
+            If there are too many joint states.
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         if parents in self._done:
             return None
@@ -126,7 +131,7 @@ class Recombination:
 
 
 def _visited_states(model: Model, plans: Iterable[PlanKey]) -> list[BoolArray]:
-    """Returns the states [T+1, S] of each class that its robots visit in any of some plans."""
+    """Returns the states [T+1, S] of each class that its robots visit in any of the given plans."""
     steps = np.arange(model.problem.horizon + 1)
     visited = []
     for robot_class in model.classes:

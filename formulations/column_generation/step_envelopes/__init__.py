@@ -1,7 +1,7 @@
-"""Step envelopes: one envelope over all faces of a step closes what the relaxation leaves open.
+"""Step envelopes: one envelope over all faces of a step closes the gap that the relaxation leaves.
 
-`envelopes` goes round by round; `price_bundle` finds the prices of a round, `heights` the stages
-that they make, and `stages` holds all stages so far. `step_searches` searches for joint states, and
-`known_states` looks for them by local search; `counting` counts what is left, `list_lengths` tells
-how many states are listed, and `path_trials` when all paths are tried.
+`envelopes` runs the rounds; `price_bundle` finds the prices of a round, `heights` turns them into
+stages, and `stages` holds all stages so far. `step_searches` searches for joint states exactly, and
+`known_states` by local search; `counting` counts remaining states, `list_lengths` decides how many
+states are listed, and `path_trials` when to explore all paths.
 """

@@ -1,4 +1,4 @@
-"""Local search for high joint states, compiled; only imported where numba is installed."""
+"""Compiled local search for high joint states; imported only if numba is installed."""
 
 from functools import partial
 from typing import NamedTuple
@@ -9,35 +9,35 @@ from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.returns import return_of
 
-_MOST_SWEEPS = 50  # over all robots, of one start
-_GAIN = 1e-9  # relative; smaller rises do not count
+_MOST_SWEEPS = 50  # sweeps over all robots, per start
+_GAIN = 1e-9  # relative; smaller increases do not count
 
 
 class AscentViews(NamedTuple):
-    """The arrays that local search reads: of n states, F faces, R robots."""
+    """The arrays that local search reads, for n states, F faces, R robots."""
 
     first: IntArray  # [n+1] first entry of each state's coverage
     faces: IntArray  # of each entry
     pixels: FloatArray  # of each entry
     weights: FloatArray  # [F]
-    n_roots: int  # faces before those that count drones
-    caps: FloatArray  # [F - n_roots] k of those
+    n_roots: int  # number of faces before those that count drones
+    caps: FloatArray  # [F - n_roots] cap k of each of those
     price: FloatArray  # [n]
     charge: FloatArray  # [n]
     ranges: IntArray  # [R, 2] first state of each robot's class, and the first of the next class
-    place_of: IntArray  # [n], of P places
-    too_near: BoolArray  # [P, P] for two robots at once
+    place_of: IntArray  # [n] place of each state, out of P places
+    too_near: BoolArray  # [P, P] True if two robots may not be there at once
 
 
 _return_of = partial(compiled, kept=False, forceinline=True)(return_of)
 
 
 class _Scratch(NamedTuple):
-    """The arrays that scans write: of F faces and n states."""
+    """The arrays that scans write, for F faces and n states."""
 
     seen: FloatArray  # [F] pixels of the other robots
-    values: FloatArray  # [F] what these are worth, without weights
-    highest: FloatArray  # [n] largest height with each state
+    values: FloatArray  # [F] worth of these pixels, without weights
+    highest: FloatArray  # [n] largest height of a joint state with each state
 
 
 @partial(compiled, kept=False)
@@ -45,13 +45,12 @@ def _scanned(
     views: AscentViews, floor: float, team: IntArray, robot: int, states: IntArray,
     scratch: _Scratch, is_noted: bool,
 ) -> tuple[int, float]:  # fmt: skip
-    """Returns the best of some states for a robot, -1 if none is free, and the height with it.
+    """Returns the best of some states for a robot, -1 if none is free, and the resulting height.
 
-    It may stay where it is, too.
+    The robot's current state is a candidate, too.
 
-    Of the states that it may take, those come first with which the joint state counts: its worth
-    less its charges is at least the floor. Where there is none, it takes the one that comes
-    nearest.
+    Preferred are states with which the joint state counts, i.e. its worth less its charges is at
+    least the floor. If there are none, the state that comes closest to it is chosen.
     """
     seen, values = scratch.seen, scratch.values
     for f in range(len(seen)):
@@ -107,20 +106,20 @@ def _raise(
     views: AscentViews, floor: float, team: IntArray, states: IntArray, spans: IntArray,
     scratch: _Scratch, is_noted: bool,
 ) -> None:  # fmt: skip
-    """Changes a team [R] until no robot can raise its height alone by some states.
+    """Changes a team [R] until no robot can raise the height alone by moving to one of some states.
 
     Parameters
     ----------
-    states : that robots may take
-    spans : [R, 2] the first of each robot's class, and the end
-    is_noted : note how high a joint state with each state is
+    states : states that robots may take
+    spans : [R, 2] the first of these states for each robot's class, and one past the last
+    is_noted : True: record the largest height of a joint state with each state
     """
     before, robots, as_before = -np.inf, len(team), -1
     for _ in range(_MOST_SWEEPS):
         height = 0.0
         for robot in range(robots):
             if as_before == robots - 1 and team[robot] >= 0:
-                return  # the robot has answered the same others
+                return  # no other robot has changed since this robot's last response
             allowed = states[spans[robot, 0] : spans[robot, 1]]
             best, best_height = _scanned(views, floor, team, robot, allowed, scratch, is_noted)
             as_before = as_before + 1 if best in (-1, team[robot]) else 0
@@ -133,7 +132,9 @@ def _raise(
 
 @partial(compiled, kept=False)
 def _highest(highest: FloatArray, ranges: IntArray, most: int, spans: IntArray) -> IntArray:
-    """Returns the highest states of each class, and writes those of each robot's class to spans."""
+    """Returns the highest states of each class, and stores the range for each robot's class in
+    spans.
+    """
     chosen, end = np.empty(len(highest), dtype=np.int64), 0
     for robot in range(len(ranges)):
         first, last = ranges[robot]
@@ -151,16 +152,17 @@ def _highest(highest: FloatArray, ranges: IntArray, most: int, spans: IntArray) 
 def ascend(
     views: AscentViews, floor: float, teams: IntArray, most_full: int, most_high: int
 ) -> None:
-    """Changes each team [R] until no robot can raise its height alone by the states it may take.
+    """Changes each team [R] until no robot can raise the height alone by moving to an allowed
+    state.
 
-    Robots at -1 are nowhere yet.
+    Robots at -1 have no state yet.
 
     Parameters
     ----------
-    floor : what the worth of a joint state less its charges must be for it to count
-    most_full : of the first teams, whose robots may take all states
-    most_high : states of a class, that the robots of later teams may take: those with which the
-        first teams were highest, had one robot gone there
+    floor : smallest worth less charges of a joint state that counts
+    most_full : number of first teams whose robots may take all states
+    most_high : number of states of a class that the robots of later teams may take: those that gave
+        the largest heights when one robot of the first teams was moved there
     """
     n, faces = len(views.price), len(views.weights)
     scratch = _Scratch(np.zeros(faces), np.zeros(faces), np.full(n, -np.inf))
@@ -173,7 +175,7 @@ def ascend(
 
 
 def call_once() -> None:
-    """Searches for no team at all, so that the kernel is loaded, or compiled and kept."""
+    """Runs a search without teams, so that the kernel is loaded, or compiled and stored."""
     none, single = np.zeros(1, dtype=np.int64), np.ones(1)
     views = AscentViews(
         np.array([0, 1]), none, single, single, 1, np.zeros(0), single, single,

@@ -1,26 +1,26 @@
 """Step envelopes: the second stage of the root, after its relaxation.
 
-Each face of a step has a concave envelope of its own in the relaxation; what is left open is
-mostly that the faces of one step want different pairings of the robots. One envelope over all faces
-of a step closes that: states have prices, not pixels, and a step's constant is the
-height of its highest joint state (`staged.stages`, `staged.joint_states`).
+In the relaxation, each face of a step has its own concave envelope; the remaining gap is mostly due
+to faces of one step that favour different pairings of the robots. One envelope over all faces of a
+step closes it: states have prices instead of pixels, and a step's constant is the height of its
+highest joint state (`staged.stages`, `staged.joint_states`).
 
-Each round has three parts: the constants of the present prices are lowered by search; states that
-no better plan visits are closed; and a bundle method (`price_bundle`) finds better prices.
-Joint states are looked for by local search, and only once that finds none above the constants, by
-the exact one.
+Each round has three parts: the constants at the current prices are lowered by searches; states that
+no better plan visits are closed; and a bundle method (`price_bundle`) finds better prices. Joint
+states are found by local search, and by exact search only once local search finds none above the
+constants.
 
-Where many states are left, each round has a short list of states for each step: those of the least
-slack. Their prices are no lower than before, and those of all other states so much higher that
-none of these is in a joint state above the new constant (`staged.narrowing`); so the search is over
-the list alone. The next round's lists are those of the new prices, shorter where searches took
-long. Once such rounds close little, all states get prices of their own, if there are not too many.
-Local search then looks for better plans in the mixture of paths behind the prices, and plans are
-recombined. Once one is better, it is the target, and all stages are repeated for it.
+If many states remain, each round has a short list of states for each step: those of least slack.
+Their prices are no lower than before, and those of all other states are so much higher that none of
+these is in a joint state above the new constant (`staged.narrowing`); so the search covers only the
+list. The next round makes new lists from the new prices, and shortens them if searches took long.
+Once such rounds close little, all states get their own prices, if there are not too many. Local
+search then looks for better plans in the mixture of paths behind the prices, and plans are
+recombined. If a better plan is found, it becomes the target, and all stages are repeated for it.
 
-Before the first stage and after each the paths of all robots together may be few enough to be tried
-(`path_trials`), which proves what the best plan is. Where stages close no more, those of plans
-above higher targets are tried.
+Before the first stage and after each stage, the remaining joint paths of all robots may be few
+enough to explore (`path_trials`), which proves the best plan optimal. If further stages close
+nothing, the paths of plans above higher targets are explored.
 """
 
 import math
@@ -54,7 +54,8 @@ from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.problem import COVERAGE_VERSION
 
 METHOD = "step-envelopes"
-CLEARLY = 1e-9  # of the bound, that stages must take off it; of J, above which a plan is better
+# relative: reduction of the bound that stages must achieve; excess of J at which a plan is better
+CLEARLY = 1e-9
 
 
 def step_envelopes(
@@ -65,22 +66,22 @@ def step_envelopes(
     most_joint: float = math.inf,
     tries_paths: bool = True,
 ) -> None:
-    """Offers the search a staged certificate of a lower bound, if it finds one.
+    """Offers the search a staged certificate with a lower bound, if one is found.
 
     Parameters
     ----------
-    search : with an incumbent, whose J is the target; without one nothing is done
-    duals : of the relaxation without decisions
+    search : a search with an incumbent, whose J is the target; without an incumbent nothing is done
+    duals : multipliers of the relaxation without decisions
     columns : good paths
-    cutoff : bound at which nothing is open
-    most_joint : joint states of all steps, conflicts included; where more are left, there are no
-        stages, only a trial of all paths
-    tries_paths : False: there are stages only
+    cutoff : bound at which the root is closed
+    most_joint : number of joint states of all steps, including conflicts, above which no stages are
+        made, only a trial of all paths
+    tries_paths : False: make stages only
 
     Raises
     ------
     LimitReached
-        At a limit; what is proved until then is offered.
+        If a limit is reached; the bound proved so far is offered.
     """
     model, narrowing = search.model, search.narrowing(duals)
     if search.incumbent is None or narrowing is None:
@@ -107,17 +108,17 @@ def step_envelopes(
 
 @dataclass
 class _Envelopes:
-    """The stages so far, and what is known of joint states and paths.
+    """The stages so far, and the known joint states and paths.
 
     Attributes
     ----------
-    proved : the stages so far, and what they leave
-    steps : at which views count
-    trials : of the paths of all robots together
-    lengths : of the lists of states
-    searches : for joint states, of steps
-    responses : iterations' worth of best responses for the next look for plans
-    lists_stall : true once a round of lists has closed little
+    proved : the stages so far, and the resulting narrowing
+    steps : steps at which views count
+    trials : trials of the joint paths of all robots
+    lengths : lengths of the lists of states
+    searches : searches for joint states of steps
+    responses : budget of the next search for plans, in iterations' worth of best responses
+    lists_stall : True once a round of lists has closed little
     """
 
     search: Search
@@ -131,7 +132,7 @@ class _Envelopes:
     responses: int = 0
 
     def __post_init__(self) -> None:
-        """Begins with as many responses as the parameters say."""
+        """Sets the initial number of responses from the parameters."""
         self.responses = self._parameters.responses
         self.searches = StepSearches(self.known, self.search.stop, self._parameters)
 
@@ -146,11 +147,11 @@ class _Envelopes:
 
     @property
     def bound(self) -> float:
-        """The bound that the stages or the paths that were tried prove."""
+        """The bound that the stages, or the trials of paths, prove."""
         return min(self.narrowing.pricing.bound, self.trials.bound)
 
     def run(self, cutoff: Callable[[], float]) -> None:
-        """Adds stages as long as they close something; raises LimitReached."""
+        """Adds stages as long as they close states or lower the bound; raises LimitReached."""
         for _ in range(self._parameters.most_rounds):
             self._raise_target()
             before = self.narrowing.pricing.bound
@@ -192,28 +193,28 @@ class _Envelopes:
         return self.search.value > (1 + CLEARLY) * self.narrowing.target
 
     def _raise_target(self) -> None:
-        """Repeats all stages for the best plan's J, if it is more: they close more states then.
+        """Repeats all stages for the best plan's J, if it is higher: they then close more states.
 
         Raises
         ------
         LimitReached
-            At a limit; the target and what is left are as before.
+            If a limit is reached; the target and the remaining states are then unchanged.
         """
         plan = self.search.incumbent
         narrowing = self.search.narrowing(self.duals) if self._has_better_plan() else None
         if plan is None or narrowing is None:
             return
-        # Of the paths that are known, these are sure to be among the states that are left.
+        # Of the known paths, those of the plan are certainly among the remaining states.
         self.known.add_plan(plan, self.steps)
         self.proved = self.proved.again(narrowing, self._tell_again)
 
     def _tell_again(self) -> None:
-        """Reports that the search goes on; raises LimitReached."""
+        """Reports that the search continues; raises LimitReached."""
         self.search.stop.check()
         self.search.report_again()
 
     def try_paths(self) -> bool:
-        """Tries all paths of better plans that are left; returns True if that has ended."""
+        """Explores all remaining paths of better plans; returns True if that has ended."""
         has_ended = self.trials.after_stages(
             self.narrowing, len(self.proved.stages), self.searches.nodes
         )
@@ -222,12 +223,12 @@ class _Envelopes:
         return has_ended
 
     def offer(self) -> None:
-        """Offers the search the certificate of what is proved so far."""
+        """Offers the search the certificate of the bound proved so far."""
         self.search.offer_spare(self.file())
         self.report()
 
     def file(self) -> CertificateFile:
-        """Returns the certificate of the stages so far, or of the paths that were tried."""
+        """Returns the certificate of the stages so far, or of the trial of paths."""
         model, trials = self.search.model, self.trials
         is_tried = trials.bound < self.narrowing.pricing.bound
         return CertificateFile(
@@ -246,14 +247,14 @@ class _Envelopes:
         )
 
     def _is_small(self) -> bool:
-        """Returns True if all states have prices of their own, as the searches of steps may end."""
+        """Returns True if all states get their own prices, since searches of steps may then end."""
         left = states_left(self.narrowing)[self.steps.start :]
         return int(left.sum()) <= self._most_left() and int(left.max()) <= (
             self._parameters.most_at_a_step
         )
 
     def _most_left(self) -> int:
-        """Returns the largest number of states left at which all of them have prices."""
+        """Returns the largest number of remaining states at which all of them get prices."""
         if not self._can_be_listed():
             return self._parameters.most_unlisted
         parameters = self._parameters
@@ -263,12 +264,12 @@ class _Envelopes:
         return parameters.most_states_of_few if is_few else parameters.few_states_left
 
     def _can_be_listed(self) -> bool:
-        """Returns True if searches of lists may end."""
+        """Returns True if searches over lists may end."""
         robots = len(self.search.model.problem.robots)
         return is_there() and robots <= self._parameters.most_listed_robots
 
     def _lower(self) -> None:
-        """Lowers the constants of the present prices, where that takes few nodes."""
+        """Lowers the constants at the current prices, at steps for which that takes few nodes."""
         constants: list[StepConstant] = []
         try:
             for t in self.steps:
@@ -281,12 +282,12 @@ class _Envelopes:
                     continue
                 constants.append(StepConstant(t, found.profit))
         finally:
-            # What was lowered before a limit counts, so that the certificate has to tell of it.
+            # Constants lowered before a limit count, so the certificate has to include them.
             self.proved = self.proved.lowered(constants)
             self.report()
 
     def report(self) -> None:
-        """Tells what is proved so far."""
+        """Reports the bound proved so far."""
         self.search.report(self.search.snapshot(self.bound))
 
     def _pay(self, cutoff: Callable[[], float]) -> None:
@@ -308,17 +309,17 @@ class _Envelopes:
                 return
 
     def _keep(self, proved: Stages) -> None:
-        """Takes the stages so far, and tells what they prove; raises LimitReached."""
+        """Stores the stages so far, and reports their bound; raises LimitReached."""
         self.proved = proved
         self.report()
 
     def _look_for_plans(self, flow: Mapping[Arc, float]) -> None:
-        """Offers plans that are made of the mixture behind the latest prices.
+        """Offers plans made from the mixture behind the latest prices.
 
         Raises
         ------
         LimitReached
-            At a limit, in recombination.
+            If a limit is reached during recombination.
         """
         before = self.search.value
         self.search.allow_responses(self.responses)
@@ -333,7 +334,9 @@ class _Envelopes:
     def _joints(
         self, cutoff: Callable[[], float]
     ) -> tuple[dict[int, JointStates], dict[int, float]]:
-        """Returns the joint states with prices, and the ceilings where these are not all."""
+        """Returns the joint states with prices, and ceilings at steps where only some states have
+        prices.
+        """
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}
@@ -342,14 +345,16 @@ class _Envelopes:
         return joints, {t: narrowing.ceiling(t) for t in self.steps}
 
     def _n_listed(self, most: float) -> int:
-        """Returns the number of states up to a slack, at all steps."""
+        """Returns the number of states of all steps up to a slack."""
         return sum(
             int(np.count_nonzero(left[self.steps.start :] & (slack[self.steps.start :] <= most)))
             for slack, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
         )
 
     def _listed(self, t: int, most: float) -> list[IntArray]:
-        """Returns of each class the states of a step up to a slack, not too many of the least."""
+        """Returns, for each class, the states of a step up to a slack: those of least slack, but
+        not too many.
+        """
         slack = [
             np.where(left[t], slack[t], np.inf)
             for slack, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)

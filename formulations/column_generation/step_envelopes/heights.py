@@ -1,9 +1,9 @@
-"""The heights of steps at new prices, and the stages that they make.
+"""The heights of steps at new prices, and the stages made from them.
 
-A step has a height if the search ends for one that no joint state exceeds. Once heights lower the
-bound they are a stage, so that fewer states are left to the searches after it. Long searches wait
-until all short ones have ended: among fewer states they are shorter, here and for anyone who later
-checks the certificate.
+A step has a height once a search has ended and found a value that no joint state exceeds. As soon
+as heights lower the bound, they become a stage, so that fewer states remain for the searches after
+it. Long searches wait until all short ones have ended: with fewer states they are shorter, both
+here and for anyone who checks the certificate later.
 """
 
 import math
@@ -29,13 +29,14 @@ class Heights:
 
     Attributes
     ----------
-    bundle, prices : that they are of
+    bundle, prices : the bundle, and the prices of the heights
     proved : the stages so far
-    searches : for joint states
-    lengths : of the lists of states
-    keep : takes the stages so far, again and again, and reports; may raise LimitReached
-    adopted : by step, those that are part of a stage
-    waiting : by step, those that are not yet
+    searches : searches for joint states
+    lengths : lengths of the lists of states
+    keep : called repeatedly with the stages so far, which it stores and reports; may raise
+        LimitReached
+    adopted : by step, the heights that are part of a stage
+    waiting : by step, the heights that are not yet part of a stage
     """
 
     bundle: PriceBundle
@@ -48,7 +49,7 @@ class Heights:
     waiting: dict[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Notes the nodes of all searches when a stage was made or thought of last."""
+        """Records the number of nodes of all searches when a stage was last made or considered."""
         self._nodes = self.searches.nodes
         self._parameters = self.searches.parameters
 
@@ -57,17 +58,18 @@ class Heights:
         return self.proved.narrowing
 
     def adopt(self) -> bool:
-        """Makes the prices a stage or several if they are better; other steps keep their prices.
+        """Turns the prices into one or more stages if they are better; other steps keep their
+        prices.
 
         Returns
         -------
         bool
-            False if there is no stage; if any search has ended, the bundle knows why, then.
+            False if there is no stage; if any search has ended, the bundle has then been corrected.
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         left = sorted(self.bundle.joints, key=lambda t: len(self.bundle.joints[t].states))
         for most, patience in self._limits_of_nodes():
@@ -83,10 +85,11 @@ class Heights:
         return bool(self.adopted)
 
     def _limits_of_nodes(self) -> Iterable[tuple[int, float]]:
-        """Yields the nodes that searches may have, first few and then more, up to the most.
+        """Yields the number of nodes that searches may use, first few and then more, up to the
+        limit.
 
-        With each comes the number of searches that may fail before all get more, or are given up:
-        where none has ended with fewer nodes, none is likely to.
+        Each comes with the number of searches that may fail before all get more nodes, or are
+        abandoned: if none has ended with fewer nodes, none is likely to.
         """
         most, limit = self.searches.many_nodes(), self._parameters.first_nodes
         while limit < most:
@@ -96,7 +99,9 @@ class Heights:
         yield most, math.inf if has_ended else self._parameters.patience
 
     def _left_after(self, steps: Sequence[int], most_nodes: int, patience: float) -> list[int]:
-        """Returns the steps that have no height after searches of so many nodes each."""
+        """Returns the steps that have no height after searches with the given number of nodes
+        each.
+        """
         left: list[int] = []
         for k, t in enumerate(steps):
             if len(left) >= patience:
@@ -106,12 +111,13 @@ class Heights:
         return left
 
     def find(self, t: int, most_nodes: int) -> bool:
-        """Looks for the height of a step, and makes a stage of all that wait where it is time.
+        """Searches for the height of a step, and makes a stage of all waiting heights when it is
+        time.
 
         Returns
         -------
         bool
-            False if the search does not end within so many nodes.
+            False if the search does not end within the given nodes.
         """
         self.keep(self.proved)
         joint, paid = self.bundle.joints[t], self.prices[self.bundle.span(t)]
@@ -137,7 +143,7 @@ class Heights:
         return True
 
     def _still_left(self, joint: JointStates, prices: FloatArray) -> tuple[JointStates, FloatArray]:
-        """Returns the joint states of a step that are still left, and their states' prices."""
+        """Returns the remaining joint states of a step, and the prices of their states."""
         left = np.zeros(len(joint.states), dtype=np.bool_)
         states = []
         for number, of_class in enumerate(self._narrowing.left):
@@ -147,7 +153,7 @@ class Heights:
         return self._narrowing.joint_states_of(joint.t, states), prices[left]
 
     def _total(self) -> float:
-        """Returns the bound at new prices of the steps that have a height."""
+        """Returns the bound with new prices at the steps that have a height."""
         bundle, known = self.bundle, self.adopted | self.waiting
         chosen = bundle.centre.copy()
         for t in known:
@@ -157,7 +163,7 @@ class Heights:
         return total + bundle.rest + bundle.best_paths(chosen, known)[0]
 
     def _add(self) -> None:
-        """Adds a stage of the new prices of the steps whose heights wait for one."""
+        """Adds a stage with the new prices of all steps with waiting heights."""
         bundle, waiting = self.bundle, self.waiting
         written = (bundle.written(t, self.prices[bundle.span(t)], waiting[t]) for t in waiting)
         constants = tuple(StepConstant(t, height) for t, height in waiting.items())
@@ -172,7 +178,8 @@ def _repriced(joint: JointStates, price: FloatArray, constant: float) -> JointSt
 
     Parameters
     ----------
-    constant : that no joint state's profit exceeds at the present prices, rounding included
+    constant : an upper bound on the profit of joint states at the current prices, including
+        rounding
     """
     raised = price - joint.price
     ceilings = [(profit, before + raised) for profit, before in joint.ceilings]

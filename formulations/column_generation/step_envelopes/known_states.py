@@ -1,7 +1,7 @@
-"""The joint states and the paths that are known to step envelopes, and local search from them.
+"""The joint states and paths known to step envelopes, and local search from them.
 
-Local search raises a joint state of one step robot after robot, as high as can be. It can be
-compiled (`ascent_kernel`), so that it begins at more joint states in less time.
+Local search improves a joint state of one step, robot after robot, as far as possible. If it is
+compiled (`ascent_kernel`), it can start from more joint states in less time.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,22 +23,22 @@ KERNEL = Kernel(
     "cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel", "local search",
     compiling=3.0,
 )  # fmt: skip
-_GAIN = 1e-9  # relative; smaller rises do not count
+_GAIN = 1e-9  # relative; smaller increases do not count
 
 _JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
 
 
 @dataclass
 class Known:
-    """The joint states and the paths that were found so far.
+    """The joint states and paths found so far.
 
     Attributes
     ----------
-    rng : of local searches
-    parameters : how many local searches there are
+    rng : random generator of local searches
+    parameters : numbers of local searches
     paths : class numbers and paths
-    is_thorough : true once a search has been long: then local search is compiled, too, which takes
-        some seconds on a machine the first time, and begins at more joint states
+    is_thorough : True once a search has been long: from then on local search is compiled, which
+        takes some seconds the first time on a machine, and starts from more joint states
     """
 
     rng: np.random.Generator
@@ -48,7 +48,7 @@ class Known:
     _joint: dict[int, dict[_JointKey, None]] = field(default_factory=dict)
 
     def add_plan(self, plan: Incumbent, steps: Iterable[int]) -> None:
-        """Remembers the paths and the joint states of a plan."""
+        """Stores the paths and the joint states of a plan."""
         numbers = [column.along.class_number for column in plan.columns]
         for number, path in zip(numbers, plan.paths, strict=True):
             self.add_path(number, path)
@@ -57,13 +57,13 @@ class Known:
             self._joint.setdefault(t, {})[tuple(sorted(at))] = None
 
     def add_path(self, number: int, path: Path) -> bool:
-        """Remembers a path of a class; returns True if it is new."""
+        """Stores a path of a class; returns True if it is new."""
         is_new = (number, path) not in self.paths
         self.paths[number, path] = None
         return is_new
 
     def add(self, joint: JointStates, positions: Sequence[int]) -> bool:
-        """Remembers a joint state, if there is one; returns True if it is new."""
+        """Stores a joint state, if given; returns True if it is new."""
         if not positions:
             return False
         at = list(positions)
@@ -74,12 +74,12 @@ class Known:
         return is_new
 
     def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
-        """Takes down how many nodes a search took; raises no limit."""
+        """Records how many nodes a search took; does not raise LimitReached."""
         if nodes > plain_nodes(joint):
             self.is_thorough |= _may_be_compiled(stop)
 
     def at(self, joint: JointStates) -> list[list[int]]:
-        """Returns the positions of the joint states that are known and still count."""
+        """Returns the positions of the known joint states that still count."""
         at = {place: k for k, place in enumerate(_named(joint.class_of, joint.states))}
         keys = self._joint.get(joint.t, {})
         found = [[at[place] for place in key] for key in keys if all(place in at for place in key)]
@@ -90,7 +90,9 @@ class Known:
         return [team for team, does_count in zip(found, counts, strict=True) if does_count]
 
     def ascended(self, joint: JointStates) -> list[tuple[int, ...]]:
-        """Returns joint states that count, and are high; most, no robot can raise alone."""
+        """Returns high joint states that count; in most of them, no robot can raise the height
+        alone.
+        """
         robots, known = sum(joint.sizes), self.at(joint)
         self.rng.shuffle(known)
         starts: list[Sequence[int]] = [*known[: self.parameters.known_starts]]
@@ -117,14 +119,14 @@ class Known:
 
 
 def _may_be_compiled(stop: Stop) -> bool:
-    """Returns True if local search is compiled; no limit is raised, but ends compiling."""
+    """Returns True if local search is compiled; a limit ends compilation but is not raised."""
     with suppress(LimitReached):
         return compiled_search.may_take_over(stop) and KERNEL.takes_over(stop)
     return False
 
 
 def _named(classes: IntArray, states: IntArray) -> Iterator[tuple[int, int]]:
-    """Returns class and number of each of some states [n]."""
+    """Returns the class and number of each of some states [n]."""
     return zip(classes.tolist(), states.tolist(), strict=True)
 
 
@@ -133,13 +135,13 @@ def _local_optima(
     starts: Sequence[Sequence[int]],
     parameters: BundleParameters | None = None,
 ) -> IntArray:
-    """Returns joint states that count and that local search ends at, without repetition.
+    """Returns the distinct joint states that count and in which local search ends.
 
     Parameters
     ----------
     starts : positions of the states to start with; the greedy joint state is one more start
-    parameters : of the compiled search, which needs numba, may end elsewhere, and does not try all
-        states; None: search is not compiled
+    parameters : parameters of the compiled search, which needs numba, does not try all states, and
+        may end in other joint states; None: do not use the compiled search
 
     Returns
     -------
@@ -165,20 +167,22 @@ def _that_count(joint: JointStates, teams: IntArray) -> BoolArray:
 
 
 def _heights(joint: JointStates, teams: IntArray) -> FloatArray:
-    """Returns the height of each of some joint states [K, R]."""
+    """Returns the heights of joint states [K, R]."""
     height: FloatArray = joint.worths(teams) - joint.price[teams].sum(axis=1)
     return height
 
 
 def _teams(joint: JointStates, found: Sequence[Sequence[int]]) -> IntArray:
-    """Returns positions [K, R] of joint states as one array."""
+    """Returns the positions [K, R] of joint states as one array."""
     return np.array(found, dtype=np.int64).reshape(len(found), sum(joint.sizes))
 
 
 def _compiled(
     joint: JointStates, starts: Sequence[Sequence[int]], parameters: BundleParameters
 ) -> IntArray:
-    """Returns the joint states at which compiled search ends, from some and the greedy one."""
+    """Returns the joint states in which compiled search ends, from the given and the greedy joint
+    states.
+    """
     from cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel import (
         AscentViews,
         ascend,
@@ -202,11 +206,12 @@ def _compiled(
 
 
 def _greedy(joint: JointStates) -> tuple[int, ...]:
-    """Returns the joint state in which each robot takes the best state that earlier ones leave.
+    """Returns the joint state in which each robot takes the best state that earlier robots leave
+    free.
 
     Returns
     -------
-    Positions of the states; none where some robot finds no state.
+    Positions of the states; empty if some robot finds no state.
     """
     chosen: list[int] = []
     for number, robots in enumerate(joint.sizes):
@@ -218,9 +223,10 @@ def _greedy(joint: JointStates) -> tuple[int, ...]:
 
 
 def _ascended(joint: JointStates, start: Sequence[int]) -> tuple[int, ...]:
-    """Returns a joint state that no robot can raise alone, from positions to start with.
+    """Returns a joint state in which no robot can raise the height alone, starting from given
+    positions.
 
-    Where the start has conflicts, so may the result.
+    If the start has conflicts, the result may have some, too.
     """
     chosen, height = list(start), -np.inf
     while (now := joint.reduced_profit(chosen)) > height + _GAIN * abs(now):
@@ -234,7 +240,7 @@ def _ascended(joint: JointStates, start: Sequence[int]) -> tuple[int, ...]:
 
 
 def _best(joint: JointStates, number: int, others: Sequence[int]) -> int | None:
-    """Returns the best state of a class beside the states of others; None if all conflict."""
+    """Returns the best state of a class given the states of other robots; None if all conflict."""
     first, end = np.searchsorted(joint.class_of, [number, number + 1])
     seen = joint.pixels[list(others)].sum(axis=0)
     values = joint.returns.values(seen + joint.pixels[first:end])

@@ -1,9 +1,9 @@
-"""Trials of the paths of all robots together, once stages have left few (`joint_paths`).
+"""Trials of the joint paths of all robots, once stages have left few of them (`joint_paths`).
 
-How many paths are left is only known once they have been tried, and trials of too many are in vain.
-So each has a number of nodes that it may take, in proportion to what the stages took so far. Where
-the paths of all better plans are too many, those of plans above a higher target may not be: the
-lowest target that can be tried is the bound then.
+The number of remaining paths is known only after trying them, and trials of too many fail. So each
+trial has a limit on its nodes, in proportion to the nodes of the stages so far. If the paths of all
+better plans are too many, the paths of plans above a higher target may be few enough: the lowest
+target for which a trial ends is then the bound.
 """
 
 import math
@@ -24,15 +24,15 @@ from cocap_opt.formulations.column_generation.search import Search
 
 @dataclass
 class PathTrials:
-    """The trials so far.
+    """The trials made so far.
 
     Attributes
     ----------
-    bound : on all plans, of the trial that proves most; infinite before any has ended
-    above : J, above which that has tried the plans
-    stages : how many there were then
-    nodes : of all searches of trials
-    is_on : False: there are no trials, only stages
+    bound : lowest bound on all plans that a trial has proved; infinite before any has ended
+    above : J above which that trial has explored all plans
+    stages : number of stages at that time
+    nodes : total nodes of all trials
+    is_on : False: make no trials, only stages
     """
 
     search: Search
@@ -45,13 +45,13 @@ class PathTrials:
     _failed_nodes: int = 0
 
     def after_stages(self, narrowing: Narrowing, stages: int, nodes: int) -> bool:
-        """Tries all better plans, if that may be worth it; returns True if that has ended.
+        """Explores all better plans if that seems worthwhile; returns True if the trial has ended.
 
         Parameters
         ----------
         narrowing : after the stages
-        stages : how many there are
-        nodes : that their searches took
+        stages : number of stages
+        nodes : number of nodes of their searches
         """
         allowed = max(int(self._times_nodes() * nodes) - self.nodes, self._fewest_nodes())
         room = narrowing.room_above(self.search.value)
@@ -66,12 +66,12 @@ class PathTrials:
     def for_higher_targets(
         self, narrowing: Narrowing, stages: int, nodes: int, report: Callable[[], None]
     ) -> None:
-        """Tries the plans above ever lower targets, as long as that ends; raises LimitReached.
+        """Explores the plans above ever lower targets, as long as trials end; raises LimitReached.
 
         Parameters
         ----------
         narrowing, stages, nodes : as in `after_stages`
-        report : tells what has been proved
+        report : called to report the bound that has been proved
         """
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
         share, less, nodes_before = 1.0, self._parameters.less, 0
@@ -90,26 +90,26 @@ class PathTrials:
                 return
 
     def _next_less(self, less: float, nodes_before: int, nodes_now: int) -> float:
-        """Returns by how much the next target may be less than one whose trial has ended.
+        """Returns the reduction of the next target, after a trial that has ended.
 
         Parameters
         ----------
-        less : by how much that was less than the one before
-        nodes_before, nodes_now : that the two trials took, of which the second takes more
+        less : the last reduction of the target
+        nodes_before, nodes_now : nodes of the last two trials, of which the second took more
         """
         least = self._parameters.less
         if not 0 < nodes_before < nodes_now:
             return least
-        # Nodes grow by about the same factor with each step down, and more later on.
+        # Each reduction multiplies the nodes by about the same factor, or a larger one later on.
         steps = math.log(self._parameters.aimed_times) / math.log(nodes_now / nodes_before)
         return max(least, min(steps * less, self._parameters.most_less))
 
     def _has_ended(self, narrowing: Narrowing, share: float, most_nodes: int, stages: int) -> bool:
-        """Tries the plans above a target; returns False if these are too many.
+        """Explores the plans above a target; returns False if there are too many.
 
         Parameters
         ----------
-        share : of the remaining gap, by which the target is above the best plan
+        share : distance of the target from the best plan, as a share of the remaining gap
         """
         if not self.is_on or not may_be_used(narrowing.model):
             return False
@@ -118,7 +118,8 @@ class PathTrials:
         try:
             found = best_plan(narrowing.above(target), most_nodes, self.search.stop)
         except NotEndedError:
-            self.nodes += most_nodes  # also where there were too many joint states before that
+            # counted in full, even if too many joint states ended the search earlier
+            self.nodes += most_nodes
             return False
         self.nodes += found.nodes
         if found.paths:
@@ -133,11 +134,13 @@ class PathTrials:
         return self.search.parameters.trials
 
     def _times_nodes(self) -> float:
-        """Returns the nodes that all trials may take, in times of those of the stages."""
+        """Returns the limit on the nodes of all trials, as a multiple of the nodes of the
+        stages.
+        """
         is_fast = searches_are_fast(self.search.stop)
         return self._parameters.times_nodes if is_fast else self._parameters.plain_times_nodes
 
     def _fewest_nodes(self) -> int:
-        """Returns the number of nodes that every trial may take, whatever is left."""
+        """Returns the number of nodes that every trial may use at least."""
         few, plain = self._parameters.fewest_nodes, self._parameters.fewest_plain_nodes
         return few if searches_are_fast(self.search.stop) else plain

@@ -1,17 +1,17 @@
-"""The bundle method over prices for states, of which each set makes a step envelope.
+"""The bundle method over prices of states; each set of prices makes a step envelope.
 
-Prices are judged by local search: the joint states that it finds above the constants, and the
-best paths, are what the master problem knows at the next iteration. Over prices phi(t, s),
-constants K_t and potentials u(t, s) that minimises
+Local search evaluates prices: the joint states that it finds above the constants, and the best
+paths, enter the master problem at the next iteration. Over prices phi(t, s), constants K_t and
+potentials u(t, s), the master minimises
 
     sum_t K_t + sum of u at the starts + rho / 2 |phi - centre|^2
 
-such that K_t is at least the height of every known joint state of the step, and the potentials
-rise along the known arcs by prices less charges. At steps with a ceiling, prices are at least
-those of the centre at first, and states that have none of their own are priced higher by as much as
-K_t is below the ceiling (`staged.narrowing`). Fewer joint states and arcs than there are make
-it too low, so that they are found by and by; the last term keeps prices near the best so far
-(a proximal bundle method; Kiwiel 1990).
+such that K_t is at least the height of every known joint state of the step, and the potentials rise
+along the known arcs by prices less charges. At steps with a ceiling, prices are at least those of
+the initial centre, and states without a price of their own are priced higher by the difference
+between the ceiling and K_t (`staged.narrowing`). As the master knows only some joint states and
+arcs, its value is too low, and the missing ones are found iteration by iteration; the last term
+keeps prices near the best so far (a proximal bundle method; Kiwiel 1990).
 """
 
 from collections import Counter
@@ -36,31 +36,32 @@ from cocap_opt.mixtures.columns import Arc
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 
-CLEARLY = 1e-9  # of the bound, by which a height is above a constant
-_ACCURACY = 1e-9  # relative, of the solver
+CLEARLY = 1e-9  # relative to the bound: a height this much above a constant exceeds it
+_ACCURACY = 1e-9  # relative accuracy of the solver
 
 _Place = tuple[int, int, int]  # class number, step, state number
-_StartSet = tuple[int, int]  # class and number of a set of starts among which robots choose
-_Gains = Mapping[tuple[_Place, _Place], float]  # of known moves: rewards less charges, no prices
+_StartSet = tuple[int, int]  # class and number of a set of starts from which robots choose
+# of known moves: rewards less charges, without prices
+_Gains = Mapping[tuple[_Place, _Place], float]
 _Height = tuple[int, tuple[int, ...], float]  # step, positions among all prices, and worth
-_Entry = tuple[int, float]  # column and coefficient; those of one column add up
-_MasterRow = tuple[Sequence[_Entry], float]  # entries, and the most that they may come to
+_Entry = tuple[int, float]  # column and coefficient; entries of the same column add up
+_MasterRow = tuple[Sequence[_Entry], float]  # entries, and the upper limit of their sum
 
 
 class _Columns(NamedTuple):
     """The columns of a master problem: constants first, then the prices in use, then potentials.
 
-    Those of sets of starts come last.
+    The potentials of sets of starts come last.
     """
 
-    constant_of: Mapping[int, int]  # by step
-    price_of: Mapping[int, int]  # by position among all prices, increasing
-    node_of: Mapping[_Place, int]  # potential by place
-    set_of: Mapping[_StartSet, int]  # potential by set of starts
+    constant_of: Mapping[int, int]  # column by step
+    price_of: Mapping[int, int]  # column by position among all prices, increasing
+    node_of: Mapping[_Place, int]  # column of the potential, by place
+    set_of: Mapping[_StartSet, int]  # column of the potential, by set of starts
 
     @property
     def prices(self) -> slice:
-        """The columns of prices."""
+        """The columns that contain prices."""
         first = len(self.constant_of)
         return slice(first, first + len(self.price_of))
 
@@ -75,26 +76,26 @@ class _StepSolution(NamedTuple):
     """A solution of the master problem."""
 
     prices: FloatArray  # [n]
-    constants: Mapping[int, float]  # by step
+    constants: Mapping[int, float]  # constant by step
     value: float  # at most the best bound
-    flow: FloatArray  # [m] number of robots on each known arc in the best mixture of them
+    flow: FloatArray  # [m] number of robots on each known arc in the best mixture
 
 
 class PriceBundle:
-    """The bundle method over the prices of the states that are left, or of the best of them.
+    """The bundle method over the prices of the remaining states, or of the best of them.
 
     Parameters
     ----------
-    ceilings : of the steps at which only some of the states are in `joints`, what no joint state's
-        height exceeds at present
+    ceilings : for steps at which only some of the states are in `joints`, a value that no joint
+        state's height currently exceeds
 
     Attributes
     ----------
-    joints : of each step, the joint states
-    centre : [n] the prices of all their states, step by step
-    rest : what the bound has beside the steps' constants and the paths
-    constants : that the best prices are meant to have, by step; where lists are short, lower ones
-        prove less, since states that are not listed have higher prices then
+    joints : the joint states of each step
+    centre : [n] the best prices so far of all their states, step by step
+    rest : the part of the bound besides the steps' constants and the paths
+    constants : the constants intended for the best prices, by step; with short lists, lower
+        constants prove less, since they raise the prices of unlisted states
     """
 
     def __init__(
@@ -130,7 +131,7 @@ class PriceBundle:
         constants = {t: float(narrowing.constants[t]) for t in joints}
         paths = self.best_paths(self.centre, {})[0]
         self.rest = narrowing.bound - exact_sum(constants.values()) - paths
-        self._starts = Counter[_Place]()  # fixed ones
+        self._starts = Counter[_Place]()  # number of robots at each fixed start
         self._start_sets: dict[_StartSet, tuple[set[int], int]] = {}
         for number, robot_class in enumerate(self._model.classes):
             for k, (starts, robots) in enumerate(robot_class.start_sets):
@@ -152,21 +153,21 @@ class PriceBundle:
 
     @property
     def has_lists(self) -> bool:
-        """True if only some of the states have prices of their own."""
+        """True if only some of the states have their own prices."""
         return bool(self._ceilings)
 
     def run(self, cutoff: Callable[[], float], report: Callable[[], None]) -> FloatArray | None:
-        """Returns prices that are clearly better, as far as local search can tell; None without.
+        """Returns prices that are clearly better according to local search; None if there are none.
 
         Parameters
         ----------
-        cutoff : bound at which nothing is open
+        cutoff : bound at which the root is closed
         report : called at every iteration
 
         Raises
         ------
         LimitReached
-            At a limit.
+            If a limit is reached.
         """
         least_gain = self._parameters.converged * (self._narrowing.bound - cutoff())
         latest = self._prices
@@ -178,7 +179,7 @@ class PriceBundle:
             self._stop.check()
             arcs, heights = self._arcs(), self._heights(self._prices, latest)
             if {t for t, _, _ in heights} != set(self.joints):
-                return None  # at some step no joint state is known that counts
+                return None  # at some step, no joint state that counts is known
             solved = self._solved_master(arcs, heights)
             latest = solved.prices
             self.flow = {
@@ -206,14 +207,14 @@ class PriceBundle:
         return self._prices if self._best < self._narrowing.bound - least_gain else None
 
     def _solved_master(self, arcs: _Gains, heights: Sequence[_Height]) -> _StepSolution:
-        """Returns the solution of a master problem about the best prices so far.
+        """Returns the solution of a master problem centred at the best prices so far.
 
-        Prices of states that are in no known joint state and on no known arc stay as they are. It
-        ends early at a limit.
+        Prices of states that are in no known joint state and on no known arc do not change. At a
+        limit, the solve ends early.
 
         Parameters
         ----------
-        heights : of known joint states, in the order of their steps
+        heights : heights of known joint states, in the order of their steps
         """
         columns = self._columns(arcs, heights)
         matrix, rhs = _assembled([
@@ -227,7 +228,8 @@ class PriceBundle:
         used, near = list(columns.price_of), columns.prices
         cost, weights = bound.copy(), np.zeros(columns.size)
         cost[near], weights[near] = -self._weight * self._prices[used], self._weight
-        # Clarabel's "faer" takes supernodes from some size on, and then up to three times as long.
+        # Clarabel's "faer" uses supernodes above some size, and then takes up to three times as
+        # long.
         solution = solve_cones(
             cost, matrix, rhs, [clarabel.NonnegativeConeT(len(rhs))], self._stop,
             quadratic=sparse.diags(weights).tocsc(), direct_solve_method="qdldl",
@@ -236,14 +238,14 @@ class PriceBundle:
         found = np.nan_to_num(np.array(solution.x))
         prices = self._prices.copy()
         prices[used] = found[near]
-        floored = self._has_ceiling  # a solver is not accurate
+        floored = self._has_ceiling  # the solver may violate these bounds slightly
         prices[floored] = np.maximum(prices[floored], self.centre[floored])
         constants = {t: float(found[k]) for t, k in columns.constant_of.items()}
         flow = np.nan_to_num(np.array(solution.z))[: len(arcs)]
         return _StepSolution(prices, constants, float(bound @ found), flow)
 
     def _columns(self, arcs: _Gains, heights: Sequence[_Height]) -> _Columns:
-        """Returns the columns that known arcs and joint states need."""
+        """Returns the columns that the known arcs and joint states need."""
         places = dict.fromkeys(place for ends in arcs for place in ends)
         used = {self._priced[place] for place in places if place in self._priced}
         used |= {position for _, positions, _ in heights for position in positions}
@@ -257,7 +259,7 @@ class PriceBundle:
         )
 
     def _bound_of(self, columns: _Columns) -> FloatArray:
-        """Returns the coefficients of the bound: constants, and potentials at the starts."""
+        """Returns the coefficients of the bound: of constants, and of potentials at the starts."""
         bound = np.zeros(columns.size)
         bound[: len(columns.constant_of)] = 1.0
         for place, robots in self._starts.items():
@@ -277,7 +279,9 @@ class PriceBundle:
         return [], unpriced
 
     def _arc_rows(self, arcs: _Gains, columns: _Columns) -> Iterator[_MasterRow]:
-        """Yields a row for each arc: the tail's potential is at least price, gain and head's."""
+        """Yields a row per arc: the tail's potential is at least price, gain and head's potential
+        together.
+        """
         for (tail, head), gain in arcs.items():
             price, constant = self._price_at(tail, columns)
             ends = [(columns.node_of[tail], -1.0), (columns.node_of[head], 1.0)]
@@ -300,15 +304,17 @@ class PriceBundle:
                     yield [(column, -1.0), (node, 1.0)], 0.0
 
     def _height_rows(self, heights: Sequence[_Height], columns: _Columns) -> Iterator[_MasterRow]:
-        """Yields a row for each joint state: its step's constant is at least worth less prices."""
+        """Yields a row per joint state: its step's constant is at least its worth less its
+        prices.
+        """
         for t, positions, worth in heights:
             prices = [(columns.price_of[position], -1.0) for position in positions]
             yield [(columns.constant_of[t], -1.0), *prices], -worth
 
     def _ceiling_rows(self, columns: _Columns) -> Iterator[_MasterRow]:
-        """Yields the rows of steps with a ceiling, which bounds the constant.
+        """Yields the rows of steps with a ceiling, which limits the constant.
 
-        Prices there are at least those of the centre.
+        Prices at these steps are at least those of the centre.
         """
         for position, column in columns.price_of.items():
             if self._has_ceiling[position]:
@@ -317,15 +323,17 @@ class PriceBundle:
             yield [(columns.constant_of[t], 1.0)], ceiling
 
     def correct(self, value: float) -> None:
-        """Takes down the bound that the latest prices prove, if local search told a lower one."""
+        """Records the bound that the latest prices prove, if the estimate by local search was
+        lower.
+        """
         self._best = max(value, self._best)
 
     def _judged(self, solved: _StepSolution) -> tuple[float, dict[int, float], int]:
-        """Returns the bound that prices prove as far as local search can tell, and its findings.
+        """Returns the bound that prices prove according to local search, and its findings.
 
         Returns
         -------
-        bound, constants by step, and the number of joint states and paths that were not known
+        The bound, constants by step, and the number of new joint states and paths
         """
         known = self._known
         new, constants = 0, dict(solved.constants)
@@ -342,9 +350,9 @@ class PriceBundle:
         return bound, constants, new
 
     def others(self, constants: Mapping[int, float]) -> dict[int, float]:
-        """Returns the additional price of states without one, by step, for lower constants.
+        """Returns the price increase of states without a price, by step, for lower constants.
 
-        It is clearly more than enough, so that no rounding makes it too little.
+        The increase is clearly larger than needed, so that rounding cannot make it too small.
         """
         return {
             t: max(ceiling - constants[t], 0.0) + CLEARLY * abs(ceiling)
@@ -355,11 +363,11 @@ class PriceBundle:
     def best_paths(
         self, prices: FloatArray, constants: Mapping[int, float]
     ) -> tuple[float, list[tuple[int, Path]]]:
-        """Returns the worth of the best paths together, and the paths with their classes.
+        """Returns the total worth of the best paths, and the paths with their classes.
 
         Parameters
         ----------
-        constants : of steps, for which states without a price get higher ones
+        constants : constants of steps at which the prices of states without their own price rise
         """
         others = self.others(constants)
         total, paths = 0.0, []
@@ -381,7 +389,7 @@ class PriceBundle:
         return total, paths
 
     def _arcs(self) -> _Gains:
-        """Returns the arcs of the known paths that visit only states that are left."""
+        """Returns the arcs of the known paths that visit only remaining states."""
         found: dict[tuple[_Place, _Place], float] = {}
         for number, path in self._known.paths:
             left, graph = self._narrowing.left[number], self._model.classes[number].graph
@@ -404,7 +412,7 @@ class PriceBundle:
         return found
 
     def remember(self, t: int, positions: Sequence[int]) -> bool:
-        """Remembers a joint state that counts; returns True if it is new."""
+        """Stores a joint state that counts; returns True if it is new."""
         joint, first = self.joints[t], self._spans[t].start
         is_new = self._known.add(joint, positions)
         at = tuple(sorted(first + k for k in positions))
@@ -413,7 +421,7 @@ class PriceBundle:
         return is_new
 
     def _heights(self, *prices: FloatArray) -> list[_Height]:
-        """Returns the joint states that are known and are among the highest for some prices."""
+        """Returns the known joint states that are among the highest for some prices."""
         chosen: list[_Height] = []
         for t, worths in self._worths.items():
             every = list(worths.items())
@@ -429,7 +437,7 @@ class PriceBundle:
         return chosen
 
     def written(self, t: int, prices: FloatArray, constant: float) -> list[StepPrices]:
-        """Returns the prices of a step as they stand in a certificate, class by class."""
+        """Returns the prices of a step in the form of a certificate, class by class."""
         joint = self.joints[t]
         others = self.others({t: constant}).get(t, 0.0)
         parts = []

@@ -1,4 +1,4 @@
-"""Searches for the highest joint state of a step, and how many nodes they may take."""
+"""Searches for the highest joint state of a step, with limits on their nodes."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from cocap_opt.stop import Stop
 
 @dataclass
 class StepSearches:
-    """The searches so far.
+    """The searches made so far.
 
     Attributes
     ----------
     known : the joint states that are known
-    stop : limit of all searches
-    parameters : how many nodes a search may take
-    nodes : of all searches so far
+    stop : stopping criterion of all searches
+    parameters : limits on the nodes of a search
+    nodes : total nodes of all searches so far
     """
 
     known: Known
@@ -33,13 +33,13 @@ class StepSearches:
     nodes: int = 0
 
     def highest(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
-        """Returns the joint state of most profit; None if that takes too many nodes.
+        """Returns the joint state of largest profit; None if the search takes too many nodes.
 
-        From then on it is known, so that the next prices take it into account.
+        The joint state is then known, so that the next prices take it into account.
 
         Parameters
         ----------
-        least : profit that some joint state is known to have
+        least : profit of a known joint state
         """
         found, nodes = None, most_nodes
         with suppress(NotEndedError):
@@ -51,10 +51,10 @@ class StepSearches:
         return found
 
     def few_nodes(self, states: int) -> int:
-        """Returns the nodes of a search among so many states that is worth a try."""
+        """Returns a number of nodes that a search among this many states is worth."""
         work = self.parameters.few_work if is_there() else self.parameters.few_plain_work
         return min(self.parameters.few_nodes, work // max(states, 1))
 
     def many_nodes(self) -> int:
-        """Returns the nodes of a search that should end."""
+        """Returns the number of nodes within which a search is expected to end."""
         return self.parameters.many_nodes if is_there() else self.parameters.many_plain_nodes

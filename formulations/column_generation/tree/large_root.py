@@ -1,10 +1,10 @@
-"""The root of scenes with very many robots: bound and plan in turn, without masters.
+"""The root of scenes with very many robots: improves bound and plan in turn, without masters.
 
-Where a master takes many seconds, three kinds of work take turns: mixtures are raised and priced
-under rules and cuts (`_RuledAscent`), the plan is changed over the arcs of all columns that were
-found (`arc_search`), and its robots answer one another over all arcs there are (`local_search`).
-Each turn goes to the kind that has gained most when it was last at work; those that wait gain
-prospects, since the others' work may bring them some.
+If a master would take many seconds, three kinds of work alternate: a mixture is improved and priced
+under rules and cuts (`_RuledAscent`), the plan is improved over the arcs of all known columns
+(`arc_search`), and its robots respond to each other over all arcs (`local_search`). Each turn goes
+to the kind with the largest expected gain: the gain of its last turn, which grows while it waits,
+since the work of the others may help it.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -38,13 +38,13 @@ from cocap_opt.model import Model, Path
 
 
 class _RuledAscent:
-    """A mixture that is raised under rules and cuts.
+    """A mixture that is improved under rules and cuts.
 
     Attributes
     ----------
-    best : the best bound so far with its multipliers
-    value : of the mixture, without regard for conflicts
-    columns : all that pricing has found
+    best : the best bound so far, with its multipliers
+    value : value of the mixture, ignoring conflicts
+    columns : all columns that pricing has found
     rows : conflict rows so far
     cuts : envelope cuts so far
     """
@@ -56,8 +56,9 @@ class _RuledAscent:
         self.rows: dict[Resource, int] = {}
         self.cuts: list[Cut] = []
         self._charges = np.zeros(0)  # [rows] multipliers
-        self._shares = np.zeros(0)  # [cuts] of their roots
-        self._in_vain: dict[int, float] = {}  # what could be cut off, by view sum without a cut
+        self._shares = np.zeros(0)  # [cuts] their shares of the roots
+        # by view sum: the possible reduction at the last search that found no cut
+        self._in_vain: dict[int, float] = {}
         horizon, robots = search.model.problem.horizon, len(search.model.problem.robots)
         self._steepness = self._parameters.steepness * best.bound / (horizon * robots)
         self._add_columns()
@@ -67,7 +68,7 @@ class _RuledAscent:
         return self._search.parameters.ruled_ascent
 
     def step(self) -> None:
-        """Adds rows, raises the mixture, and prices its multipliers; raises LimitReached."""
+        """Adds rows, improves the mixture, and prices its multipliers; raises LimitReached."""
         self._add_rows()
         search, mixture = self._search, self.mixture.joined(self._priced.columns)
         base = MixtureProgram(search.model, mixture.columns)
@@ -91,12 +92,12 @@ class _RuledAscent:
         self._add_columns()
 
     def _add_columns(self) -> None:
-        """Remembers the columns that pricing has found."""
+        """Stores the columns that pricing has found."""
         self.columns.update((column.key, column) for column in self._priced.columns)
         self._search.columns = max(self._search.columns, len(self.columns))
 
     def _add_rows(self) -> None:
-        """Adds the conflict rows that the mixture breaks."""
+        """Adds the conflict rows that the mixture violates."""
         for resource in violated_rows(self.mixture, self._search.model, self._parameters.broken):
             self.rows.setdefault(resource, len(self.rows))
         new = len(self.rows) - len(self._charges)
@@ -105,9 +106,9 @@ class _RuledAscent:
     # -- cuts ----------------------------------------------------------------------------
 
     def add_cuts(self) -> int:
-        """Adds the envelope cuts that the mixture breaks most, and returns how many.
+        """Adds the envelope cuts that the mixture violates most, and returns how many.
 
-        Those without a share are dropped.
+        Cuts without a share are dropped.
 
         Raises
         ------
@@ -148,9 +149,10 @@ class _RuledAscent:
         return len(added)
 
     def _seen_by_equals(self) -> Iterator[tuple[int, Seen]]:
-        """Yields the view sums that robots of a single class see; those of several are not alike.
+        """Yields the view sums that only robots of one class see; robots of several classes are not
+        alike.
 
-        It raises LimitReached between two of them.
+        Raises LimitReached between two view sums.
         """
         for view_sum, seen in roots_seen(self.mixture, self._search.model.problem.returns.n_roots):
             self._search.stop.check()
@@ -159,7 +161,7 @@ class _RuledAscent:
 
 
 def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:
-    """Returns a 1 for each resource that a column uses [n, rows]."""
+    """Returns a matrix [n, rows] with 1 if a column uses the resource of a row."""
     horizon = model.problem.horizon
     using = users_of(model, [arc for column in columns for arc in column.arcs], [*rows])
     at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
@@ -172,45 +174,45 @@ class LargeRoot:
 
     Parameters
     ----------
-    mixture, best : of a first ascent
+    mixture, best : mixture and best bound of a first ascent
 
     Attributes
     ----------
-    found : columns of plans, beside those of the ascent
+    found : columns of plans, in addition to those of the ascent
     """
 
     def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
         self.search, self.ascent = search, _RuledAscent(search, mixture, best)
         self.found: dict[tuple[int, Path], Column] = {}
-        self._turns = 0  # of the ascent, after which cuts are looked for
+        self._turns = 0  # turns of the ascent since the last search for cuts
 
     @property
     def _parameters(self) -> LargeRootParameters:
         return self.search.parameters.large_root
 
     def begin(self) -> None:
-        """Raises the mixture until it nearly obeys the rules.
+        """Improves the mixture until it nearly obeys the rules.
 
         Raises
         ------
         LimitReached
-            At a limit; the plan that the mixture gives so far is offered.
+            If a limit is reached; the plan that the current mixture gives is offered.
         """
         with self.search.rounding_at_a_limit(lambda: self.ascent.mixture):
             self._steps(self._parameters.first_steps)
-            # Rows that come in at first cost more than they should: no bound is the best for a
-            # while.
+            # Rows that are added at first are priced too high: for a while, no bound improves on
+            # the best.
             for _ in range(self._parameters.first_steps, self._parameters.most_first_steps):
                 if self._is_near():
                     break
                 self._steps(1)
 
     def solve(self, cutoff: Callable[[], float]) -> None:
-        """Raises the plan and lowers the bound until neither gains; raises LimitReached.
+        """Improves the plan and lowers the bound until neither gains; raises LimitReached.
 
         Parameters
         ----------
-        cutoff : bound at which nothing is open; it rises with the plan
+        cutoff : bound at which the root is closed; it rises with the plan
         """
         kinds = (self._ascend, self._rearrange, self._respond)
         last, hopes = [np.inf] * len(kinds), [np.inf] * len(kinds)
@@ -227,14 +229,14 @@ class LargeRoot:
         self.search.report(self.search.snapshot(self.ascent.best.bound))
 
     def _ascend(self) -> None:
-        """Raises the mixture, with new cuts if it is near the bound."""
+        """Improves the mixture, with new cuts if it is close to the bound."""
         if self._is_near() and self._turns % self._parameters.turns_per_cuts == 0:
             self.ascent.add_cuts()
         self._turns += self._is_near()
         self._steps(self._parameters.steps)
 
     def _is_near(self) -> bool:
-        """Returns True if bound and mixture are near enough for cuts."""
+        """Returns True if bound and mixture are close enough for cuts."""
         bound = self.ascent.best.bound
         return bound - self.ascent.value <= self._parameters.nearly * bound
 
@@ -245,7 +247,7 @@ class LargeRoot:
             self._tell()
 
     def _rearrange(self) -> None:
-        """Changes the plan over the arcs that are known."""
+        """Improves the plan over the known arcs."""
         plan = self.search.incumbent
         if plan is None:
             return
@@ -260,7 +262,7 @@ class LargeRoot:
             self._take(arcs.plan())
 
     def _respond(self) -> None:
-        """Lets each robot answer the others over all arcs."""
+        """Lets each robot respond to the others over all arcs."""
         search = self.search
         if search.incumbent is not None:
             robots = len(search.model.problem.robots)
@@ -268,7 +270,7 @@ class LargeRoot:
             self._take(search.local_search.with_best_responses(search.incumbent.columns))
 
     def _take(self, plan: Incumbent | None) -> None:
-        """Offers a plan, whose columns others may use."""
+        """Offers a plan, whose columns other robots may use."""
         self.search.offer(plan)
         if plan is not None:
             self.found.update((column.key, column) for column in plan.columns)

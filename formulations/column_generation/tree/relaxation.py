@@ -1,13 +1,13 @@
-"""The relaxation of a node of the search, solved over the paths that matter.
+"""Solves the relaxation of a node of the search over a growing set of paths.
 
-Restricted master (`master`) and pricing (`pricing`) take turns. Every iteration's multipliers
-are a certificate; conflict rows and envelope cuts are added when a mixture breaks them; every
+The restricted master (`master`) and pricing (`pricing`) alternate. Every iteration's multipliers
+form a certificate; conflict rows and envelope cuts are added when a mixture violates them; every
 mixture is a source of plans (`local_search`).
 
-Diving makes a plan by deciding, round after round, what a mixture has nearly decided. The states
-that are used most, though by no integral number of robots, must be used by one more robot; the
-master is solved and priced again under these decisions, until the mixture is integral or nothing
-more is to be decided. It is then rounded and improved.
+Diving makes a plan by fixing, round after round, what a mixture has nearly decided. The states with
+the largest fractional use must be used by one more robot; the master is solved and priced again
+under these decisions, until the mixture is integral or nothing remains to be decided. The result is
+rounded and improved.
 """
 
 import math
@@ -35,7 +35,7 @@ from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.stop import LimitReached
 
-_LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with more are kept
+_LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with larger shares are kept
 
 
 @dataclass
@@ -44,11 +44,11 @@ class Relaxation:
 
     Attributes
     ----------
-    best : the best bound so far with its multipliers
+    best : the best bound so far, with its multipliers
     solution : the last mixture
-    is_stuck : the solver's accuracy ended the last call of `solve`
-    cuts_end : no more cuts are worth looking for
-    has_searched : plans have been looked for where prices point
+    is_stuck : True if the last call of `solve` ended because of the solver's accuracy
+    cuts_end : True if searching for more cuts is not worthwhile
+    has_searched : True if plans have been searched for where the prices suggest
     """
 
     search: Search
@@ -60,7 +60,7 @@ class Relaxation:
     iterations: int = 0
     cut_rounds: int = 0
     cuts_end: bool = False
-    raises: int = 0  # of the penalty
+    raises: int = 0  # how often the penalty has been raised
     has_searched: bool = False
 
     def solve(
@@ -73,22 +73,22 @@ class Relaxation:
         until_cuts: bool = False,
         try_to_prove: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Solves and prices in turn until the bound is at most the cutoff, or has converged.
+        """Alternates solving and pricing until the bound is at most the cutoff, or has converged.
 
         Parameters
         ----------
-        cutoff : bound at or below which the node is pruned; it may rise meanwhile
-        rough : share of the gap to the cutoff that convergence may leave
-        others, nodes : largest bound of the other nodes and how many have been solved, for
-            the report
-        rounds : most rounds of cuts; None: as the parameters say
-        until_cuts : return where cuts would be looked for
-        try_to_prove : called before each round of cuts but the first; True ends it
+        cutoff : bound at or below which the node is pruned; it may rise during the call
+        rough : share of the gap to the cutoff at which convergence is sufficient
+        others, nodes : largest bound of the other nodes and number of solved nodes, for the report
+        rounds : largest number of rounds of cuts; None: as set in the parameters
+        until_cuts : True: return before searching for cuts
+        try_to_prove : called before each round of cuts except the first; if it returns True, the
+            call ends
 
         Raises
         ------
         LimitReached
-            At a limit; `best` is then the best bound so far.
+            If a limit is reached; `best` is then the best bound so far.
         """
         search, before = self.search, np.inf
         most_rounds = self._parameters.most_cut_rounds if rounds is None else rounds
@@ -108,7 +108,8 @@ class Relaxation:
                 self.is_stuck = True
                 return
             if solution.slack > self._parameters.broken * 10:
-                # Rows are still paid for: either there is no plan or the penalty is too low.
+                # Rows are still violated at the penalty: either no plan exists or the penalty is
+                # too low.
                 if self.raises == self._parameters.most_penalty_raises:
                     self.is_stuck = True
                     return
@@ -131,12 +132,14 @@ class Relaxation:
         return self.search.parameters.relaxation
 
     def certificate(self, method: str) -> CertificateFile:
-        """Returns the certificate of the best bound so far, without decisions, and whose it is."""
+        """Returns the certificate of the best bound so far, without decisions, for the given
+        method.
+        """
         model = self.search.model
         return certify(model.problem, model, method, self.best.duals.certificate(model))
 
     def _iterate(self, wanted: float) -> tuple[Solution, list[Column], bool]:
-        """Solves the master, prices its multipliers and some between them and the best so far.
+        """Solves the master, and prices its multipliers and some between them and the best so far.
 
         Returns
         -------
@@ -150,7 +153,7 @@ class Relaxation:
         )
         solution = self.solution = self.master.solve(search.stop, accuracy)
         priced = search.pricer(solution.duals, self.decisions)
-        # Some way to the best multipliers so far (Wentges 1997): they oscillate less.
+        # Part of the way to the best multipliers so far (Wentges 1997), which oscillate less.
         between = [
             search.pricer(solution.duals.blended(best.duals, share), self.decisions)
             for share in self._parameters.smoothing
@@ -160,9 +163,10 @@ class Relaxation:
         return solution, columns, priced.bound < best.bound
 
     def _improve_plans(self) -> None:
-        """Looks for plans in the mixture after cut rounds 1, 2, 4, ..; between them, perturbs.
+        """Searches for plans in the mixture after cut rounds 1, 2, 4, ..; in other rounds, perturbs
+        the incumbent.
 
-        Not once prices have led to plans: on 18 scenes that found none better.
+        Skipped once prices have led to plans: on 18 scenes it then found no better plan.
         """
         search, rounds = self.search, self.cut_rounds
         if self.has_searched:
@@ -177,12 +181,13 @@ class Relaxation:
             search.perturb()
 
     def look_for_plans(self) -> None:
-        """Offers what local search makes of the last mixture, and recombination of all plans.
+        """Offers the plans that local search makes from the last mixture, and recombinations of all
+        plans.
 
         Raises
         ------
         LimitReached
-            At a limit, in recombination.
+            If a limit is reached during recombination.
         """
         if self.solution is None:
             return
@@ -190,16 +195,16 @@ class Relaxation:
         self._recombine()
 
     def search_for_plans(self, *, is_quick: bool = False) -> None:
-        """Offers the plans to which prices point, and recombination; raises LimitReached.
+        """Offers the plans that the prices suggest, and recombinations; raises LimitReached.
 
         Parameters
         ----------
-        is_quick : end after few plans in vain, without recombination
+        is_quick : True: stop after a few plans without improvement, and skip recombination
         """
         if self.solution is None:
             return
         if self.search.incumbent is None:
-            self.look_for_plans()  # a first one, to search from
+            self.look_for_plans()  # finds a first plan, from which to search
         most_in_vain = self._parameters.few_in_vain if is_quick else None
         self.search.search_for_plans(self.solution.mixture, self.best.duals, most_in_vain)
         self.has_searched = True
@@ -214,29 +219,29 @@ class Relaxation:
             self.search.recombine(narrowing)
 
     def _enlarge_master(self, solution: Solution, columns: list[Column], wanted: float) -> int:
-        """Adds broken conflict rows and, unless converged, columns; returns how many are new."""
+        """Adds violated conflict rows and, unless converged, columns; returns how many are new."""
         converged = self.best.bound - solution.value <= wanted
         broken = violated_rows(solution.mixture, self.search.model, self._parameters.broken)
         rows = sum(self.master.add_row(resource) for resource in broken)
         return rows if converged and not rows else self._add_columns(columns) + rows
 
     def _add_columns(self, columns: Sequence[Column]) -> int:
-        """Adds columns, and returns how many are new; those long idle are dropped."""
-        # The longer it takes, the longer arcs are kept: else the same ones come and go.
+        """Adds columns and returns how many are new; drops columns that have long been unused."""
+        # The longer the solve takes, the longer arcs are kept: otherwise the same arcs come and go.
         self.master.drop_idle(self._parameters.most_idle + self.iterations // 8)
         added = sum(self.master.add(column) for column in columns)
         self.search.columns += added
         return added
 
     def _is_tailing(self, gain: float, open_: float) -> bool:
-        """Returns True if the last round of cuts gained too little for another one."""
+        """Returns True if the last round of cuts gained too little to justify another."""
         bound = abs(self.best.bound)
         return gain < max(
             self._parameters.tail * bound, self._parameters.tail_open * min(open_, bound)
         )
 
     def _add_cuts(self, solution: Solution) -> bool:
-        """Adds the envelope cuts that the mixture breaks most; returns False if there are none.
+        """Adds the envelope cuts that the mixture violates most; returns False if there are none.
 
         Raises
         ------
@@ -268,7 +273,9 @@ class Relaxation:
     # -- diving --------------------------------------------------------------------------
 
     def dive(self) -> Incumbent | None:
-        """Returns a plan that the last mixture leads to; None if it has conflicts or is stopped."""
+        """Returns a plan to which the last mixture leads; None if it has conflicts or is
+        stopped.
+        """
         search, master, solution = self.search, self.master, self.solution
         if solution is None:
             return None
@@ -283,12 +290,12 @@ class Relaxation:
         return search.local_search.from_mixture(solution.mixture, search.incumbent)
 
     def _dived(self, master: Master, solution: Solution) -> tuple[Master, Solution]:
-        """Returns the master and its solution after as many decisions as there are to make.
+        """Returns the master and its solution after as many decisions as can be made.
 
         Raises
         ------
         LimitReached
-            If the stopping criterion is reached before.
+            If the stopping criterion is reached first.
         """
         search, decisions, taken = self.search, master.decisions, set[Resource]()
         for _ in range(search.parameters.tree.most_dive_rounds):
@@ -312,9 +319,10 @@ class Relaxation:
         return master, solution
 
     def _nearly_decided(self, mixture: Mixture, taken: set[Resource]) -> dict[Resource, int]:
-        """Returns states that one more robot is to use, and how many robots use each then.
+        """Returns states that one more robot must use, with the number of robots that use each now.
 
-        One robot's states of neighbouring steps decide one another: every few are taken.
+        A robot's states at neighbouring steps determine each other, so only one in every few steps
+        is decided.
         """
         model, parameters = self.search.model, self.search.parameters.tree
         tolerance = parameters.dive_tolerance

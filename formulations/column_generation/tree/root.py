@@ -18,16 +18,16 @@ from cocap_opt.mixtures.mixture_ascent import is_slow, mixture_ascent
 
 @dataclass
 class Root:
-    """The root of a search: its relaxation, aggregated or disaggregated, solved or not.
+    """The root of a search: its relaxation, aggregated or disaggregated.
 
     Attributes
     ----------
-    relaxation : the relaxation of which the bound is taken; `solve` may replace it
-    gap : relative gap at which nothing is open, as in `Search.cutoff`
-    rough : share of the remaining gap that convergence may leave, as in `Relaxation.solve`
-    at_once : try the paths of better plans as soon as there is a plan: the soonest proof, of
-        multipliers that explain less
-    tried : what was open when the paths of all better plans were last tried
+    relaxation : the relaxation that gives the bound; `solve` may replace it
+    gap : relative gap at which the root counts as closed, as in `Search.cutoff`
+    rough : share of the remaining gap at which convergence is sufficient, as in `Relaxation.solve`
+    at_once : True: try the paths of better plans as soon as there is a plan, which gives the
+        earliest proof, but multipliers that explain less
+    tried : the gap at which the paths of all better plans were last tried
     """
 
     relaxation: Relaxation
@@ -39,7 +39,7 @@ class Root:
     @classmethod
     def of(cls, search: Search, gap: float, rough: float = 0.0, *, at_once: bool = False) -> "Root":
         """Returns the relaxation without decisions, not yet solved."""
-        # Twice what all robots can see is more than a broken rule can mostly bring.
+        # Twice the J that all robots can see is usually more than a violated rule can gain.
         master = Master(search.model, penalty=2 * search.scale)
         return cls(Relaxation(search, master, search.alone), gap, rough, at_once)
 
@@ -53,15 +53,15 @@ class Root:
         return self.search.parameters.root
 
     def cutoff(self) -> float:
-        """Returns the bound at which nothing is open."""
+        """Returns the bound at which the root is closed."""
         return self.search.cutoff(self.gap)
 
     def solve_aggregated(self, by_cuts_only: bool = False) -> None:
-        """Solves the relaxation with the robot classes as they are; raises LimitReached.
+        """Solves the relaxation with the given robot classes; raises LimitReached.
 
         Parameters
         ----------
-        by_cuts_only : do not try paths or step envelopes before there are cuts
+        by_cuts_only : True: do not try paths or step envelopes before adding cuts
         """
         if self.relaxation.best.bound == -np.inf:
             return
@@ -77,22 +77,24 @@ class Root:
             self.relaxation.solve(self.cutoff, self.rough, try_to_prove=self._try_paths)
 
     def _close_before_cuts(self) -> bool:
-        """Solves the relaxation without cuts and looks for plans; returns True if all is proved."""
+        """Solves the relaxation without cuts and searches for plans; returns True if the root is
+        closed.
+        """
         self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
         self._try_step_envelopes(self._parameters.few_joint_states)
-        # The best plan of a small scene is found soon; the rest of a search would be in vain.
+        # In a small scene the best plan is found quickly; further search would be in vain.
         self._search_for_plans(is_quick=True)
         if not self._try_paths():
             self._search_for_plans()
         return self._try_paths()
 
     def _ascend(self, enough: float) -> Mixture:
-        """Raises a mixture until it is within `enough` of the best bound.
+        """Improves a mixture until it is within `enough` of the best bound.
 
         Raises
         ------
         LimitReached
-            At a limit; the plan that the mixture gives so far is offered.
+            If a limit is reached; the plan that the current mixture gives is offered.
         """
         search, relaxation = self.search, self.relaxation
         steps = mixture_ascent(
@@ -116,7 +118,7 @@ class Root:
         return mixture
 
     def _begin(self, mixture: Mixture) -> None:
-        """Puts a mixture's columns and the best plan found from it into the master."""
+        """Adds a mixture's columns, and the best plan found from it, to the master."""
         search, master = self.search, self.relaxation.master
         search.columns += sum(
             master.add(column) for column, _ in mixture.used(self._parameters.least_amount)
@@ -127,7 +129,7 @@ class Root:
             master.add(column)
 
     def _solve_large(self) -> None:
-        """Lowers the bound and looks for plans without masters; raises LimitReached."""
+        """Lowers the bound and searches for plans without masters; raises LimitReached."""
         relaxation = self.relaxation
         mixture = self._ascend(self._parameters.enough_large)
         large = LargeRoot(self.search, mixture, relaxation.best)
@@ -143,15 +145,15 @@ class Root:
         relaxation.master.add_all(columns, large.ascent.rows, large.ascent.cuts)
 
     def solve(self) -> None:
-        """Solves the relaxation; with every robot a class of its own where that is tighter.
+        """Solves the relaxation; if it is tighter, with every robot as a class of its own.
 
-        Disaggregated robots need more columns and larger masters. Whether that helps is tried
-        with one round of cuts: where robots start side by side they are as good as exchangeable.
+        Disaggregated robots need more columns and larger masters. One round of cuts shows whether
+        that helps: robots that start side by side are almost interchangeable.
 
         Raises
         ------
         LimitReached
-            At a limit; `relaxation` is then the one that was being solved.
+            If a limit is reached; `relaxation` is then the one that was being solved.
         """
         self.solve_aggregated()
         if self.relaxation.is_stuck or self._is_closed() or self._try_paths():
@@ -177,26 +179,27 @@ class Root:
         self.relaxation = aggregated
 
     def _search_for_plans(self, *, is_quick: bool = False) -> None:
-        """Looks for plans where the prices so far point, unless nothing is open."""
+        """Searches for plans where the current prices suggest, unless the root is closed."""
         if not self.relaxation.is_stuck and not self._is_closed():
             self.relaxation.search_for_plans(is_quick=is_quick)
 
     def _try_step_envelopes(self, most_joint: float = np.inf) -> None:
-        """Looks for a lower bound by step envelopes, unless too many joint states are left."""
+        """Tries to lower the bound by step envelopes, unless too many joint states remain."""
         if not self.relaxation.is_stuck and not self._is_closed():
             columns = self.relaxation.master.used_columns(
                 self.search.parameters.relaxation.most_idle
             )
-            self.tried = self.relaxation.best.bound - self.search.value  # they begin with paths
+            # step envelopes begin by trying paths
+            self.tried = self.relaxation.best.bound - self.search.value
             duals = self.relaxation.best.duals
             step_envelopes(self.search, duals, self.cutoff, columns, most_joint)
 
     def _try_paths_of_first_plan(self) -> bool:
-        """Tries the paths of plans better than the first; returns True if no plan is.
+        """Tries the paths of plans better than the first plan; returns True if none exists.
 
-        On the corridor the first is the best. The relaxations of smaller scenes take less time,
-        and what multipliers prove alone is the easiest to check. Where much is open, multipliers
-        would explain little of a gap.
+        In scene `corridor` the first plan is the best. The relaxations of smaller scenes take less
+        time, and bounds of multipliers alone are the easiest to check. If the gap is large,
+        multipliers would explain little of it.
         """
         states = sum(group.graph.n_states for group in self.search.model.classes)
         bound = self.relaxation.best.bound
@@ -204,10 +207,10 @@ class Root:
         return is_near and states >= self._parameters.many_states and self._try_paths()
 
     def _try_paths(self) -> bool:
-        """Tries the paths of all better plans, if less is open than when they were last tried.
+        """Tries the paths of all better plans, if the gap has shrunk enough since the last trial.
 
-        Of too many that takes a tenth of a second, and has no result. Returns True if it is proved
-        that no plan is better.
+        If there are too many paths, this takes a tenth of a second and fails. Returns True if it
+        proves that no plan is better.
         """
         open_ = self.relaxation.best.bound - self.search.value
         if not self._is_closed() and open_ <= self._parameters.less_open * self.tried:
@@ -216,12 +219,12 @@ class Root:
         return self.search.is_proved(self.cutoff())
 
     def _is_closed(self) -> bool:
-        """Returns True if nothing is open."""
+        """Returns True if the root is closed."""
         cutoff = self.cutoff()
         return self.relaxation.best.bound <= cutoff or self.search.is_proved(cutoff)
 
     def _can_disaggregate(self) -> bool:
-        """Returns True if the root is still open, and its robots can be disaggregated."""
+        """Returns True if the root is open and its robots can be disaggregated."""
         model = self.search.model
         states = sum(len(group.robots) * group.graph.n_states for group in model.classes)
         return (
@@ -245,7 +248,9 @@ class Root:
 
 
 def _disaggregated(relaxation: Relaxation) -> Relaxation:
-    """Returns the same relaxation with every robot a class of its own: its envelopes are lower."""
+    """Returns the same relaxation with every robot as a class of its own, for which envelopes are
+    lower.
+    """
     old, solution = relaxation.master, relaxation.solution
     search, duals = relaxation.search.disaggregated(), relaxation.best.duals
     cuts = {

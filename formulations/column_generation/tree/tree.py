@@ -1,4 +1,4 @@
-"""The tree of branch-and-price: its nodes, the queue of those that are open, and the proof."""
+"""The tree of branch-and-price: its nodes, the queue of open nodes, and the proof."""
 
 import heapq
 from collections.abc import Mapping
@@ -20,20 +20,20 @@ from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.mixtures.columns import Column
 from cocap_opt.problem import COVERAGE_VERSION
 
-# Penalty, columns, rows and cuts that a node takes over from its parent's relaxation.
+# Penalty, columns, rows and cuts that a node inherits from its parent's relaxation.
 _Inheritance = tuple[float, list[Column], tuple[Resource, ...], tuple[Cut, ...]]
 
 
 @dataclass
 class _Node:
-    """A node of the tree, solved or not yet.
+    """A node of the tree, solved or unsolved.
 
     Attributes
     ----------
-    best : its best bound so far; at first the parent's, which holds for it as well
-    inherited : the beginning of its relaxation; None once that is made
-    is_solved : True if its relaxation has been looked at
-    branch : the resource that it was branched on, and its children; None for a leaf
+    best : its best bound so far; initially the parent's, which is valid for the node, too
+    inherited : initial content of its relaxation; None once the relaxation exists
+    is_solved : True if its relaxation has been solved
+    branch : the resource on which the node was branched, and its children; None for a leaf
     """
 
     decisions: tuple[Decision, ...]
@@ -44,18 +44,18 @@ class _Node:
 
 
 class Tree:
-    """The search tree; nodes are numbered as they are made, the root is 0.
+    """The search tree; nodes are numbered in the order of creation, and the root is 0.
 
     Attributes
     ----------
     search : the state that the nodes share
-    has_stuck_leaf : a solver's accuracy left a leaf open
+    has_stuck_leaf : True if a leaf remained open because of a solver's accuracy
     """
 
     def __init__(self, search: Search, gap: float) -> None:
         self.search = search
         self.has_stuck_leaf = False
-        self._gap = gap / 2  # half of the gap is left to rounding
+        self._gap = gap / 2  # half of the gap is reserved for rounding
         self._solved = 0
         self._iterations = 0
         self._root: Relaxation | None = None
@@ -63,7 +63,7 @@ class Tree:
         self._queue: list[tuple[float, int]] = []  # (-bound, number) of open nodes
 
     def is_pruned(self, node: _Node) -> bool:
-        """Returns True if the node holds no plan that is better by more than the gap."""
+        """Returns True if the node contains no plan that is better by more than the gap."""
         cutoff = self._cutoff()
         return node.best.bound <= cutoff or self.search.is_proved(cutoff)
 
@@ -71,7 +71,7 @@ class Tree:
         return self.search.cutoff(self._gap)
 
     def solve_root(self) -> None:
-        """Solves the root and opens it, at a limit with the bound so far; raises LimitReached."""
+        """Solves the root and adds it as an open node, even at a limit; raises LimitReached."""
         rough = self.search.parameters.tree.rough_root
         root = Root.of(self.search, self._gap, rough, at_once=True)
         try:
@@ -87,14 +87,16 @@ class Tree:
         self._nodes.append(node)
 
     def select(self) -> _Node | None:
-        """Takes the open node of the largest bound; None where all of them are pruned."""
+        """Returns the open node with the largest bound; None if all nodes are pruned."""
         if not self._queue:
             return None
         node = self._nodes[heapq.heappop(self._queue)[1]]
         return None if self.is_pruned(node) else node
 
     def solve(self, node: _Node) -> Relaxation:
-        """Solves the relaxation of a node (the root's is solved already); raises LimitReached."""
+        """Solves the relaxation of a node, unless it is the root, which is solved already; raises
+        LimitReached.
+        """
         if node.inherited is None:
             assert self._root is not None
             relaxation, self._root = self._root, None
@@ -108,7 +110,7 @@ class Tree:
         return relaxation
 
     def _converge(self, node: _Node, relaxation: Relaxation, rough: float) -> None:
-        """Solves a node's relaxation; its best bound is the node's also at a limit."""
+        """Solves a node's relaxation; the node takes over its best bound, even at a limit."""
         others = -self._queue[0][0] if self._queue else -np.inf
         try:
             relaxation.solve(self._cutoff, rough, others, self._solved)
@@ -119,7 +121,7 @@ class Tree:
         self, node: _Node, penalty: float, columns: list[Column],
         rows: tuple[Resource, ...], cuts: tuple[Cut, ...],
     ) -> Relaxation:  # fmt: skip
-        """Returns the relaxation of a node, with what it inherits."""
+        """Returns the relaxation of a node, with its inherited content."""
         master = Master(self.search.model, penalty, node.decisions)
         master.add_all(columns, rows, cuts)
         # Every robot needs a column: its best path under the decisions.
@@ -129,7 +131,7 @@ class Tree:
         return Relaxation(self.search, master, priced, node.decisions)
 
     def look_for_plans(self, relaxation: Relaxation) -> None:
-        """Offers plans built from a node's mixture; by diving at nodes 1, 2, 4, 8, .."""
+        """Offers plans made from a node's mixture; dives at nodes 1, 2, 4, 8, .."""
         if relaxation.solution is None:
             return
         mixture, search = relaxation.solution.mixture, self.search
@@ -139,17 +141,17 @@ class Tree:
             search.offer(relaxation.dive())
 
     def branch(self, node: _Node, relaxation: Relaxation) -> None:
-        """Makes the two children of a node, where a resource is used fractionally."""
+        """Creates the two children of a node if a resource is used fractionally."""
         if not self._branch(node, relaxation, INTEGRAL):
-            # Nothing is clearly fractional: the rest is a matter of accuracy.
+            # Nothing is clearly fractional: the remaining gap is due to accuracy.
             self._converge(node, relaxation, 0.0)
             if not self.is_pruned(node) and not self._branch(
                 node, relaxation, self.search.parameters.tree.nearly_integral
             ):
-                self.has_stuck_leaf = True  # the node stays a leaf with the bound it has
+                self.has_stuck_leaf = True  # the node remains a leaf with its bound
 
     def _branch(self, node: _Node, relaxation: Relaxation, tolerance: float) -> bool:
-        """Makes the two children of a node; returns False if there is nothing to branch on."""
+        """Creates the two children of a node; returns False if there is nothing to branch on."""
         solution, master = relaxation.solution, relaxation.master
         if solution is None:
             return False
@@ -160,7 +162,7 @@ class Tree:
         resource, robots = choice[0], int(np.floor(choice[1]))
         columns = [*solution.mixture.columns, *master.used_columns(2)]
         inherited = master.penalty, columns, tuple(master.rows), tuple(master.cuts)
-        # The parent's multipliers hold for the children, whose new decision costs nothing.
+        # The parent's multipliers are valid for the children, whose new decision has price 0.
         duals = node.best.duals
         duals = replace(duals, decisions=np.append(duals.decisions, 0.0))
         best, first = node.best._replace(duals=duals), len(self._nodes)
@@ -172,12 +174,12 @@ class Tree:
         return True
 
     def report(self) -> None:
-        """Reports the state of the search with the largest bound of the leaves."""
+        """Reports the state of the search, with the largest bound of the leaves."""
         bound = max(node.best.bound for node in self._nodes if node.branch is None)
         self.search.report(self.search.snapshot(bound, self._solved))
 
     def statistics(self, proof: ProofFile) -> Mapping[str, float]:
-        """Returns the numbers of nodes solved and of leaves, and the work that they took."""
+        """Returns the number of solved nodes, of leaves, and the work that they took."""
         return {
             "nodes": self._solved,
             "leaves": sum(isinstance(node, Leaf) for node in proof.nodes),
@@ -186,7 +188,7 @@ class Tree:
         }
 
     def proof(self, method: str) -> ProofFile:
-        """Returns the tree as a file, with the bound that it proves."""
+        """Returns the tree as a proof file, with the bound that it proves."""
         model = self.search.model
         unpriced = ProofFile(
             scene=model.problem.name,
@@ -201,12 +203,13 @@ class Tree:
         return msgspec.structs.replace(unpriced, bound=None if bound == -np.inf else bound)
 
     def _written(self) -> list[Branch | Leaf]:
-        """Returns the nodes as they stand in a proof, every parent before its children.
+        """Returns the nodes as they are written in a proof, each parent before its children.
 
-        A branch with nothing solved below it proves no more than it did as a leaf.
+        A branch without solved descendants proves no more than it did as a leaf, so it is written
+        as a leaf.
         """
         written: list[Branch | Leaf] = []
-        todo = [(0, -1, "")]  # node, its parent's number in the file, its side there
+        todo = [(0, -1, "")]  # node, its parent's number in the file, its side of the branch
         while todo:
             number, parent, side = todo.pop()
             node, place = self._nodes[number], len(written)
