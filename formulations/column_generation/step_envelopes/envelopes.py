@@ -14,7 +14,8 @@ Where many states are left, each round has a short list of states for each step:
 slack. Their prices are no lower than before, and those of all other states so much higher that
 none of these is in a joint state above the new constant (`staged.narrowing`); so the search is over
 the list alone. The next round's lists are those of the new prices, shorter where searches took
-long. Once such rounds close little, all states get prices of their own, if there are not too many.
+long. Once the prices of such lists promise or close little, all states get prices of their own, if
+there are not too many.
 Local search then looks for better plans in the mixture of paths behind the prices, and plans are
 recombined. Once one is better, it is the target, and all stages are repeated for it.
 
@@ -173,7 +174,7 @@ class _Envelopes:
             closed = (before - self.narrowing.pricing.bound) / open_
             may_grow = listed and self.lengths.can_grow
             if listed and closed < self._parameters.least_listed:
-                self.lists_stall = True
+                self.lists_stall = closed < self._parameters.stalled
                 self.lengths.grow()
             if listed and self._is_small():
                 continue  # the next round prices all states
@@ -300,12 +301,17 @@ class _Envelopes:
             prices = bundle.run(cutoff, self.report)
             if bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None:
+            if prices is None or (bundle.has_lists and self._is_stalled(bundle.best, cutoff)):
                 return
             heights = Heights(bundle, prices, self.proved, self.searches, self.lengths, self._keep)
             # If no search has ended, nothing is known that could correct the bundle.
             if heights.adopt() or not heights.waiting:
                 return
+
+    def _is_stalled(self, bound: float, cutoff: Callable[[], float]) -> bool:
+        """Returns True if a lower bound would close so little that lists count as stalled."""
+        before = self.narrowing.pricing.bound
+        return before - bound < self._parameters.stalled * (before - cutoff())
 
     def _keep(self, proved: Stages) -> None:
         """Takes the stages so far, and tells what they prove; raises LimitReached."""
