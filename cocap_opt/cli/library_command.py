@@ -118,7 +118,7 @@ def _get(
         bool,
         FLAG(
             name="--unchecked",
-            help="do not recheck the plan and the certificate, which takes minutes if they are hard",
+            help="do not recheck plan and certificate, which may take minutes",
         ),
     ] = False,
     sources: _From = None,

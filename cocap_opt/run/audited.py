@@ -9,6 +9,7 @@ from cocap_opt.formulations.independent.audit import Audit, Auditor, Path, Progr
 from cocap_opt.formulations.independent.instance_facts import read_instance
 from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
 from cocap_opt.problem import Problem
+from cocap_opt.stop import Stop, never
 
 WHOLE = 10_000  # states that drones reach, up to which all are enclosed if nothing else is asked
 SOME = 1_000  # states with most pixels, and as many drawn ones, that are enclosed of more
@@ -21,6 +22,7 @@ def audited(
     views: float | None,
     seed: int,
     progress: Progress = lambda done, total: None,
+    stop: Stop = never,
 ) -> Audit:
     """Returns the audit of an instance of a scene.
 
@@ -33,6 +35,7 @@ def audited(
         at most `WHOLE`, else `SOME`
     seed : of the draws
     progress : told how many states are enclosed, and of how many
+    stop : of the enclosures; those of J of plans are made all the same
 
     Raises
     ------
@@ -54,7 +57,9 @@ def audited(
         views = math.inf if audit.reached <= WHOLE else SOME
     if views:
         try:
-            audit.coverage = auditor.coverage(plans, views, seed, progress)
+            audit.coverage = auditor.coverage(
+                plans, views, seed, progress, lambda: stop.reached() is not None
+            )
             audit.rewards = [auditor.reward(paths) for paths in plans]
         except UnknownError as error:
             raise UnknownError(f"{error}; --views 0 leaves coverage out") from error

@@ -44,6 +44,7 @@ class CoverageAudit:
     wide_share, wide_pixels : of the widest enclosure of the others, as a share of its upper end
         where that is `LITTLE / NARROW` or more, and in px/m2
     differences : numbers outside of their enclosures
+    left : states that were not looked at, as there was no more time
     """
 
     states: int = 0
@@ -52,6 +53,7 @@ class CoverageAudit:
     wide_share: float = 0.0
     wide_pixels: float = 0.0
     differences: list[str] = field(default_factory=list)
+    left: int = 0
 
 
 @dataclass
@@ -136,8 +138,9 @@ class Auditor:
         views: float,
         seed: int,
         progress: Progress = lambda done, total: None,
+        is_over: Callable[[], bool] = lambda: False,
     ) -> CoverageAudit:
-        """Returns the audit of what states see.
+        """Returns the audit of what states see, those of plans first.
 
         Parameters
         ----------
@@ -146,6 +149,7 @@ class Auditor:
             that are looked at too; inf: all states
         seed : of the draws
         progress : told now and then how many states are done, and of how many
+        is_over : returns True once no further state is to be looked at
 
         Raises
         ------
@@ -160,6 +164,7 @@ class Auditor:
             for t, (x, y, layer, heading, tilt) in enumerate(path)
             if t >= self._first_step
         }  # fmt: skip
+        planned = sorted(chosen)
         if math.isinf(views):
             chosen |= dict.fromkeys(self._all_states())
         else:
@@ -171,9 +176,12 @@ class Auditor:
             if key is not None and key in chosen:
                 amounts[key] = sight.amounts
         audit = CoverageAudit()
-        for done, state in enumerate(sorted(chosen)):
+        for done, state in enumerate([*planned, *sorted(chosen.keys() - set(planned))]):
             if done % _AT_ONCE == 0:
                 progress(done, len(chosen))
+            if is_over():
+                audit.left = len(chosen) - done
+                break
             self._look(audit, state, amounts.get(state, {}))
         return audit
 
