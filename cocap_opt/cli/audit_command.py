@@ -24,7 +24,8 @@ from cocap_opt.output.printing import Record, print_texts
 from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.audited import SOME, WHOLE, audited
-from cocap_opt.run.options import UsageError
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.stop import FirstOf, Interrupt, TimeLimit
 from cocap_opt.text import printable
 
 _SHOWN = 20  # differences that are printed
@@ -58,6 +59,10 @@ def _audit(
         int | None,
         Parameter(help="seed of the random states (default: a new one in each run)"),
     ] = None,
+    time_limit: Annotated[
+        float,
+        Parameter(help="seconds after which no more coverage is checked; inf: no limit"),
+    ] = math.inf,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -68,13 +73,15 @@ def _audit(
     code that shares nothing with `export`. Pixels and a plan's J must lie in
     intervals computed by interval arithmetic (python-flint). Each difference
     is a line with both values. Exit code 1: there is a difference; 3: there is
-    none, but some numbers are too close to a limit to decide. Scenes that are
-    not supported, such as those with general meshes, are rejected.
+    none, but some numbers are too close to a limit to decide, or the time limit
+    or Ctrl-C left out some states. Scenes that are not supported, such as those
+    with general meshes, are rejected.
 
     Example: cocap-opt audit bottleneck plan.json --views 2000
     """
     if views is not None and not (views >= 0 and (math.isinf(views) or views.is_integer())):
         raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
+    time_limit = Option("--time-limit").require_limit(time_limit)
     draw = secrets.randbits(32) if draw is None else draw
     problem = load_planned(scene, seed)
     given = PlanReader(scene, problem).plans(plan)
@@ -83,8 +90,11 @@ def _audit(
     paths = [found.plan.paths for found in given]
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         text = _text(instance, problem, watch)
+        progress = watch.counter("state enclosed")
         try:
-            audit = audited(problem, text, paths, views, draw, watch.counter("state enclosed"))
+            with Interrupt.caught() as interrupt:
+                stop = FirstOf(TimeLimit(time_limit), interrupt)
+                audit = audited(problem, text, paths, views, draw, progress, stop)
         except UnknownError as error:
             raise UsageError(f"SCENE: the audit does not support {error}") from error
         except FormatError as error:
@@ -116,8 +126,9 @@ def _audit(
 
 
 def _is_open(audit: Audit) -> bool:
-    """Returns True if something is so close to a limit that the audit leaves it undecided."""
-    return bool(audit.unsure or (audit.coverage and audit.coverage.undecided))
+    """Returns True if something is undecided: it is too close to a limit, or time ran out."""
+    coverage = audit.coverage
+    return bool(audit.unsure or (coverage and (coverage.undecided or coverage.left)))
 
 
 def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> Iterator[str]:
@@ -164,6 +175,7 @@ def _told(audit: Audit) -> Record:
     if (coverage := audit.coverage) is not None:
         found |= {
             "views_enclosed": coverage.states,
+            "views_left": coverage.left or None,
             "numbers_enclosed": coverage.numbers,
             "numbers_undecided": coverage.undecided,
             "widest_share": coverage.wide_share,
@@ -172,7 +184,7 @@ def _told(audit: Audit) -> Record:
         }
     found["agrees"] = not audit.differences and not (coverage and coverage.differences)
     words = ["coverage was left out"] if coverage is None else []
-    if _is_open(audit):
+    if audit.unsure or (coverage and coverage.undecided):
         words.append("undecided numbers may be right or wrong")
     if words:
         found["message"] = "; ".join(words)

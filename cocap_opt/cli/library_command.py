@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output
+from cocap_opt.console.streams import say
 from cocap_opt.console.usage import set_usages
 from cocap_opt.experiments.library.entries import DATA
 from cocap_opt.experiments.library.judge import TIME_LIMIT
@@ -113,6 +114,13 @@ def _get(
         Path | None,
         Parameter(name=["-o", "--output"], help="folder to write to (default: NAME)"),
     ] = None,
+    unchecked: Annotated[
+        bool,
+        FLAG(
+            name="--unchecked",
+            help="do not recheck plan and certificate, which may take minutes",
+        ),
+    ] = False,
     sources: _From = None,
     library: _Folder = None,
     json: Json = False,
@@ -128,8 +136,10 @@ def _get(
     instance = known.instance(standing.entry, sources)
     contents = {output / f"{name}.instance": instance.read_bytes()}
     for record in filter(None, (standing.plan, standing.bound)):
-        known.recheck(record, sources)
         kind = "plan" if record.kind == "plan" else "certificate"
+        if not unchecked:
+            say(f"{name}: checking the {kind} again (--unchecked skips this)")
+            known.recheck(record, sources)
         contents[output / f"{name}.{kind}.json"] = known.content(record)
     problem = known.problem(standing.entry, sources)
     contents[output / f"{name}.scene.json"] = encode(SceneFile.of(problem))

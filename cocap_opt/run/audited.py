@@ -9,6 +9,7 @@ from cocap_opt.formulations.independent.audit import Audit, Auditor, Path, Progr
 from cocap_opt.formulations.independent.instance_facts import read_instance
 from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
 from cocap_opt.problem import Problem
+from cocap_opt.stop import Stop, never
 
 WHOLE = 10_000  # reached states up to which all are enclosed by default
 SOME = 1_000  # states with the most pixels, and as many drawn ones, that are enclosed otherwise
@@ -21,6 +22,7 @@ def audited(
     views: float | None,
     seed: int,
     progress: Progress = lambda done, total: None,
+    stop: Stop = never,
 ) -> Audit:
     """Returns the audit of an instance of a scene.
 
@@ -33,6 +35,7 @@ def audited(
         if there are at most `WHOLE`, otherwise `SOME`
     seed : seed of the random draws
     progress : called with the number of enclosed states, and the total
+    stop : ends the enclosing of states; J of each plan is enclosed all the same
 
     Raises
     ------
@@ -54,7 +57,9 @@ def audited(
         views = math.inf if audit.reached <= WHOLE else SOME
     if views:
         try:
-            audit.coverage = auditor.coverage(plans, views, seed, progress)
+            audit.coverage = auditor.coverage(
+                plans, views, seed, progress, lambda: stop.reached() is not None
+            )
             audit.rewards = [auditor.reward(paths) for paths in plans]
         except UnknownError as error:
             raise UnknownError(f"{error}; use --views 0 to leave coverage out") from error

@@ -253,7 +253,7 @@ class EnvelopeParameters(Section):
     few_states_left : states of all steps
         largest number at which all states have prices; with more, lists close more in the same time
     most_states_left : states of all steps
-        the same limit once a round of lists has closed little; 300,000 take 2.2 GB of memory
+        the same limit once lists have stalled; 400,000 states take 3 GB of memory
     most_states_of_few : states of all steps
         the same limit for few robots, whose searches take a tenth of a millisecond per state
     few_robots : robots
@@ -302,10 +302,12 @@ class EnvelopeParameters(Section):
         smallest share of the remaining gap that a round of wide lists must close
     least_listed : share
         smallest share of the remaining gap that a round must close if its lists keep their length
+    stalled : share
+        share of the remaining gap below which a round of lists counts as stalled
     """
 
     few_states_left: int = 6_500
-    most_states_left: int = 300_000
+    most_states_left: int = 400_000
     most_states_of_few: int = 200_000
     few_robots: int = 4
     most_unlisted: int = 12_000
@@ -329,6 +331,7 @@ class EnvelopeParameters(Section):
     wide: float = 8.0
     least_wide: Share = 0.12
     least_listed: Share = 0.2
+    stalled: Share = 0.12
 
 
 @dataclass(frozen=True)

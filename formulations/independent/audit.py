@@ -44,6 +44,7 @@ class CoverageAudit:
     wide_share, wide_pixels : width of the widest other enclosure, relative to its upper end if that
         is at least `LITTLE / NARROW`, and in px/m2
     differences : numbers outside their enclosures
+    left : how many states were not checked because time ran out
     """
 
     states: int = 0
@@ -52,6 +53,7 @@ class CoverageAudit:
     wide_share: float = 0.0
     wide_pixels: float = 0.0
     differences: list[str] = field(default_factory=list)
+    left: int = 0
 
 
 @dataclass
@@ -138,8 +140,9 @@ class Auditor:
         views: float,
         seed: int,
         progress: Progress = lambda done, total: None,
+        is_over: Callable[[], bool] = lambda: False,
     ) -> CoverageAudit:
-        """Returns the audit of the views of states.
+        """Returns the audit of the views of states, those of plans first.
 
         Parameters
         ----------
@@ -148,6 +151,7 @@ class Auditor:
             are checked, too; inf: all states
         seed : seed of the random draws
         progress : called now and then with the number of states checked so far, and the total
+        is_over : returns True once no further state is to be checked
 
         Raises
         ------
@@ -162,6 +166,7 @@ class Auditor:
             for t, (x, y, layer, heading, tilt) in enumerate(path)
             if t >= self._first_step
         }  # fmt: skip
+        planned = sorted(chosen)
         if math.isinf(views):
             chosen |= dict.fromkeys(self._all_states())
         else:
@@ -173,9 +178,12 @@ class Auditor:
             if key is not None and key in chosen:
                 amounts[key] = sight.amounts
         audit = CoverageAudit()
-        for done, state in enumerate(sorted(chosen)):
+        for done, state in enumerate([*planned, *sorted(chosen.keys() - set(planned))]):
             if done % _AT_ONCE == 0:
                 progress(done, len(chosen))
+            if is_over():
+                audit.left = len(chosen) - done
+                break
             self._look(audit, state, amounts.get(state, {}))
         return audit
 

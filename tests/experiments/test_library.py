@@ -452,6 +452,20 @@ def test_what_is_got_is_accepted_by_the_checker(
     assert commands.run(["verify", str(scene), str(tmp_path / "corridor-0.plan.json")]) == 0
 
 
+def test_what_is_got_unchecked_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--unchecked` calls no checker, and writes the same files."""
+    assert commands.run(["library", "get", "corridor-0", "-o", str(tmp_path / "checked")]) == 0
+    assert capsys.readouterr().err.count("again (--unchecked skips this)") == 2
+    monkeypatch.delattr(Library, "recheck")
+    get = ["library", "get", "corridor-0", "-o", str(tmp_path / "unchecked"), "--unchecked"]
+    assert commands.run(get) == 0
+    assert capsys.readouterr().err == ""
+    for path in (tmp_path / "checked").iterdir():
+        assert (tmp_path / "unchecked" / path.name).read_bytes() == path.read_bytes()
+
+
 def test_the_table_fits_into_a_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -485,3 +485,18 @@ def test_the_command_encloses_the_states_of_a_plan(
     plan.write_bytes(encode(PlanFile.of(problem, found, reward + 1e-5, "greedy")))
     assert run(["audit", "tiny-hover", str(plan), "--views", "1"]) == 1
     assert ": J: scene " in capsys.readouterr().out
+
+
+def test_a_time_limit_leaves_coverage_undecided(capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 3, and how many states were not looked at."""
+    with_flint()
+    assert run(["audit", "tiny-hover", "--json"]) == 0
+    whole = json.loads(capsys.readouterr().out)
+    assert whole["views_left"] is None
+    assert run(["audit", "tiny-hover", "--time-limit", "0", "--json"]) == 3
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["agrees"]
+    assert (answer["views_enclosed"], answer["views_left"]) == (0, whole["views_enclosed"])
+    assert run(["audit", "tiny-hover", "--time-limit", "0"]) == 3
+    assert "for lack of time" in capsys.readouterr().out
+    assert run(["audit", "tiny-hover", "--time-limit", "-1"]) == 2

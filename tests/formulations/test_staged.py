@@ -97,7 +97,9 @@ from cocap_opt.returns import Returns
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
-ONLY_LISTS = EnvelopeParameters(few_states_left=0, most_states_left=0, most_states_of_few=0)
+ONLY_LISTS = EnvelopeParameters(
+    few_states_left=0, most_states_left=0, most_states_of_few=0, stalled=0.0
+)
 
 seeds = st.integers(0, 10**9)
 any_problem = either(st.one_of(problems(), meetings(), meetings(team=3)))

@@ -14,9 +14,10 @@ If many states remain, each round has a short list of states for each step: thos
 Their prices are no lower than before, and those of all other states are so much higher that none of
 these is in a joint state above the new constant (`staged.narrowing`); so the search covers only the
 list. The next round makes new lists from the new prices, and shortens them if searches took long.
-Once such rounds close little, all states get their own prices, if there are not too many. Local
-search then looks for better plans in the mixture of paths behind the prices, and plans are
-recombined. If a better plan is found, it becomes the target, and all stages are repeated for it.
+Once the prices of such lists promise or close little, all states get their own prices, if there are
+not too many. Local search then looks for better plans in the mixture of paths behind the prices,
+and plans are recombined. If a better plan is found, it becomes the target, and all stages are
+repeated for it.
 
 Before the first stage and after each stage, the remaining joint paths of all robots may be few
 enough to explore (`path_trials`), which proves the best plan optimal. If further stages close
@@ -174,7 +175,7 @@ class _Envelopes:
             closed = (before - self.narrowing.pricing.bound) / open_
             may_grow = listed and self.lengths.can_grow
             if listed and closed < self._parameters.least_listed:
-                self.lists_stall = True
+                self.lists_stall = closed < self._parameters.stalled
                 self.lengths.grow()
             if listed and self._is_small():
                 continue  # the next round prices all states
@@ -301,12 +302,17 @@ class _Envelopes:
             prices = bundle.run(cutoff, self.report)
             if bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None:
+            if prices is None or (bundle.has_lists and self._is_stalled(bundle.best, cutoff)):
                 return
             heights = Heights(bundle, prices, self.proved, self.searches, self.lengths, self._keep)
             # If no search has ended, nothing is known that could correct the bundle.
             if heights.adopt() or not heights.waiting:
                 return
+
+    def _is_stalled(self, bound: float, cutoff: Callable[[], float]) -> bool:
+        """Returns True if a lower bound would close so little that lists count as stalled."""
+        before = self.narrowing.pricing.bound
+        return before - bound < self._parameters.stalled * (before - cutoff())
 
     def _keep(self, proved: Stages) -> None:
         """Stores the stages so far, and reports their bound; raises LimitReached."""

@@ -152,6 +152,11 @@ class PriceBundle:
         return self._spans[t]
 
     @property
+    def best(self) -> float:
+        """The bound that the best prices so far prove, as far as local search can tell."""
+        return self._best
+
+    @property
     def has_lists(self) -> bool:
         """True if only some of the states have their own prices."""
         return bool(self._ceilings)
