@@ -44,9 +44,6 @@ class TimeGraph:
     n_places, n_states : P and S
     moves : the K cell moves of one step, the first is to stay
     shifts : [K] difference of the numbers of the places that each move leads to and from
-    allowed : [K, P] true where a move may begin; the others are hidden
-    free : [P] true for places where a robot may be
-    irregular : places from which a move to a free place is hidden
     closed : places and moves that are closed at some steps only, since people are near
     """
 
@@ -74,9 +71,7 @@ class TimeGraph:
         self.moves: list[Move] = motion.moves_on(workspace.height_map)
         self.shifts: IntArray = np.array(self.moves, np.int64) @ np.array(self.strides, np.int64)
         self._require_memory()
-        self.allowed = self._compile(workspace)
-        self.free: BoolArray = self.allowed[0]  # every free place may be stayed in
-        self.irregular = self._compile_irregular()
+        self._workspace = workspace
         self.closed = NO_CHARGES if people is None else self._closed(people, workspace.height_map)
 
     def _require_memory(self) -> None:
@@ -115,10 +110,14 @@ class TimeGraph:
             _last.append(graph)
         return graph
 
-    def _compile(self, workspace: Workspace) -> BoolArray:
-        """Returns one row [P] for each move, true where it may begin."""
+    @cached_property
+    def allowed(self) -> BoolArray:
+        """Moves that may be made: one row [P] for each, true where it may begin.
+
+        They are compiled when they are first asked for: views of states need their numbers only.
+        """
         allowed = np.zeros((len(self.moves), self.n_places), dtype=np.bool_)
-        moves = allowed_moves(workspace, self.motion, self.window)
+        moves = allowed_moves(self._workspace, self.motion, self.window)
         for row, (_, starts) in zip(allowed, moves, strict=True):
             self.without_border(row)[...] = starts
         return allowed
@@ -128,8 +127,15 @@ class TimeGraph:
         heads = places + self.shifts[:, None]
         return np.where(self.allowed[:, places], heads, -1)
 
-    def _compile_irregular(self) -> Irregular:
-        """Finds the places from which a move to a free place is hidden."""
+    @property
+    def free(self) -> BoolArray:
+        """Places [P] where a robot may be: in each of them it may stay."""
+        free: BoolArray = self.allowed[0]
+        return free
+
+    @cached_property
+    def irregular(self) -> Irregular:
+        """Places from which a move to a free place is hidden."""
         hidden = np.zeros(self.n_places, dtype=bool)
         for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
             # The border is closed and as wide as the moves are long: nothing wraps around.
