@@ -18,7 +18,7 @@ from trade_offs import crossroads
 import cocap_opt as co
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.problem import Objective, Plan, Problem, Views
-from cocap_opt.referee import check
+from cocap_opt.referee import Verdict, check
 from cocap_opt.run.front import Front
 from cocap_opt.run.view_share import bound_with_share, keeps_share, missed_share, views_alone
 
@@ -59,8 +59,7 @@ def test_no_plan_that_keeps_the_share_exceeds_the_bound(
     asked = co.with_views(problem, cameras=cameras, weight=weight, share=share)
     paths = [all_paths(asked, robot) for robot in range(len(asked.robots))]
     plans = [Plan(paths=chosen) for chosen in product(*paths)]
-    kept = [check(asked, p).reward for p in plans if check(asked, p).valid and keeps(asked, p)]
-    best = max(kept, default=-math.inf)
+    best = best_kept(asked, {plan: check(asked, plan) for plan in plans})
     result = co.solve(asked)
     assert result.bound >= best - 1e-9 * (1 + abs(best))
     if result.plan is not None and keeps(asked, result.plan):
@@ -91,10 +90,11 @@ def test_a_bound_with_more_weight_of_views_is_one_of_the_share(
     others = asked.replace(objective=heavier), views_alone(asked, views.replace(weight=1.0))
     paths = [all_paths(asked, robot) for robot in range(len(asked.robots))]
     plans = [Plan(paths=chosen) for chosen in product(*paths)]
-    plans = [plan for plan in plans if check(asked, plan).valid]
-    best = max((check(asked, p).reward for p in plans if keeps(asked, p)), default=-math.inf)
+    verdicts = {plan: check(asked, plan) for plan in plans}
+    best = best_kept(asked, verdicts)
+    valid = [plan for plan, verdict in verdicts.items() if verdict.valid]
     for other in others:
-        bound = max((check(other, plan).reward for plan in plans), default=-1.0)
+        bound = max((check(other, plan).reward for plan in valid), default=-1.0)
         assert bound_with_share(asked, other, bound) >= best - 1e-9 * (1 + abs(best))
 
 
@@ -106,6 +106,12 @@ def test_all_certificates_of_a_share_hold_for_the_scene() -> None:
         asked = co.with_views(given, cameras=2, share=share)
         result = co.bound(asked, method)
         assert co.verify(asked, result.certificate).bound == pytest.approx(result.bound)
+
+
+def best_kept(problem: Problem, verdicts: dict[Plan, Verdict]) -> float:
+    """J of the best plan that obeys the rules and keeps the share, by the referee's verdicts."""
+    valid = [plan for plan, verdict in verdicts.items() if verdict.valid]
+    return max((verdicts[plan].reward for plan in valid if keeps(problem, plan)), default=-math.inf)
 
 
 def keeps(problem: Problem, plan: Plan) -> bool:
