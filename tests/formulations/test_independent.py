@@ -208,7 +208,7 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
 
 def test_what_is_refused_in_a_certificate_is_named_by_its_place(folder: Path) -> None:
     """Of lists of numbers and objects the place is told, counted from 0, and the field."""
-    problem = load_scene("bottleneck", 0)
+    problem = load_scene("corridor-tight", 0)
     result = BOUNDS["column-generation"](problem, start=PLANNERS["cocap-lns"](problem).plan)
     text, file = instance_of(compiled(problem)), document(result.certificate, folder)
     numbers = file["certificate"]
