@@ -1470,7 +1470,7 @@ def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None
     """A closed, full or cut-off standard output is no traceback."""
     if "full" in redirection and not Path("/dev/full").exists():
         pytest.skip("needs /dev/full")
-    python = f"{sys.executable} -c 'from cocap_opt.cli.main import main; main([\"scenes\"])'"
+    python = f"{sys.executable} -c 'from cocap_opt.cli.main import main; main([\"recipe\"])'"
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {python} {redirection}"], capture_output=True, text=True,
         check=False,
