@@ -130,6 +130,7 @@ def test_it_finds_more_than_neighbourhoods_alone(scene: str, steps: int) -> None
     assert scene != "field" or max(gains) > 1e-3
 
 
+@pytest.mark.slow
 def test_a_limit_leaves_the_best_plan_so_far() -> None:
     """The search is anytime: stopped later it is better, and never worse than the first plan."""
     problem, values = load_scene("bottleneck", 0), []
