@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import UnsetType
 from pool import problems
-from strategies import examples
+from strategies import SHARE, examples
 from trade_offs import crossroads
 
 import cocap_opt as co
@@ -21,6 +21,8 @@ from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import Verdict, check
 from cocap_opt.run.front import Front
 from cocap_opt.run.view_share import bound_with_share, keeps_share, missed_share, views_alone
+
+MOST = 300 if SHARE >= 1 else 100  # plans of a problem, each of which is judged by four objectives
 
 
 @pytest.mark.slow
@@ -51,7 +53,7 @@ def test_a_share_that_no_plan_keeps_is_said() -> None:
 
 @examples(25)
 @given(
-    problems(most_plans=300), st.sampled_from([1, 2]), st.sampled_from([0.3, 0.6, 0.9]),
+    problems(most_plans=MOST), st.sampled_from([1, 2]), st.sampled_from([0.3, 0.6, 0.9]),
     st.sampled_from([0.0, 1.0]),
 )  # fmt: skip
 def test_no_plan_that_keeps_the_share_exceeds_the_bound(
@@ -79,7 +81,9 @@ def test_no_plan_that_keeps_the_share_exceeds_the_bound(
 
 
 @examples(25)
-@given(problems(most_plans=300), st.floats(0, 3), st.floats(0, 3), st.sampled_from([0.3, 0.7, 1.0]))
+@given(
+    problems(most_plans=MOST), st.floats(0, 3), st.floats(0, 3), st.sampled_from([0.3, 0.7, 1.0])
+)
 def test_a_bound_with_more_weight_of_views_is_one_of_the_share(
     problem: Problem, weight: float, more: float, share: float
 ) -> None:
