@@ -47,9 +47,6 @@ class TimeGraph:
     n_places, n_states : P and S
     moves : the K cell moves of one step; the first is to stay
     shifts : [K] difference between the place numbers of each move's end and beginning
-    allowed : [K, P] True if a move is open from a place
-    free : [P] True for places where a robot may be
-    irregular : places from which a move to a free place is closed
     closed : places and moves that are closed only at some steps, because people are near
     """
 
@@ -77,9 +74,7 @@ class TimeGraph:
         self.moves: list[Move] = motion.moves_on(workspace.height_map)
         self.shifts: IntArray = np.array(self.moves, np.int64) @ np.array(self.strides, np.int64)
         self._require_memory()
-        self.allowed = self._compile(workspace)
-        self.free: BoolArray = self.allowed[0]  # a robot may stay in every free place
-        self.irregular = self._compile_irregular()
+        self._workspace = workspace
         self.closed = NO_CHARGES if people is None else self._closed(people, workspace.height_map)
 
     def _require_memory(self) -> None:
@@ -119,10 +114,14 @@ class TimeGraph:
             _last.append(graph)
         return graph
 
-    def _compile(self, workspace: Workspace) -> BoolArray:
-        """Returns one row [P] for each move, True for places from which it is open."""
+    @cached_property
+    def allowed(self) -> BoolArray:
+        """True for open moves: one row [P] for each move, for the places where it may begin.
+
+        They are compiled on first use, since views of states need only the numbers of places.
+        """
         allowed = np.zeros((len(self.moves), self.n_places), dtype=np.bool_)
-        moves = allowed_moves(workspace, self.motion, self.window)
+        moves = allowed_moves(self._workspace, self.motion, self.window)
         for row, (_, starts) in zip(allowed, moves, strict=True):
             self.without_border(row)[...] = starts
         return allowed
@@ -134,8 +133,15 @@ class TimeGraph:
         heads = places + self.shifts[:, None]
         return np.where(self.allowed[:, places], heads, -1)
 
-    def _compile_irregular(self) -> Irregular:
-        """Finds the places from which a move to a free place is closed."""
+    @property
+    def free(self) -> BoolArray:
+        """True for places [P] where a robot may be; a robot may stay in each of them."""
+        free: BoolArray = self.allowed[0]
+        return free
+
+    @cached_property
+    def irregular(self) -> Irregular:
+        """The places from which a move to a free place is closed."""
         hidden = np.zeros(self.n_places, dtype=bool)
         for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
             # The border is closed and as wide as the moves are long, so nothing wraps around.

@@ -1033,6 +1033,7 @@ def test_verify_keeps_the_lower_of_two_bounds(
         assert (answer["bound"], answer["method"]) == (alone["bound"], "branch-and-price")
 
 
+@pytest.mark.slow
 def test_of_a_proved_optimum_nothing_is_left_to_explain(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -1238,6 +1239,7 @@ def test_wrong_content_of_a_file_is_one_line(
     assert "width: must be 1..100000 px" in Run(capsys, "plan", scene).err
 
 
+@pytest.mark.slow
 def test_exported_scene_is_the_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A scene's file gives the same plan as its name and seed."""
     file = tmp_path / "scene.json"
@@ -1472,7 +1474,7 @@ def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None
     """A closed, full or cut-off standard output is no traceback."""
     if "full" in redirection and not Path("/dev/full").exists():
         pytest.skip("needs /dev/full")
-    python = f"{sys.executable} -c 'from cocap_opt.cli.main import main; main([\"scenes\"])'"
+    python = f"{sys.executable} -c 'from cocap_opt.cli.main import main; main([\"recipe\"])'"
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {python} {redirection}"], capture_output=True, text=True,
         check=False,

@@ -366,6 +366,7 @@ def test_plain_coverage_takes_no_table_from_the_cache(folder: Path) -> None:
     assert [*folder.iterdir()] == [path] and path.read_bytes() != content
 
 
+@pytest.mark.slow
 def test_a_table_is_not_copied_to_be_written(folder: Path) -> None:
     """In memory there is a piece of it at a time, but not all of it."""
     n = 4_000_000

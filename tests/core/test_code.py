@@ -102,6 +102,7 @@ def test_imports_are_followed(
     assert with_imports("cocap_opt.made") == expected
 
 
+@pytest.mark.slow
 def test_the_modules_followed_are_those_that_python_loads() -> None:
     """An import that is not understood would leave code out of a digest."""
     for module in ("cocap_opt.model.coverage_tables", "cocap_opt.planners.cocap_lns"):

@@ -107,13 +107,21 @@ def test_it_is_no_worse_than_the_plan_that_it_starts_from(problem: Problem) -> N
     assert cocap_prices(problem, never, clash).value == cocap_prices(problem).value
 
 
-@pytest.mark.slow(seconds=6)
-@pytest.mark.parametrize("scene", ["corridor-tight", "bottleneck", "field"])
-def test_it_finds_more_than_neighbourhoods_alone(scene: str) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "steps"),
+    [
+        ("corridor-tight", 8),
+        ("bottleneck", 11),
+        ("field", 5),
+        pytest.param("field", 20, marks=pytest.mark.long(seconds=10)),
+    ],
+)
+def test_it_finds_more_than_neighbourhoods_alone(scene: str, steps: int) -> None:
     """It is never behind on these scenes, and says that its last search found none."""
     gains = []
     for seed in range(2):
-        problem = load_scene(scene, seed)
+        problem = load_scene(scene, seed).until(steps)
         result = cocap_prices(problem)
         assert "its last search found no better plan" in result.message
         assert result.statistics["searches"] >= 2
@@ -122,6 +130,7 @@ def test_it_finds_more_than_neighbourhoods_alone(scene: str) -> None:
     assert scene != "field" or max(gains) > 1e-3
 
 
+@pytest.mark.slow
 def test_a_limit_leaves_the_best_plan_so_far() -> None:
     """The search is anytime: stopped later it is better, and never worse than the first plan."""
     problem, values = load_scene("bottleneck", 0), []

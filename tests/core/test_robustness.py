@@ -127,6 +127,7 @@ def test_rules_are_kept_as_long_as_they_are() -> None:
         assert found.missing.get("people", 0.0) == pytest.approx(max(-0.3 - left, 0.0), abs=2e-4)
 
 
+@pytest.mark.slow
 def test_the_missing_distance_is_that_of_samples() -> None:
     """Random polynomials, with and without a distance in height beside which none is asked for."""
     rng, missed, shares = np.random.default_rng(3), 0, np.linspace(0, 1, 4001)

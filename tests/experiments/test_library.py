@@ -436,6 +436,7 @@ def test_a_scene_by_reference_is_got_with_its_files(tmp_path: Path) -> None:
     assert len([*tmp_path.iterdir()]) == 4
 
 
+@pytest.mark.slow
 def test_what_is_got_is_accepted_by_the_checker(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

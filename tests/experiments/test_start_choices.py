@@ -47,6 +47,7 @@ def test_a_table_compares_the_choices(tmp_path: Path, capsys: pytest.CaptureFixt
     assert free["bound_reason"] == stated["bound_reason"] == "optimal"
 
 
+@pytest.mark.slow
 def test_choices_without_reward_or_plan_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
     """J of 0 is a value; a set of starts of which it is proved that no plan exists is proved."""
     words = ("--planner", "greedy", "--time-limit", 5, "--starts")
@@ -82,6 +83,7 @@ def test_wrong_choices_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path
     assert code == 2 and err.count("\n") == 1 and "omit --starts" in err
 
 
+@pytest.mark.slow
 def test_the_study_proves_that_no_set_beats_all() -> None:
     """Each row has a bound above its J, and none is above that of free starts."""
     optima = list(optima_of("tiny-doorway", 0, co.load("tiny-doorway", 0), 20.0))

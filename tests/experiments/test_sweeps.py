@@ -734,7 +734,7 @@ co.gap, co.load("tiny-queue")
 assert os.environ == before
 from cocap_opt.cli.main import main
 try:
-    main(["scenes", "--json"])
+    main(["recipe"])
 finally:
     names = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
     assert [os.environ.get(name) for name in names] == ["1"] * 3

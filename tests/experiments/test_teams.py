@@ -164,6 +164,7 @@ def test_a_share_that_no_plan_exceeds_is_told_no_lower(
     assert row(2, reached, bound).told_bound == told
 
 
+@pytest.mark.slow
 def test_the_command_keeps_what_it_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -192,6 +193,7 @@ def test_the_command_keeps_what_it_found(
     assert code == 0 and (tmp_path / "t.svg").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_cameras_and_heights_are_teams_of_their_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

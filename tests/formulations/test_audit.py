@@ -210,6 +210,7 @@ def airy() -> Problem:
     )
 
 
+@pytest.mark.slow
 def test_airspace_slopes_strides_and_areas_are_known() -> None:
     """A scene with all of these agrees, and parts of each are found missing."""
     with_flint()

@@ -142,6 +142,7 @@ def test_staged_certificates(folder: Path, problem: Problem, seed: int) -> None:
     assert bound / ONE <= pricing.bound + 1e-9 * (1 + abs(pricing.bound))
 
 
+@pytest.mark.slow
 def test_harmless_changes_are_accepted_and_damaged_files_prove_nothing_false() -> None:
     """Of files damaged at random none is accepted that claims less than the optimum."""
     counts = damaged_files.hunt(300, 1)
@@ -189,6 +190,7 @@ def answered(instance_text: str, document: object, folder: Path) -> tuple[int, s
     return code, told.getvalue().splitlines()[-1].partition(": ")[2]
 
 
+@pytest.mark.slow
 def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
     """A claim whose search takes too long has an exit code of its own, whatever it is."""
     problem = load_scene("bottleneck", 0)
@@ -206,9 +208,10 @@ def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
         assert cocap_check.main(["--branches", "100000", *paths]) == 0
 
 
+@pytest.mark.slow
 def test_what_is_refused_in_a_certificate_is_named_by_its_place(folder: Path) -> None:
     """Of lists of numbers and objects the place is told, counted from 0, and the field."""
-    problem = load_scene("bottleneck", 0)
+    problem = load_scene("corridor-tight", 0)
     result = BOUNDS["column-generation"](problem, start=PLANNERS["cocap-lns"](problem).plan)
     text, file = instance_of(compiled(problem)), document(result.certificate, folder)
     numbers = file["certificate"]

@@ -137,10 +137,23 @@ def require_optimum(problem: Problem, best: float, objective: float, solution: s
 SOLVERS = {"highs": by_highs, "scip": by_scip}
 
 
+# Solvers that take seconds, each with a scene whose files the other one reads at once.
+LONG = {("corridor", "highs"), ("views", "highs"), ("over time", "scip")}
+each_solver = pytest.mark.parametrize(
+    ("name", "solver"),
+    [
+        pytest.param(
+            name, solver,
+            marks=[needs_scip] * (solver == "scip") + [pytest.mark.long] * ((name, solver) in LONG),
+        )
+        for name in SCENES for solver in SOLVERS
+    ],
+)  # fmt: skip
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", ["highs", pytest.param("scip", marks=needs_scip)])
 @pytest.mark.parametrize("ending", [".mps", ".lp"])
-@each_scene
+@each_solver
 def test_linear_programs_have_the_optimum(
     name: str, ending: str, solver: str, tmp_path: Path
 ) -> None:

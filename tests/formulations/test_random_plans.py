@@ -1,10 +1,14 @@
-"""J of random plans by an instance is the referee's, to twelve digits: a thousand plans."""
+"""J of random plans by an instance is the referee's, to twelve digits.
+
+A thousand plans in the second suite, a quarter of them in the main one, as of properties.
+"""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 from damaged_files import document
+from strategies import SHARE
 
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.formulations.independent import cocap_check, instance_of
@@ -37,15 +41,15 @@ def walked(model: Model, rng: np.random.Generator) -> Plan | None:
     return Plan(paths=tuple(paths))
 
 
-@pytest.mark.slow(seconds=8)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
-def test_a_thousand_random_plans_are_worth_the_same(name: str, tmp_path: Path) -> None:
-    """The instance and the referee part by at most 1e-12 of J; a thousand plans, none refused."""
+def test_random_plans_are_worth_the_same(name: str, tmp_path: Path) -> None:
+    """The instance and the referee part by at most 1e-12 of J; none of the plans is refused."""
     problem = load_scene(name)
     model, rng = compiled(problem), np.random.default_rng(7)
     known = Instance(instance_of(model))
-    compared = 0
-    for _ in range(MOST_TRIES * PLANS[name]):
+    compared, count = 0, round(PLANS[name] * SHARE)
+    for _ in range(MOST_TRIES * count):
         plan = walked(model, rng)
         if plan is None or not (verdict := check(problem, plan)).valid:
             continue
@@ -53,6 +57,6 @@ def test_a_thousand_random_plans_are_worth_the_same(name: str, tmp_path: Path) -
         value = cocap_check.value_of_plan(known, spec) / ONE
         assert value == pytest.approx(verdict.reward, rel=1e-12, abs=1e-15)
         compared += 1
-        if compared == PLANS[name]:
+        if compared == count:
             return
-    pytest.fail(f"{name}: only {compared} of {PLANS[name]} plans keep the rules")
+    pytest.fail(f"{name}: only {compared} of {count} plans keep the rules")

@@ -111,7 +111,7 @@ def test_what_is_too_large_is_refused_in_words(
 @pytest.mark.slow
 def test_of_staged_certificates_it_is_that_of_cocap_check(monkeypatch: pytest.MonkeyPatch) -> None:
     """It agrees; a file that it refuses is false, and one that it cannot search is too large."""
-    problem = load_scene("bottleneck", 0)
+    problem = load_scene("corridor-tight", 0)
     file = column_generation(problem).certificate
     assert isinstance(file, CertificateFile) and isinstance(file.certificate, Staged)
     proved = ProvedBound.of(Model(problem), file, twice=True)

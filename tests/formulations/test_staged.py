@@ -1056,7 +1056,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
 
     monkeypatch.setattr(PriceBundle, "run", meant_higher)
     monkeypatch.setattr(Heights, "find", noted)
-    model = compiled(load_scene("bottleneck", 0).replace(horizon=5))
+    model = compiled(load_scene("bottleneck", 0).replace(horizon=4))
     search = Search(model, parameters=Parameters(envelopes=ONLY_LISTS))
     search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
     stages_of(search, search.alone.duals)

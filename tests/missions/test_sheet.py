@@ -953,6 +953,7 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert convergence < -4
 
 
+@pytest.mark.slow
 def test_the_command_names_the_file_after_the_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

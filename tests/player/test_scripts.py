@@ -127,7 +127,8 @@ def test_no_module_uses_names_that_it_does_not_import() -> None:
         known = owned[name].union(*module.imports.values())
         for other in sorted(set[str]().union(*owned.values()) - known):
             use = rf"(?<![.\w$`]){other}\b(?!:)" if other[0].isupper() else rf"(?<![.\w$]){other}\("
-            declared = re.search(DECLARED.format(other), body, re.MULTILINE)
-            if re.search(use, body) and not declared:
+            if other not in body or not re.search(use, body):
+                continue
+            if not re.search(DECLARED.format(other), body, re.MULTILINE):  # it takes seconds
                 missing.append(f"{name}.js: {other}")
     assert missing == []

@@ -295,6 +295,7 @@ def test_changes_that_fit_alone_are_the_mildest_of_their_kind(
     assert len(words) == 1  # a limit of time ends the trials after the first
 
 
+@pytest.mark.slow
 def test_python_warns_before_coverage_too(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

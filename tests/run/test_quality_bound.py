@@ -111,6 +111,7 @@ def test_a_bound_is_not_loose_where_all_is_proved() -> None:
         bound.share(co.quality(problem, bound.results[0].plan, at_least=0.5), 1)
 
 
+@pytest.mark.slow
 def test_weights_speak_of_weights_only() -> None:
     """Sums by importance say so; nothing is rounded down, and more drones than there are see none.
 

@@ -61,11 +61,11 @@ def bases() -> Iterator[Base]:
             instance = Instance(instance_of(compiled(problem)))
             best = EXACT["branch-and-price"](problem)
             bounds = "alone", "online", "envelope", "column-generation"
-            methods = [EXACT["searchless"], EXACT["branch-and-price"], *(BOUNDS[n] for n in bounds)]
-            for method in methods:
-                file = method(problem).certificate
-                if file is not None:
-                    yield Base(instance, best.value, document(file, Path(folder)))
+            others = [BOUNDS[name](problem) for name in bounds]
+            for result in (EXACT["searchless"](problem), best, *others):
+                if result.certificate is not None:
+                    file = document(result.certificate, Path(folder))
+                    yield Base(instance, best.value, file)
 
 
 def places(document: Any) -> list[tuple[Any, Any]]:

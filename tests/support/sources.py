@@ -2,6 +2,7 @@
 
 import ast
 import os
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -60,20 +61,13 @@ def imports_to_run(module: str) -> frozenset[str]:
 @cache
 def _imports(module: str, of_types: bool, in_functions: bool = True) -> frozenset[str]:
     """What a module imports, with or without what only type checkers or functions import."""
-    path = sources()[module]
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    left_out: set[ast.AST] = set()
-    for node in ast.walk(tree):
-        is_typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        if is_typing and not of_types:
-            left_out |= {inner for line in node.body for inner in ast.walk(line)}
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not in_functions:
-            left_out |= {inner for line in node.body for inner in ast.walk(line)}
     found: set[str] = set()
-    for node in set(ast.walk(tree)) - left_out:
+    for node, is_typing, in_function in _statements(module):
+        if (is_typing and not of_types) or (in_function and not in_functions):
+            continue
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert not node.level, f"{module}: imports are written in full"
             base = node.module or ""
             inner = {f"{base}.{alias.name}" for alias in node.names} & set(sources())
@@ -81,6 +75,39 @@ def _imports(module: str, of_types: bool, in_functions: bool = True) -> frozense
             if len(inner) < len(node.names):
                 found.add(base)
     return frozenset(found)
+
+
+Import = ast.Import | ast.ImportFrom
+
+
+@cache
+def _statements(module: str) -> list[tuple[Import, bool, bool]]:
+    """The imports of a module; if each is for type checkers only, and if it is in a function."""
+    tree = ast.parse(sources()[module].read_text(encoding="utf-8"))
+    return [*_imports_below(tree, False, False)]
+
+
+def _imports_below(
+    node: ast.AST, is_typing: bool, in_function: bool
+) -> Iterator[tuple[Import, bool, bool]]:
+    """Yields the imports below a node; only statements, and their parts, have any."""
+    for name, value in ast.iter_fields(node):
+        if not isinstance(value, list):
+            continue
+        in_body = name == "body"
+        typing = is_typing or (in_body and isinstance(node, ast.If) and _is_of_types(node.test))
+        inner = in_function or (
+            in_body and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        )
+        for child in value:
+            if isinstance(child, Import):
+                yield child, typing, inner
+            elif isinstance(child, ast.stmt | ast.ExceptHandler | ast.match_case):
+                yield from _imports_below(child, typing, inner)
+
+
+def _is_of_types(test: ast.expr) -> bool:
+    return isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"
 
 
 @cache
