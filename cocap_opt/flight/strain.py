@@ -148,8 +148,8 @@ def _words(problem: SceneData, robot: Robot) -> str:
     shortest = motion.shortest_move(problem.height_map.resolution)
     heavy = acceleration is not None and 2 * shortest > acceleration * step**2 * (1 + ROUNDING)
     start = (
-        f"cannot move from rest to rest within a step: the shortest move, {shortest:.4g} m, "
-        f"needs {2 * shortest / step**2:.4g} m/s2;"
+        f"cannot move from rest within a step: the shortest move, {shortest:.4g} m, needs "
+        f"{2 * shortest / step**2:.4g} m/s2; "
         if heavy and math.isfinite(shortest)
         else ""
     )
