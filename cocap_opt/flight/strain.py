@@ -81,8 +81,8 @@ def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False
 def strains(problem: SceneData) -> list[str]:
     """Returns a line for each kind of drone that may exceed limits in smooth flights.
 
-    This is not a proof that a plan cannot be flown: smooth flights are checked individually. Kinds
-    of drones that can rest at each step get no line.
+    This is not a proof that a plan cannot be flown: smooth flights are checked individually. If
+    all drones can rest at each step, there are no lines.
     """
     if problem.step is None or any(_may_rest(problem, law) for law in LAWS):
         return []
