@@ -118,9 +118,9 @@ class SecondOpinion(NamedTuple):
         """Returns True if `verify` computes the same bound.
 
         The bounds may differ by 1e-9 of the sum of the bound's absolute values, and by the
-        allowance for rounding that the sweep has added. cocap-check may find a lower bound: if a
-        file claims a lower bound than its multipliers prove, the search of cocap-check may prove
-        more than that of `verify`.
+        allowance for rounding that the sweep has added. cocap-check may find a smaller bound: if a
+        file claims less than can be proved, the search of cocap-check may prove more than that of
+        `verify`.
         """
         if math.inf in (abs(self.bound), abs(pricing.bound)):
             return self.bound == pricing.bound

@@ -9,9 +9,9 @@ coverage, drones see people as if nothing hid them, which gives an upper bound o
 the claimed one. All faces of a step share one multiplier, of one of two kinds (see the inequality
 in `certificates.pricing`): each drone as if it were alone, alpha = 1; or a tangent of the root at z
 pixels, alpha = 0 and beta = 1 / (2 sqrt z). Here z is a share of the pixels that all drones would
-have of a face at the step if each were at its best view. If the drones that see people are counted,
-each drone gets full credit, gamma = 1, or, if that share of all drones is more than the number that
-counts, none, gamma = 0.
+have of a face at the step if each had the most that any of them can have. If the drones that see
+people are counted, each drone gets full credit, gamma = 1, or, if that share of all drones is more
+than the number that counts, none, gamma = 0.
 """
 
 import math
@@ -131,7 +131,7 @@ class _StepMultipliers:
 
     @property
     def _cameras(self) -> int:
-        """Number of drones that count for a person; 0 if drones are not counted."""
+        """Largest number of drones that count for a person; 0 if drones are not counted."""
         views = self._model.problem.objective.views
         return 0 if views is None else views.cameras
 

@@ -50,7 +50,8 @@ _SOLVERS = {
         {
             "num_workers": THREADS, "random_seed": SEED,
             "catch_sigint_signal": False,  # its handler aborts the process
-            # J is in millions: a worker that searches for ever better plans would improve by ones.
+            # In the integer objective, roots are worth millions: a worker that searches for ever
+            # better plans would improve by ones.
             # This worker lowers the bound instead, with all rows in its linear relaxation.
             "use_objective_lb_search": True, "linearization_level": 2,
             # With this option, presolve of 9.15 cuts off optima

@@ -182,8 +182,7 @@ AIRFRAMES: dict[str, Limits] = {
 
 
 def airframe_name(limits: Limits | None) -> str | None:
-    """Returns the name of an airframe with these limits, considering the known ones; None if there
-    is none.
+    """Returns the name of an airframe whose known limits are these; None if there is none.
 
     If no airframe also has the same endurance, endurance is ignored: the drone may have another
     battery.

@@ -26,7 +26,7 @@ def in_order(answer: Record, has_plan: bool = True) -> Record:
 
 
 def record_of(row: PlanRow) -> Record:
-    """Returns the columns of a row, followed by the quality of its plan."""
+    """Returns a row's columns, and after those that it sums up a line on how people are seen."""
     record: Record = {}
     for key, value in asdict(row).items():
         record[key] = value

@@ -109,7 +109,7 @@ def _unlimited(path: Path, seed: int) -> Problem:
 
 
 def _with_moves_of(problem: Problem, other: Problem) -> Problem:
-    """Returns a problem whose drones make the moves of another, from the same starts, on its cells.
+    """Returns a problem whose drones make the moves of another, from its own starts and cells.
 
     Flight heights are also those of the other, if limits raise them over steep ground.
     """

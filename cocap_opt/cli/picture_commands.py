@@ -147,7 +147,7 @@ def _show(
 
 
 def _loaded(scene: str, seed: int, site: Site | None) -> Problem:
-    """Returns a scene, unless a recipe's site is given, and logs doubtful entries."""
+    """Returns a scene, the one in a recipe's site if it has one, and logs doubtful entries."""
     if site is None or site.problem is None:
         return load(scene, seed)
     say_doubts(scene, seed, site.problem)

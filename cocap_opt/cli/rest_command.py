@@ -93,7 +93,7 @@ class RestOptions:
         return False
 
     def require(self, output: Path | None, scene: str) -> Path:
-        """Returns the file of the flown plan; rejects output files that cannot be written."""
+        """Returns the file of the flown plan; rejects options of files that are not written."""
         if self.plan is None:
             raise UsageError("--plan: must name the plan that was flown up to that step")
         Option("--bound-limit").require_limit(self.bound_limit)

@@ -118,9 +118,7 @@ def _saved(found: Hedging, folder: Path) -> dict[str, list[str]]:
     save_files({folder / name: content for name, content in contents.items()})
     strays = {path.name for kind in _KINDS for path in folder.glob(f"take-*.{kind}.json")}
     if others := sorted(strays - contents.keys()):
-        _log.warning(
-            ("%s: belong to another scene and were not written now: %s"), folder, ", ".join(others)
-        )
+        _log.warning("%s: files of another scene, not written now: %s", folder, ", ".join(others))
     return {"files": sorted(contents)}
 
 

@@ -22,7 +22,7 @@ from cocap_opt.referee import Verdict, check
 PER_STEP = 10  # default number of rows per step of a smooth flight
 MOST_ROWS = 5_000_000
 _TOUCH = 1e-6  # m; smaller values are rounding errors
-_EVEN = ", even with the quickest changes of speed;"
+_EVEN = ", even with the quickest changes of speed; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # computed in rad/s

@@ -1,9 +1,9 @@
 """Flights that deviate from the plan: people are late, early or displaced, a drone lags or is lost.
 
 Drones do not react: they fly as planned, and hover before and after. A drone that is lost at a step
-is absent from then on; its fall is not considered. Least distances, and whether rules are obeyed,
-are computed on the polynomials at every moment, not sampled: if one of two flights is late, their
-pieces are cut at the ends of both. J is evaluated at some moments of each step.
+is absent from then on; what happens to it is not considered. Least distances, and whether rules are
+obeyed, are computed on the polynomials at every moment, not sampled: if one of two flights is late,
+their pieces are cut at the ends of both. J is evaluated at some moments of each step.
 """
 
 from collections.abc import Iterable, Mapping

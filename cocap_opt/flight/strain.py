@@ -81,8 +81,8 @@ def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False
 def strains(problem: SceneData) -> list[str]:
     """Returns a line for each kind of drone that may exceed limits in smooth flights.
 
-    This is not a proof that a plan cannot be flown: smooth flights are checked individually. Kinds
-    of drones that can rest at each step get no line.
+    This is not a proof that a plan cannot be flown: smooth flights are checked individually. If
+    all drones can rest at each step, there are no lines.
     """
     if problem.step is None or any(_may_rest(problem, law) for law in LAWS):
         return []
@@ -148,8 +148,8 @@ def _words(problem: SceneData, robot: Robot) -> str:
     shortest = motion.shortest_move(problem.height_map.resolution)
     heavy = acceleration is not None and 2 * shortest > acceleration * step**2 * (1 + ROUNDING)
     start = (
-        f"cannot move from rest to rest within a step: the shortest move, {shortest:.4g} m, "
-        f"needs {2 * shortest / step**2:.4g} m/s2;"
+        f"cannot move from rest within a step: the shortest move, {shortest:.4g} m, needs "
+        f"{2 * shortest / step**2:.4g} m/s2; "
         if heavy and math.isfinite(shortest)
         else ""
     )

@@ -2,7 +2,7 @@
 
 Everything moves linearly between moments that all drones have in common, spaced so closely that the
 error is at most a millimetre. (glTF also supports cubic splines, which would need fewer moments,
-but Blender's importer does not read their tangents: KhronosGroup/ glTF-Blender-IO issue 419.) x is
+but Blender's importer does not read their tangents: KhronosGroup/glTF-Blender-IO issue 419.) x is
 the map's x, y is up, and z is the map's -y.
 """
 

@@ -123,7 +123,7 @@ class CoverageTables:
 
         Parameters
         ----------
-        table : estimated bytes of the tables; None: count only the bytes that are certain
+        table : estimated bytes of the tables; 0: count only the bytes that are certain
 
         Raises
         ------

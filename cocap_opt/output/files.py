@@ -82,7 +82,7 @@ def check_output(path: Path | None, *inputs: str | Path | None) -> None:
 
 
 def make_folder(path: Path | None, *parts: str) -> None:
-    """Creates a folder for results, including parent folders, before the work for them is done."""
+    """Creates a folder for results, with folders inside it, before the work for them is done."""
     if path is not None:
         try:
             for part in (".", *parts):

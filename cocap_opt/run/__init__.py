@@ -1,3 +1,3 @@
-"""The engine: runs methods within limits; the referee evaluates, verifies and explains their
-results.
+"""The engine: runs methods within limits, has the referee evaluate their plans, and verifies and
+explains their results.
 """

@@ -37,7 +37,8 @@ from cocap_opt.run.view_share import (
 )
 from cocap_opt.stop import Clock, Stop
 
-# each run gets this part of the remaining time, and at least this many seconds
+# the first run and each direction get 1 / _RUNS of the remaining time; a direction, at least
+# _LEAST seconds
 _RUNS, _LEAST = 3, 0.2
 
 

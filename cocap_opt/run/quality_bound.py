@@ -4,7 +4,7 @@ Let n be the number of drones that see a person at a step, and B a bound, over a
 of w min(k, n) over all person-steps, where w is the weight of a person-step. As m [n >= m] <=
 min(k, n) for m <= k,
 
-the total weight of the person-steps that m or more drones see is at most B / m.
+    the total weight of the person-steps that m or more drones see is at most B / m.
 
 If all weights are equal, this bounds the number of person-steps, which is whole; with different
 weights, it bounds only the weight. Person-steps seen by m drones are also seen by m - 1. So the
@@ -198,7 +198,7 @@ class QualityBound:
         return str(self)
 
     def _scenes(self) -> Iterator[Problem]:
-        """Yields the problem for each number of drones, up to the number of drones of the scene."""
+        """Yields the problem for each number of drones that counts and that the scene has."""
         if self.person_steps:
             for cameras in range(1, min(self.cameras, len(self.problem.robots)) + 1):
                 yield self.scene(cameras)

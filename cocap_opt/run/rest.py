@@ -10,7 +10,7 @@ if each step has its own returns. If pixels add up over time, the root covers pi
 after step k: no such scene exists, and the request is rejected.
 
 A drone may be lost at step k. It contributes nothing from step k on: its views before step k count,
-and its moves up to step k. It is removed from the scene; its fall is not considered.
+and its moves up to step k. It is removed from the scene; what happens to it is not considered.
 """
 
 from collections.abc import Sequence

@@ -113,11 +113,7 @@ def _with_camera(robot: Robot, name: str | None) -> Robot:
         return robot
     given = camera_called(name)
     camera: AnyCamera = robot.camera
-    require(
-        isinstance(camera, Camera),
-        "robots[0].camera",
-        ("must make images if its camera is to be changed"),
-    )
+    require(isinstance(camera, Camera), "robots[0].camera", "must make images to be changed")
     return robot.replace(camera=given.replace(tilts=camera.tilts))
 
 

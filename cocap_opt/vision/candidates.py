@@ -334,8 +334,8 @@ class Skyline:
         self._heights[actors] = np.maximum(self._heights[actors], raised)
 
     def _stands_out(self, edges: "_Edges") -> BoolArray:
-        """Returns an array [m], True for bodies that may exceed the skyline, or that are not part
-        of it.
+        """Returns an array [m], True for bodies that may exceed the skyline, or that it does not
+        consider.
         """
         bins = self._bins[edges.actor]
         met = edges.left[:, None] <= bins[:, 1:] + MARGIN

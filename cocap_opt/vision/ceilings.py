@@ -52,8 +52,9 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
 
         (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (least depth)^3
 
-    pixels per square metre. Parts of an actor in the image are no closer than the middle of its
-    sphere less its radius, in depth and, by the angle of the image's corners, in distance.
+    pixels per square metre. Parts of an actor in the image are no closer than its middle less the
+    extent of its cylinder, in depth, or, in distance, less the radius of its sphere; the angle of
+    the image's corners turns this distance into a depth.
     """
     camera, planes, owners = views.camera, views.geometry.planes(t), views.problem.face_owner
     weights, of_people = np.split(weights, [views.n_faces])

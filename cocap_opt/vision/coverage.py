@@ -349,7 +349,7 @@ def _joined(parts: list[_Rows]) -> _Rows:
 
 
 def _by_orientation(nodes: IntArray, n_places: int) -> IntArray:
-    """Returns the order by place of nodes that are sorted within each orientation."""
+    """Returns the order that sorts nodes, which are sorted already within each orientation."""
     looks = nodes // n_places
     looks -= looks.min(initial=np.iinfo(np.int64).max)
     if looks.max(initial=0) < 2**16:  # radix sort, in linear time

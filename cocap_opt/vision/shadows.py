@@ -34,7 +34,7 @@ class Shadows(NamedTuple):
 
     normals: FloatArray  # [n, K, 3]
     offsets: FloatArray  # [n, K] m
-    depths: FloatArray  # [n, K] m; points nowhere deeper than this in a half-space are not hidden
+    depths: FloatArray  # [n, K] m; polygons nowhere deeper than this in one are not hidden
 
     @classmethod
     def of(cls, bodies: Bodies, which: IntArray, eyes: FloatArray) -> "Shadows":

@@ -35,7 +35,7 @@ _BATCH_RAYS = 400_000  # views times faces times the squared samples of a triang
 class PinholeSight:
     """Coverage by a pinhole camera from any places, along any axes.
 
-    coverage = area of the image of the visible part of the face, in px / area of the face
+        coverage = area of the image of the visible part of the face, in px / area of the face
 
     The solid angles of people are sums over the same parts of their faces; without obstructions
     they are sums over all faces that are turned to the camera.

@@ -33,8 +33,8 @@ from cocap_opt.vision.seen import SeenColumns, SeenFaces
 from cocap_opt.vision.views import PinholeViews, StateViews
 
 _DEPTH = 1e-3  # m, by which lines of sight must be inside a column
-_PARTS = 4  # parts of a cell along x and y
-_MOST = 4_000_000  # squares, for maps with fewer cells, which limits memory
+_PARTS = 4  # largest number of parts of a cell along x and along y
+_MOST = 4_000_000  # largest number of squares, for maps with fewer cells, which limits memory
 _STEP = 3  # cells from one point of an axis to the next
 _FEW = 0.8  # smallest remaining share of axes at which all are kept
 

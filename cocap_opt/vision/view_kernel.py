@@ -29,9 +29,9 @@ from cocap_opt.vision.visibility import IN_ITS_PLANE, LEAST
 
 _Number = TypeVar("_Number", np.int64, np.float64)
 
-_SHADOWS = 512  # shadows on a part of one person from one eye
-_PIECES = 4_096  # pieces of one face
-_CUTS = 40  # vertices of a piece in addition to those of its face
+_SHADOWS = 512  # largest number of shadows on a part of one person from one eye
+_PIECES = 4_096  # largest number of pieces of one face
+_CUTS = 40  # largest number of vertices of a piece in addition to those of its face
 _FLAT = 1 / 64  # tangents for which a short series is exact
 _HIDDEN, _TOO_MANY = -1, -2  # codes in place of a number of shadows or pieces
 _BESIDE, _INSIDE, _IN_PART = range(3)  # position of points relative to a shadow
@@ -328,7 +328,7 @@ def _edge(
     """Returns the upper edge of a body: its ends, its peak, the position of the peak, and both
     slopes.
 
-    The peak is nan for a body that is not part of the skyline.
+    The peak is nan for a body that the skyline does not consider.
     """
     ax, ay = ahead
     left, right, peak, at = math.inf, -math.inf, -math.inf, math.inf
@@ -382,7 +382,7 @@ def _lowest(values: FloatArray) -> float:
 
 @_inlined
 def _stands_out(skyline: Skyline, k: int, low: float) -> bool:
-    """Returns True for a body that may exceed the skyline, or that is not part of it."""
+    """Returns True for a body that may exceed the skyline, or that it does not consider."""
     left, right, peak = skyline.edges[k, 0], skyline.edges[k, 1], skyline.edges[k, 2]
     if math.isnan(peak):
         return True

@@ -53,8 +53,8 @@ class Search:
     rng : random generator of local search
     largest : [C, Z] largest root of the pixels of one robot, px^0.5/m
     weights : [Z] weights of view sums
-    alone : the priced multipliers of the bound `alone`
-    scale : the bound `alone`, if it is positive and finite, otherwise 1
+    alone : the priced multipliers of the bound of method `alone`, in which every robot is alone
+    scale : that bound, if it is positive and finite, otherwise 1
     """
 
     model: Model

@@ -432,7 +432,11 @@ class Instance:
                 fits(amount == 1 or not counts, "sees", counted, n, number)
 
     def near(self, before: list[Fraction], after: list[Fraction]) -> bool:
-        """True if two drones violate the separation, or one sees the other, between two moments."""
+        """True if two drones violate the separation at some moment of a straight move.
+
+        One is at `before` relative to the other (m) when the move begins, and at `after` when it
+        ends.
+        """
         aside, above = self.far[0] - Fraction(1, 10**6), self.far[1] - Fraction(1, 10**6)
         way = [b - a for a, b in zip(before, after, strict=True)]
         low, high = Fraction(0), Fraction(1)
@@ -866,7 +870,7 @@ class Bound:
     # -- resources --------------------------------------------------------------------------
 
     def _users(self, resource: Spec) -> tuple[int, list[Any]]:
-        """Returns the cells, or the moves (tail, head), that use a resource, and further fields."""
+        """Returns the step of a resource, and the cells, moves (tail, head) or state in it."""
         kind, t = str(resource.get("type")), whole(resource.get("t"), "t: ")
         lasts = kind in ("swap", "moves", "move")
         require(0 <= t <= self.instance.horizon - lasts, "resource: t is not a step of the scene")
@@ -1467,7 +1471,8 @@ class Staged:
         now = [self.prices[k][t][s] for k, s in states]
         slack = [self.slack[k][t][s] for k, s in states]
         before = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
-        # Joint states above the claim that obey (*), and those within earlier constants and slacks.
+        # Joint states above the claim that obey (*), and that slacks and earlier constants alone do
+        # not rule out.
         conditions = [
             (-claim, True, now), (self.room - constant, True, before), (self.room, False, slack),
         ]  # fmt: skip

@@ -656,7 +656,7 @@ class _Lens(NamedTuple):
         )
 
     def area(self, inside: "_Inside", piece: _Piece, points: list[Weights]) -> arb | None:
-        """Returns the area (px) of the image of a part of a face; None: unbounded."""
+        """Returns the area (px) of the image of a part of a face; None: no bound is found."""
         image = []
         for u, v, depth in inside.placed(piece, points):
             if not depth > 0:
@@ -670,7 +670,7 @@ class _Lens(NamedTuple):
         return doubled / 2
 
     def angle(self, inside: "_Inside", piece: _Piece, points: list[Weights]) -> arb | None:
-        """Returns the solid angle (sr) of a part of a face; None: unbounded."""
+        """Returns the solid angle (sr) of a part of a face; None: no bound is found."""
         first, *others = inside.placed(piece, points)
         found = arb(0)
         for second, third in pairwise(others):
@@ -856,7 +856,7 @@ def _ball(radius: float) -> arb:
 
 
 def _floor(value: arb) -> int:
-    """Returns the largest multiple of 2^-64 that is not above a value, in units of 2^-64."""
+    """Returns a whole number of units of 2^-64 that is certainly not above a value."""
     digits, exponent = value.lower().man_exp()
     shift = int(exponent) + _SCALE
     return int(digits) << shift if shift >= 0 else int(digits) >> -shift

@@ -516,7 +516,7 @@ class _Flights:
                     heads.add(head)
             new = heads - known
             known |= new
-        for tail in new:  # whose moves all end at known places
+        for tail in new:  # reached only at the last step: moves to unknown places are left out
             for head, balanced in self._moves_from(tail):
                 if head in known:
                     graph.add_edge(tail, head, balanced=balanced)

@@ -62,7 +62,7 @@ class Answer(NamedTuple):
 
         Parameters
         ----------
-        late : True if a limit had been reached. Then no claim of optimality is trusted: if its time
+        late : True if a limit had been reached. Then no claimed proof is trusted: if its time
             ends in the root node, HiGHS drops that node and calls its start optimal, or finds no
             plan
         """

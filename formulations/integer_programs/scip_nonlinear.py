@@ -45,7 +45,7 @@ def _solve(program: Program, call: Call) -> Answer:
     linear = LinearProgram.of(program)
     if len(linear.gain) > MOST_VARIABLES:
         message = f"scip-nonlinear takes at most {MOST_VARIABLES} variables; this program has"
-        return Answer(None, math.inf, Limit.MEMORY, message=f"{message}{len(linear.gain)}")
+        return Answer(None, math.inf, Limit.MEMORY, message=f"{message} {len(linear.gain)}")
     model, variables = _translated(program, linear)
     model.setParams(options("SCIP", call.stop, call.tolerance))
     if call.hint is not None:

@@ -44,7 +44,7 @@ class CliquesOfMoves:
 
     def around(self, first: _Move, second: _Move) -> tuple[_Move, ...]:
         """Returns a clique that contains two conflicting moves: all moves near the point where
-        these two meet.
+        these two are closest.
 
         It contains moves of all classes; if there are too many, only those nearest to that point.
         """

@@ -122,7 +122,7 @@ def repaired_roots(
     rest = np.maximum(1 - taken, 0.0)
     own_alpha = np.clip(np.nan_to_num(single_view / weights), 0.0, rest)
     returns = problem.returns.part(view_sums)
-    # A cap that the team cannot reach has no price.
+    # A cap that the team cannot exceed has no price.
     own_alpha[returns.n_roots :][returns.caps >= len(problem.robots)] = 1.0
     alpha, beta = problem.no_pixels() + 1.0, problem.no_pixels()
     alpha[view_sums] = own_alpha

@@ -124,7 +124,7 @@ class Flow:
         return self._ends(self.tails)
 
     def _ends(self, nodes: IntArray) -> sparse.csr_array:
-        """Returns 1 where an edge ends in a node [N, E], given the node of each edge's end [E]."""
+        """Returns 1 where an edge has its given end, tail or head [E], in a node [N, E]."""
         at = (nodes, np.arange(self.n_edges))
         return sparse.csr_array((np.ones(self.n_edges), at), shape=(self.n_nodes, self.n_edges))
 

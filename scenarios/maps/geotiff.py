@@ -25,7 +25,7 @@ from cocap_opt.text import pair
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 APART, EARTH = 100.0, 6_371_008.8  # m, distance between compared points; radius of the Earth
 WEB_MERCATOR = 3857  # EPSG
-FULL, STEEP = 255, 50  # the largest byte, and by how much it may exceed its neighbours as a height
+FULL, STEEP = 255, 50  # the largest byte, and by how much it may exceed all other heights
 CACHE = 64  # MB; by default, GDAL uses a share of all memory
 
 

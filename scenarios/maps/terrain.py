@@ -174,7 +174,7 @@ class MapTable(Table):
         highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
         level = Grid.of(surface._replace(values=bare), self.resolution, "mean")
         above, ground = highest.filled(None, "file"), level.filled(None, "ground")
-        # Flat ground at 0 is not stored: it is the default of a height map.
+        # Flat ground at 0 is not stored: a height map finds it if many cells have its height.
         told = ground if ground.any() else None
         is_datum = flight == "above-ground"
         height_map = HeightMap(

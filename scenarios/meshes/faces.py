@@ -167,7 +167,7 @@ def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:
     except (shapely.errors.GEOSException, KeyError):
         found = []
     triangles = np.array(found, dtype=np.int64).reshape(-1, 3)
-    back = fan(corners[::-1])  # closes a face that encloses no area
+    back = fan(corners[::-1])  # triangles with just the edges of the face close with it
     if len(triangles) != len(corners) - 2 or not close(np.concatenate([triangles, back])):
         raise ProblemError(
             f"faces[{face}]: must not cross itself; in Blender, Face > Triangulate Faces cuts such "

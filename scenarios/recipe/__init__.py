@@ -5,7 +5,7 @@ times in seconds. `example` contains every table once, and `schema` lists them; 
 kind of part are in `drones`, `people`, `takes`, `cameras`, `objective` and `rules`. `contents` puts
 everything except the drones onto the map, `strides` adapts the drones' moves so that they can be
 flown, and `scenes` makes the scene; `names` has the drones' names for messages. `lighter` changes a
-recipe so that planning takes less.
+recipe so that planning costs less.
 """
 
 from cocap_opt.scenarios.recipe.example import EXAMPLE

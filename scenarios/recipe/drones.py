@@ -514,7 +514,7 @@ def _crowded(
 
 
 def _gets_away(state: State, motion: Motion, around: Surroundings) -> bool:
-    """Returns True if a drone at a start can keep moving away from people, at all steps.
+    """Returns True if a drone at a start has moves that keep clear of people at all steps.
 
     This is not checked for drones without limits.
     """

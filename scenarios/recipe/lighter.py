@@ -71,7 +71,7 @@ class Change(NamedTuple):
 
 
 def lighter(path: Path, problem: Problem) -> list[list[Change]]:
-    """Returns changes of a recipe, a list for each kind; the first in each are the quickest to try.
+    """Returns changes of a recipe, a list for each kind; kinds that are quick to try come first.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
 
 
 def _fewer(recipe: Recipe, field: str) -> Iterator[Change]:
-    """Yields fewer layers, tilts or headings for the drones that have most of them."""
+    """Yields fewer layers, tilts or headings for the drones that have the most of them."""
     most = max(_count(table, field) for table in recipe.drones)
     tables = [k for k, table in enumerate(recipe.drones) if _count(table, field) == most]
     for count in _counts(field, most):

@@ -177,8 +177,8 @@ class TracksTable(Table):
         self, tracks: list[Track], wanted: int, step: float, steps: int, begin: float | None,
         who: str,
     ) -> None:  # fmt: skip
-        """Raises ProblemError, naming the possible number of steps, unless enough people are
-        present long enough.
+        """Raises ProblemError, naming the number of steps for which enough people are present at
+        once, if they ever are.
         """
         spans = [span for track in tracks for span in track.spans()]
         moments = {a for a, _ in spans} if begin is None else {begin}

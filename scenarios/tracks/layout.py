@@ -186,8 +186,8 @@ class TextLayout(NamedTuple):
         return settled_rate(self._stated_rates(), fps)
 
     def _stated_rates(self) -> set[float]:
-        """Returns the rates that comments state by a name or in words, such as 10 frames per
-        second.
+        """Returns the rates that comments state by name or, if none does, in words, such as 10
+        frames per second.
         """
         named = [rate for comment in self.comments for rate in _FRAME_RATE.findall(comment)]
         rates = named or [

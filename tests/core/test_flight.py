@@ -581,9 +581,8 @@ def test_a_shortest_move_that_takes_long_from_rest_is_doubted(motion: Motion) ->
         horizon=2, step=1.249,
     )  # fmt: skip
     (words,) = strains(problem)
-    assert words.startswith(
-        "drone 0 cannot move from rest to rest within a step: the shortest move, 1 m"
-    )
+    assert words.startswith("drone 0 cannot move from rest within a step: the shortest move, 1 m")
+    assert "m/s2; may exceed limits" in words
     still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
     for other in (problem.replace(step=1.25), problem.replace(robots=(still,), step=0.01)):
         assert not any("the shortest" in words for words in strains(other))

@@ -127,5 +127,5 @@ def test_of_staged_certificates_it_is_that_of_cocap_check(monkeypatch: pytest.Mo
     with pytest.raises(CertificateError, match="rejected by cocap-check: instance: "):
         SecondOpinion.of(Model(problem), other)
     wrong = replace(file.certificate, target=math.inf)
-    with pytest.raises(CertificateError, match="cocap-check refuses it"):
+    with pytest.raises(CertificateError, match="rejected by cocap-check"):
         SecondOpinion.of(Model(problem), replace(file, certificate=wrong))

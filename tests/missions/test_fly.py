@@ -144,7 +144,7 @@ def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.Monkey
     """A drone that starts is overtaken; what is said to be enough, and of the straight one, is."""
     problem, plan = beside_somebody()
     assert len(co.trajectory(problem, plan)) == 5
-    words = r"person 0, even .* people = 3.03 .* --margin 0.04; .* leave --smooth out$"
+    words = r"person 0, even .*; plan with people = 3.03 .* --margin 0.04; .* omit --smooth$"
     with pytest.raises(ValueError, match=words):
         co.trajectory(problem, plan, smooth=True)
     over = co.Airspace(people_aside=2.9899, people_above=12345.678)

@@ -19,7 +19,7 @@ from cocap_opt.problem import Robot
 from cocap_opt.problem.pictures import shared_digits
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
-_ROWS = 12  # cues on a card
+_ROWS = 12  # largest number of cues on a card
 _LEAST_RESERVE = 0.2  # of a battery; the crew is warned of a smaller reserve
 _AUTOPILOTS = {"px4": "PX4"}  # autopilots whose defaults are among the limits of airframes
 _STANDS = 0.05  # m/s; slower people stand still

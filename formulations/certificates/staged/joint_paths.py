@@ -126,9 +126,9 @@ class _Choices(NamedTuple):
 class _Following:
     """Searches for the moves of the whole team.
 
-    The first searches are plain; once a search has been long, all further ones are compiled, if
-    that is possible and allowed. Both kinds find all moves to joint states that reach their floor,
-    and some more if rounding leaves a doubt (`JointStates.margin`).
+    The first searches are plain; once they have taken `PLAIN_NODES` nodes together, all further
+    ones are compiled, if that is possible and allowed. Both kinds find all moves to joint states
+    that reach their floor, and some more if rounding leaves a doubt (`JointStates.margin`).
 
     Attributes
     ----------

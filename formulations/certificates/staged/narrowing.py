@@ -1,8 +1,8 @@
 """Narrows down the states of better plans: sets prices of states, and closes states.
 
 Multipliers bound J by constants K_t for the faces of each step, a constant for rows, and one best
-path per robot (`pricing`). Let B be that bound, sigma_i(t, s) for the difference between robot i's
-best path and its best path through state s at step t, and h_t for the reduced profit of the joint
+path per robot (`pricing`). Let B be that bound, sigma_i(t, s) the difference between robot i's
+best path and its best path through state s at step t, and h_t the reduced profit of the joint
 state of a plan at t: its worth less the prices of its states (`joint_states`). Then
 
     J = B - sum of the paths' slacks - sum_t (K_t - h_t) - mu (1 - used),     all terms >= 0,

@@ -17,7 +17,7 @@ stronger there.
 
 A joint state is relevant if it meets several conditions at once, each of the form
 
-constant - sum of payments of its states (+ gains of the faces) > 0:
+    constant - sum of payments of its states (+ gains of the faces) > 0:
 
 its profit exceeds the least profit asked for, its worth less charges is not below the floor, and
 each ceiling leaves room. A sum of these conditions, weighted with shares >= 0, is then above 0,

@@ -120,7 +120,7 @@ def _pick(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> float:
 
 @_inlined
 def _mix(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, share: float) -> None:
-    """Moves the mixture a share of the way towards the picks; all the way in the first round."""
+    """Moves the mixture a share of the way towards the picks."""
     conditions, mixed = relaxed.conditions, relaxed.mixed
     for f in range(len(data.weights)):
         for row in (PIXELS, GAINS):

@@ -57,7 +57,7 @@ def most_profitable(
 
     An excess of up to half the margin does not count. Profits in the search have errors of up to an
     eighth of the margin, so a search among fewer states may return another joint state, whose
-    profit differs by up to a quarter of the margin. The margin covers that half and the errors of
+    profit is higher by up to a quarter of the margin. The margin covers that half and the errors of
     the search.
 
     Parameters

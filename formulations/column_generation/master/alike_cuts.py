@@ -122,7 +122,9 @@ def _values(
 
 
 def _breakpoints(seen: Seen, largest: float, most: int) -> FloatArray:
-    """Returns a given number of roots: the largest, and those whose neighbours lose little."""
+    """Returns at most a given number of roots: the largest, and others between which roots lose
+    little.
+    """
     top = largest * (1 + 1e-9)
     points, which = np.unique(np.round(seen.roots / largest, 4) * largest, return_inverse=True)
     mass = np.bincount(which, seen.amounts)

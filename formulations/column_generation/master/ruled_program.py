@@ -73,7 +73,7 @@ class RuledProgram:
         total = np.where(seen, total, 1.0)
         share = of_together / total
         # With so small a beta, the rounding of alpha's remainder would dominate: beta is set to 0,
-        # and alpha to slightly more than the whole.
+        # and alpha to slightly more than the share that cuts leave.
         nearly = share < self._least_share
         alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
         beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)

@@ -1,4 +1,4 @@
-"""The incumbent: the best plan that obeys all rules, as one column per robot."""
+"""Incumbents: plans that obey all rules, as one column per robot."""
 
 from collections import defaultdict
 from collections.abc import Sequence

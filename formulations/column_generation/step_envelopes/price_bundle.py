@@ -7,8 +7,8 @@ potentials u(t, s), the master minimises
     sum_t K_t + sum of u at the starts + rho / 2 |phi - centre|^2
 
 such that K_t is at least the height of every known joint state of the step, and the potentials rise
-along the known arcs by prices less charges. At steps with a ceiling, prices are at least those of
-the initial centre, and states without a price of their own are priced higher by the difference
+along the known arcs by prices less charges. At steps with a ceiling, prices are at least the
+initial ones, and states without a price of their own are priced higher by the difference
 between the ceiling and K_t (`staged.narrowing`). As the master knows only some joint states and
 arcs, its value is too low, and the missing ones are found iteration by iteration; the last term
 keeps prices near the best so far (a proximal bundle method; Kiwiel 1990).
@@ -92,7 +92,7 @@ class PriceBundle:
     Attributes
     ----------
     joints : the joint states of each step
-    centre : [n] the best prices so far of all their states, step by step
+    centre : [n] the initial prices of all their states, step by step
     rest : the part of the bound besides the steps' constants and the paths
     constants : the constants intended for the best prices, by step; with short lists, lower
         constants prove less, since they raise the prices of unlisted states
@@ -319,7 +319,7 @@ class PriceBundle:
     def _ceiling_rows(self, columns: _Columns) -> Iterator[_MasterRow]:
         """Yields the rows of steps with a ceiling, which limits the constant.
 
-        Prices at these steps are at least those of the centre.
+        Prices at these steps are at least the initial ones.
         """
         for position, column in columns.price_of.items():
             if self._has_ceiling[position]:

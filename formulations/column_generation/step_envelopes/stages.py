@@ -18,7 +18,7 @@ class Stages(NamedTuple):
     stages: tuple[Stage, ...] = ()
 
     def then(self, stage: Stage) -> "Stages":
-        """Returns the stages plus one more, whose constants no known joint state exceeds."""
+        """Returns the stages plus one more, whose constants must be proved upper bounds."""
         narrowing = self.narrowing.after(stage, lambda k, _: stage.constants[k].constant)
         return Stages(narrowing, (*self.stages, stage))
 

@@ -184,7 +184,7 @@ class LargeRoot:
     def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
         self.search, self.ascent = search, _RuledAscent(search, mixture, best)
         self.found: dict[tuple[int, Path], Column] = {}
-        self._turns = 0  # turns of the ascent since the last search for cuts
+        self._turns = 0  # turns of the ascent near the bound; at some of them, cuts are added
 
     @property
     def _parameters(self) -> LargeRootParameters:

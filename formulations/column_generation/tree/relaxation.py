@@ -319,10 +319,11 @@ class Relaxation:
         return master, solution
 
     def _nearly_decided(self, mixture: Mixture, taken: set[Resource]) -> dict[Resource, int]:
-        """Returns states that one more robot must use, with the number of robots that use each now.
+        """Returns states that one more robot must use, with the number of robots that must then use
+        each.
 
-        A robot's states at neighbouring steps determine each other, so only one in every few steps
-        is decided.
+        A robot's states at neighbouring steps determine each other, so states at a few steps are
+        decided at a time.
         """
         model, parameters = self.search.model, self.search.parameters.tree
         tolerance = parameters.dive_tolerance

@@ -87,7 +87,7 @@ class Tree:
         self._nodes.append(node)
 
     def select(self) -> _Node | None:
-        """Returns the open node with the largest bound; None if all nodes are pruned."""
+        """Removes and returns the open node with the largest bound; None if all are pruned."""
         if not self._queue:
             return None
         node = self._nodes[heapq.heappop(self._queue)[1]]
