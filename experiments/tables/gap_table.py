@@ -29,8 +29,8 @@ GAP_FREE = "gap without\nrules"
 # Keys of rows, as people read them; JSON and results.csv have the keys.
 _LABELS = {"reward": "J", "reward_rendered": "J rendered", "gap_free": GAP_FREE}
 _GAPS = (
-    "Gap: J of the plan is at most so far below that of the best plan under the scene's rules; gap "
-    "without rules: below that of the best plan of drones that may collide."
+    "Gap: the plan's J is at most this percentage below that of the best plan under the scene's "
+    "rules. Gap without rules: the same for the best plan of drones that may collide."
 )
 # What a narrow terminal does without, the least useful first.
 _SPARE = (
