@@ -209,12 +209,13 @@ def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
         ):
             walls(tmp_path, plan, at)
     large = {"type": "Polygon", "coordinates": [[[x + 400_000, y] for x, y in square]]}
-    with pytest.raises(ProblemError, match=r"longitudes and latitudes, .* \(400010, 10\); .* set unit = "):
+    words = r"longitudes and latitudes, .* \(400010, 10\); .* set unit = "
+    with pytest.raises(ProblemError, match=words):
         walls(tmp_path, large, HERE)
     named = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
     assert boxes(walls(tmp_path, plan | {"crs": named}, nowhere))[0][3] == 20
     assert boxes(walls(tmp_path, collection(feature(plan | {"crs": named})), nowhere))[0][3] == 20
-    with pytest.raises(ProblemError, match="crs: must be the same in all of the file"):
+    with pytest.raises(ProblemError, match="crs: must be the same throughout the file"):
         walls(tmp_path, collection(feature(plan | {"crs": named}), crs="EPSG:4326"), nowhere)
     with pytest.raises(ProblemError, match=r'crs: is null, .* set unit = "m" in'):
         walls(tmp_path, plan | {"crs": None}, nowhere)
