@@ -129,7 +129,7 @@ class Cluster(Crew):
                 time.sleep(POLL)
                 looks += 1
                 if looks == round(ANSWER / POLL) and self._local is None:
-                    say("all workers have left; waiting for new ones")
+                    say("there are no workers left; waiting for new ones")
                 if looks == round(_RESTART / POLL) and self._local is not None:
                     raise ClusterError(_GONE)
         return None
