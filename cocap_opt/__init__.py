@@ -7,8 +7,8 @@
     >>> co.verify(problem, result.plan, best.certificate).gap
     >>> co.show(problem, result, best)
 
-Every name below is imported when it is first used: no solver is loaded before it is needed. An
-argument of another kind than a function takes is a TypeError that names it.
+Every name below is imported when it is first used, so no solver is loaded before it is needed. An
+argument of the wrong type raises a TypeError that names the argument.
 """
 
 from importlib import import_module
@@ -132,7 +132,7 @@ _MODULES = {
 }  # fmt: skip
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
-# Written out, since type checkers read it and compute nothing.
+# Written out, as type checkers read it without running code.
 __all__ = [
     "BOUNDS", "COVERAGE_VERSION", "EXACT", "FORMATS", "NO_RULES", "PLANNERS", "SCENES",
     "VERTEX_ONLY", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
@@ -148,7 +148,7 @@ __all__ = [
     "with_starts", "with_views",
 ]  # fmt: skip
 
-if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers
+if not TYPE_CHECKING:  # otherwise type checkers would accept any misspelt name
 
     def __getattr__(name: str) -> Any:
         """Import a name when it is first used."""

@@ -1,7 +1,7 @@
-"""Numbers that are the same on every machine, and numbers of spans.
+"""Sums and trigonometric functions that are the same on every machine, and spans of numbers.
 
 Python's own sum of floats changed in 3.12. NumPy's trigonometric functions differ in the last bit
-between processors with and without AVX-512, and so would scenes, and with them their digests.
+between processors with and without AVX-512. With them, scenes and their digests would differ, too.
 """
 
 import math
@@ -13,11 +13,11 @@ from cocap_opt.data import FloatArray, IntArray
 
 
 def exact_sum(values: Iterable[float]) -> float:
-    """Returns the sum of numbers, correctly rounded; NaN or infinite where it is not finite."""
+    """Returns the sum of numbers, correctly rounded; NaN or infinite if it is not finite."""
     values = list(values)
     try:
         return math.fsum(values)
-    except (OverflowError, ValueError):  # too large on the way, or of both infinities
+    except (OverflowError, ValueError):  # an overflow, or infinities of both signs
         return math.inf if -math.inf not in values else math.nan
 
 
@@ -45,8 +45,8 @@ def spans(first: IntArray, counts: IntArray) -> IntArray:
 
 
 def entries_of(rows: IntArray, counts: IntArray) -> IntArray:
-    """Returns the numbers of all entries of some rows, of which row k has `counts` [k].
+    """Returns the numbers of all entries of some rows; row k has `counts` [k] entries.
 
-    Entries are numbered row by row, as in compressed sparse rows.
+    Entries are numbered row by row, as in the compressed sparse row format.
     """
     return spans((np.cumsum(counts) - counts)[rows], counts[rows])

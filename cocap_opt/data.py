@@ -1,4 +1,4 @@
-"""Base of all problem data: immutable structs whose fields are checked once.
+"""Base of all problem data: immutable structs whose fields are checked once, when they are made.
 
 Units: metres, radians, pixels. Every message of a `ProblemError` names the field.
 """
@@ -18,8 +18,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-# Far beyond what any scene needs: a number outside is a mistake. Within them every coverage
-# and every J is a finite number, and a face at any place keeps some digits of its size.
+# These limits are far beyond what any scene needs, so a number outside them is a mistake. Within
+# them, every coverage and every J is finite, and a face at any place keeps some digits of its size.
 MOST_STEPS = 10_000
 MOST_LETTERS = 1_000  # of a name
 MOST_TURN = 10_000  # indices per step
@@ -35,7 +35,7 @@ class ProblemError(ValueError):
 
 
 class FieldError(ProblemError):
-    """A ProblemError that has its field apart from its text, for those who name it otherwise."""
+    """A ProblemError whose field is separate from its text, so that callers can rename it."""
 
     def __init__(self, field: str, allowed: str) -> None:
         super().__init__(field, allowed)
@@ -67,7 +67,7 @@ def whole(value: object, field: str) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """The same value with Python's own numbers and tuples; other objects as they are."""
+    """Returns the value with Python's own numbers and tuples; other objects are unchanged."""
     if isinstance(value, np.floating):
         return float(value)
     if isinstance(value, np.generic):
@@ -81,7 +81,7 @@ def _plain(value: Any) -> Any:
 
 
 def _with_floats(value: Any, hint: Any) -> Any:
-    """The same value with floats where its type says so, as reading a file would have it."""
+    """Returns the value with whole numbers made floats where its type requires, as in files."""
     if get_origin(hint) in (Union, UnionType):
         floats = [part for part in get_args(hint) if part is float or get_origin(part) is tuple]
         for part in floats:
@@ -90,7 +90,7 @@ def _with_floats(value: Any, hint: Any) -> Any:
     if hint is float and type(value) is int:
         try:
             return float(value)
-        except OverflowError:  # which a check of its range says
+        except OverflowError:  # the check of the range reports it
             return value
     parts = get_args(hint)
     if get_origin(hint) is tuple and type(value) is tuple and parts[0] is float:
@@ -99,12 +99,12 @@ def _with_floats(value: Any, hint: Any) -> Any:
 
 
 def _holds_array(hint: Any) -> bool:
-    """True if a field of this type may hold an array."""
+    """Returns True if a field of this type may contain an array."""
     return get_origin(hint) is np.ndarray or any(map(_holds_array, get_args(hint)))
 
 
 def _is_a(value: object, hint: Any) -> bool:
-    """True if a value is of a field's type; numbers and arrays have checks of their own."""
+    """Returns True if a value has a field's type; numbers and arrays are checked elsewhere."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         return any(_is_a(value, part) for part in parts)
@@ -145,13 +145,13 @@ def _kind(hint: Any) -> str:
 
 
 def read_only(array: FloatArray) -> FloatArray:
-    """The same array, protected from changes."""
+    """Returns the same array, protected from changes."""
     array.setflags(write=False)
     return array
 
 
 def frozen(array: Any, field: str, ndim: int) -> FloatArray:
-    """Return a read-only float64 copy of `array` of `ndim` axes and numbers within +-LARGEST."""
+    """Return a read-only float64 copy of an array with `ndim` axes and numbers within +-LARGEST."""
     try:
         given = np.asarray(array)
     except ValueError:  # rows of different length
@@ -166,7 +166,7 @@ def frozen(array: Any, field: str, ndim: int) -> FloatArray:
 
 
 def _ready_types(hint: Any) -> set[type]:
-    """Types whose values are as a field of this type has them, so that nothing is to be checked."""
+    """Returns the types whose values need no conversion and no check in a field of this type."""
     if get_origin(hint) in (Union, UnionType):
         ready = set[type]().union(*map(_ready_types, get_args(hint)))
         return ready - {int} if float in ready else ready  # a whole number becomes a float
@@ -176,21 +176,21 @@ def _ready_types(hint: Any) -> set[type]:
 
 @cache
 def _hints(kind: "type[Data]") -> dict[str, tuple[Any, set[type]]]:
-    """Types of the fields of a struct, and the types whose values need no look."""
+    """Returns the types of the fields of a struct, each with its `_ready_types`."""
     hints = get_type_hints(kind)
     return {field: (hints[field], _ready_types(hints[field])) for field in kind.__struct_fields__}
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all problem data: immutable, and a misspelt field in a file is an error."""
+    """Base of all problem data: it is immutable, and a misspelt field in a file is an error."""
 
     def __post_init__(self) -> None:
-        """Make NumPy's numbers and arrays plain and lists tuples, as reading a file would.
+        """Convert NumPy's numbers and arrays to plain ones, and lists to tuples, as in files.
 
         Raises
         ------
         ProblemError
-            If a field is of another type than it says.
+            If a field has the wrong type.
         """
         for field, (hint, ready) in _hints(type(self)).items():
             value = getattr(self, field)

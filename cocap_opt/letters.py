@@ -1,17 +1,17 @@
-"""The width of text on a terminal, and text folded into lines of a width."""
+"""The width of text on a terminal, and text wrapped into lines of a given width."""
 
 import re
 import unicodedata
 
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=%|(?:px|mm|cm|m|s|deg)\b)")
-_HELD = "\0"  # a space at which no line ends
+_HELD = "\0"  # a space at which lines must not break
 
 
 def columns_of(text: str) -> int:
-    """Returns the columns of a terminal that a line takes.
+    """Returns the number of terminal columns that a line takes.
 
-    Chinese, Japanese and Korean letters take two, accents that are characters of their own none.
-    Emoji that are made of several characters are counted one by one, which may be too many.
+    Chinese, Japanese and Korean letters take two columns, combining accents none. The characters of
+    a composite emoji are counted one by one, which may be too many.
     """
     if text.isascii():
         return len(text)
@@ -19,7 +19,7 @@ def columns_of(text: str) -> int:
 
 
 def _joins(character: str) -> bool:
-    """Returns True for characters that are drawn on the one before: accents, and ends of Hangul."""
+    """Returns True for characters drawn on the previous one: accents, and parts of Hangul."""
     return (
         unicodedata.category(character) in ("Mn", "Me", "Mc", "Cf")
         or "\u1160" <= character <= "\u11ff"
@@ -27,15 +27,15 @@ def _joins(character: str) -> bool:
 
 
 def folded(text: str, width: int, first: str = "", indent: str = "") -> str:
-    """Returns text in lines of a terminal; words that are wider than a line are parted.
+    """Returns text wrapped into lines; words wider than a line are split.
 
-    A number and its unit stay in one line.
+    A number and its unit stay on one line.
 
     Parameters
     ----------
-    width : columns of a line, more than those of what stands before it
-    first : what stands before the first line
-    indent : what stands before all others
+    width : terminal columns per line, more than `first` and `indent` take
+    first : prefix of the first line
+    indent : prefix of all other lines
     """
     lines, before, line = list[str](), first, first
     for held in _BEFORE_UNIT.sub(_HELD, text).split():
@@ -47,7 +47,7 @@ def folded(text: str, width: int, first: str = "", indent: str = "") -> str:
         else:
             lines.append(line)
             before, line = indent, indent + word
-        # At least a letter, however narrow the terminal; accents stay with theirs.
+        # A line has at least one letter, however narrow the terminal; accents stay with letters.
         while columns_of(line) > width and len(line) > len(before) + 1:
             wide = next(k for k in range(len(line)) if columns_of(line[: k + 1]) > width)
             end = max(wide, len(before) + 1)

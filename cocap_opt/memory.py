@@ -1,4 +1,4 @@
-"""Memory that is needed, known before it is taken."""
+"""Checks that memory suffices, made before it is allocated."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -9,11 +9,11 @@ import psutil
 
 from cocap_opt.data import ProblemError
 
-_USABLE = 0.9  # of the memory that is free: other programs need some, too
+_USABLE = 0.9  # share of the free memory; the rest is for other programs
 _GIGABYTE = 1e9
 _GROUPS, _OURS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
-# Files of a group of processes, of version 2 and 1 of cgroups: its limit, what it uses, and the
-# line of its statistics that says how much of that are copies of files, which give way.
+# Files of a group of processes, for versions 2 and 1 of cgroups: its limit, its usage, and the line
+# of its statistics that counts cached files, which the kernel drops if memory is needed.
 _FILES = (
     (".", "memory.max", "memory.current", "inactive_file"),
     ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
@@ -21,7 +21,7 @@ _FILES = (
 
 
 def free_bytes() -> float:
-    """Returns the bytes that are free on this machine, or in a group of processes that has fewer.
+    """Returns the bytes that are free on this machine, or fewer if its process group has a limit.
 
     Containers and jobs on clusters are such groups.
     """
@@ -29,17 +29,17 @@ def free_bytes() -> float:
 
 
 def _left_in_groups() -> Iterator[float]:
-    """Yields the bytes that are left in each group of this process, where it has a limit."""
+    """Yields the bytes that are left in each group of this process that has a limit."""
     for controller, limit, used, gives_way in _FILES:
         for group in {_GROUPS / controller, *_own_groups(_GROUPS / controller)}:
-            # No such file, one that is not to be read, or "max" where there is no limit.
+            # The file is missing or not readable, or contains "max", as there is no limit.
             with suppress(OSError, ValueError):
                 most, now = (int((group / name).read_text()) for name in (limit, used))
                 yield max(float(most - now + _giving_way(group, gives_way)), 0.0)
 
 
 def _own_groups(root: Path) -> Iterator[Path]:
-    """Yields the group of this process, and those that it is part of, below a root."""
+    """Yields the group of this process and its parent groups, below a root."""
     with suppress(OSError):
         for line in _OURS.read_text().splitlines():
             _, controllers, path = line.split(":", 2)
@@ -49,7 +49,7 @@ def _own_groups(root: Path) -> Iterator[Path]:
 
 
 def _giving_way(group: Path, name: str) -> int:
-    """Returns the bytes of a group's copies of files; 0 if nothing tells."""
+    """Returns the bytes of a group's cached files; 0 if unknown."""
     with suppress(OSError, ValueError):
         for line in (group / "memory.stat").read_text().splitlines():
             key, value = line.split()
@@ -59,26 +59,27 @@ def _giving_way(group: Path, name: str) -> int:
 
 
 def fits(needed: float) -> bool:
-    """Returns True if so many bytes are free, and some for other programs."""
+    """Returns True if the needed bytes are free, with a reserve for other programs."""
     return needed <= _USABLE * free_bytes()
 
 
 def require_memory(
     needed: float, what: str, cells: tuple[int, int], border: int, counts: Mapping[str, int]
 ) -> None:
-    """Refuses what needs more bytes than there are.
+    """Rejects a computation that needs more memory than is free.
 
     Parameters
     ----------
-    what : that needs it, with its size
-    cells : along x and y of the map, or of its part that counts
-    border : cells on each side of them that need as much as they do
-    counts : numbers of other things by their names, in proportion to each of which it is
+    needed : bytes
+    what : the thing that needs them, with its size, for the message
+    cells : number of cells along x and y of the map, or of the part of it that is used
+    border : cells on each side of them that need as much memory
+    counts : numbers of other things by their names; the memory is proportional to each
 
     Raises
     ------
     ProblemError
-        If it does not fit; one line with both numbers, and with what would fit.
+        If the memory does not suffice; one line with both numbers, and with sizes that would fit.
     """
     free = free_bytes()
     if needed > _USABLE * free:
@@ -91,7 +92,7 @@ def require_memory(
 
 
 def _on_fewer_cells(share: float, cells: tuple[int, int], border: int) -> str:
-    """Returns advice on the part of a map, as near to a square as may be, that needs a share."""
+    """Returns advice on the part of a map, as square as possible, that needs this share."""
     x, y = (edge + 2 * border for edge in cells)
     short = min(x, y, math.sqrt(share * x * y))
     long = share * x * y / short
@@ -102,7 +103,7 @@ def _on_fewer_cells(share: float, cells: tuple[int, int], border: int) -> str:
 
 
 def _with_fewer(share: float, counts: Mapping[str, int]) -> Iterator[str]:
-    """Yields how many of each of other things need a share of what all of them do."""
+    """Yields the number of each of the other things that needs this share of the memory."""
     for name, count in counts.items():
         if share * count >= 1:
             yield f"at most {math.floor(share * count)} {name}"

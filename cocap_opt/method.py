@@ -17,7 +17,7 @@ START_AND_REPORT = frozenset({"start", "report"})  # taken by position, after th
 
 
 class _Docstring:
-    """The docstring of a method's function; that of the class, if the class itself is asked."""
+    """The docstring of a method's function; for the class itself, that of the class."""
 
     def __init__(self, of_class: str) -> None:
         self._of_class = of_class
@@ -28,27 +28,29 @@ class _Docstring:
 
 @dataclass(frozen=True, repr=False)
 class Method(Generic[R_co]):
-    """A planner, a bound or an exact method: what it is made of, takes and promises.
+    """A planner, a bound or an exact method: its function, its parts, and its promises.
 
-    It is called as its function is, whose module is imported at first use: some solvers take
-    seconds. Signature and docstring are the function's own, so that `help` shows them.
+    Calling it calls its function. The function's module is imported at first use, as some solvers
+    take seconds to import. Signature and docstring are the function's own, so `help` shows them.
 
     Attributes
     ----------
-    call : the function, or where it is, as "module:function"
-    made_of : of what it is made, in one line
-    promises : what holds for its results, in one line
-    scenes : those that it takes, in a few words
-    takes : what the function takes besides a problem and a stop: "start" and "report" by position,
-        "seed" and "gap" by keyword
-    lazy : it evaluates only the views that it touches; others need the coverage of all states
-    bounds : its result has an upper bound, which takes the coverage of all steps
-    obeys_rules : its plans obey all collision rules that the problem has; others may break each
-    complete : it gives no plan only where there is none, unless it is stopped
+    call : the function, or its place as "module:function"
+    made_of : the algorithms that it combines, in one line
+    promises : the guarantees for its results, in one line
+    scenes : the scenes that it supports, in a few words
+    takes : arguments of the function besides a problem and a stop: "start" and "report" by
+        position, "seed" and "gap" by keyword
+    lazy : it evaluates only the views that it needs; other methods compute the coverage of all
+        states first
+    bounds : its result has an upper bound, which requires the coverage of all steps
+    obeys_rules : its plans obey all collision rules of the problem; plans of other methods may
+        break any of them
+    complete : it finds a plan if one exists, unless it is stopped
     optimal : its plan is a proved optimum, unless it is stopped
-    certified : a certificate proves its bound, which others can check
-    most_robots : None for any number of them
-    foreign : it is none of this project's: its bound is what its certificate proves
+    certified : a certificate proves its bound, and can be checked independently
+    most_robots : largest number of robots that it supports; None: any number
+    foreign : it is not part of this project; only a bound that its certificate proves counts
     """
 
     __doc__ = cast(str, _Docstring(__doc__))
@@ -69,7 +71,7 @@ class Method(Generic[R_co]):
 
     @property
     def function(self) -> "Callable[..., R_co]":
-        """The function itself; its module is imported if it is not there yet."""
+        """The function itself; its module is imported if necessary."""
         if not isinstance(self.call, str):
             return self.call
         module, _, name = self.call.partition(":")
@@ -91,7 +93,9 @@ class Method(Generic[R_co]):
         raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
 
     def __get__(self, instance: object, owner: type) -> "Method[R_co]":
-        """Returns the method itself; that it can be an attribute makes `help` see a function."""
+        """Returns the method itself; as this makes it a descriptor, `help` treats it as a
+        function.
+        """
         return self
 
     def __repr__(self) -> str:

@@ -4,7 +4,7 @@ With z[t, f] the pixels (px/m2) that all robots together have on face f at step 
 
     J = sum_t sum_f w[f] sqrt(z[t, f]) + rewards for moves (`graph.move_rewards`),
 
-and, where the scene counts the drones n[t, j] that see a person, the sum of w[j] min(n[t, j], k).
+and, if the scene counts the drones n[t, j] that see a person, the sum of w[j] min(n[t, j], k).
 The view reward is monotone and submodular in the set of robot paths. Arrays over view sums
 are flat [Z], as `Problem.step_view_sums` numbers them: faces at steps, then people at steps.
 """
@@ -22,11 +22,11 @@ from cocap_opt.problem import Problem
 
 
 def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = None) -> float:
-    """J of all robots' paths.
+    """Returns J of all robots' paths.
 
     Parameters
     ----------
-    pixels : [Z] that they have together, if it is known
+    pixels : [Z] of all robots together, if already known
     """
     if pixels is None:
         pixels = model.problem.no_pixels()
@@ -39,35 +39,35 @@ def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = N
 
 
 def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
-    """Reward [Z] of each view sum of all robots together."""
+    """Returns the reward [Z] of each view sum of all robots together."""
     return problem.view_sum_weights * problem.returns.values(pixels)
 
 
 def marginal_gain(
     problem: Problem, view_sums: IntArray | slice, seen: FloatArray, coverage: FloatArray
 ) -> FloatArray:
-    """Gain [.., m] from `coverage` on top of what others have `seen`, before the weights.
+    """Returns the gain [.., m] from `coverage` added to what others have `seen`, without weights.
 
-    Of pixels this is covm of CoCap eq. 1: sqrt(seen + coverage) - sqrt(seen).
+    For pixels this is covm of CoCap eq. 1: sqrt(seen + coverage) - sqrt(seen).
 
     Parameters
     ----------
-    view_sums : [m] that both are of
+    view_sums : [m] view sums of `seen` and `coverage`
     """
     values = partial(problem.returns.values_at, view_sums)
     return values(seen + coverage) - values(seen)
 
 
 def marginal_reward(model: Model, robot_class: RobotClass, pixels: FloatArray) -> FloatArray:
-    """Reward [T+1, S] of every state of a class for one more robot.
+    """Returns the reward [T+1, S] that one more robot of a class would add in every state.
 
     Parameters
     ----------
-    pixels : [Z] that the other robots have
+    pixels : [Z] of the other robots together
     """
     table = model.coverage(robot_class)
-    # As `marginal_gain`, times the weights, in few arrays of the table's size: it takes most of
-    # the time of planning in large scenes. Without the check of bounds `take` is twice as quick.
+    # This is `marginal_gain` times the weights, with few arrays of the table's size, as it takes
+    # most of the planning time in large scenes. Without bounds checks, `take` is twice as fast.
     returns, counts = model.problem.returns, table.counts
     gain = np.take(pixels, table.view_sums, mode="clip")
     gain += table.pixels

@@ -1,7 +1,7 @@
-"""Likely mistakes in problems that are allowed: mixed-up units, people inside walls, narrow ways.
+"""Warnings about likely mistakes in valid problems: wrong units, people inside walls, narrow ways.
 
-Nothing here changes a result. A scene in which nobody can be seen has J = 0 and a proof of it;
-the warnings say why.
+Nothing here changes a result. If nobody in a scene can be seen, J = 0 is proved; the warnings
+explain why.
 """
 
 import math
@@ -17,22 +17,22 @@ from cocap_opt.text import pair
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
-_SUNK = 0.3  # m, by which feet may be below the ground
-_FLOATING = 1.0  # m, by which feet may be above the ground
-_PROBE = 1e-3  # m, width of the column that is looked at around a foot point
+_SUNK = 0.3  # m, largest plausible depth of feet below the ground
+_FLOATING = 1.0  # m, largest plausible height of feet above the ground
+_PROBE = 1e-3  # m, width of the column that is examined around a foot point
 _HEIGHTS = 0.3, 4.0  # m, of people and riders
 _FASTEST = 100.0  # m per step
 _HOVERING = 100.0  # m, of a mesh above the highest cell; bridges and cranes are lower
 _TALLEST = 830.0  # m, of buildings
-_USUAL = 150.0  # m, of half of the built-up cells; no town of towers is higher
-_STEEPEST = 2.0  # of half of the land; cliffs are steeper
-_SMALLEST = 0.1  # m, of what hides anybody
+_USUAL = 150.0  # m, median height of built-up cells; no city of towers exceeds it
+_STEEPEST = 2.0  # median slope of land; only cliffs are steeper
+_SMALLEST = 0.1  # m, smallest size of an obstacle that hides a person
 _NOTHING = "has no triangle that is no line or point, so that nothing is there"
 _WANTED = "cells near people at the last step"
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
-_LEVEL = math.pi / 2  # deg; in radians, tilts are at most that
+_LEVEL = math.pi / 2  # deg; tilts that are in radians by mistake are at most that
 _FEW = 12  # cells, fewer than a drone needs to choose its view
-_WIDEST = 60  # cells around a start in which a pocket that shuts a drone in is looked for
+_WIDEST = 60  # cells around a start in which pockets without a way out are searched for
 
 _Pose = tuple[float, float, float, float]
 
@@ -43,7 +43,7 @@ def warnings(problem: SceneData) -> list[str]:
 
 
 def warnings_before_starts(problem: SceneData) -> list[str]:
-    """Returns the likely mistakes that show before the robots have places, or are there."""
+    """Returns the likely mistakes that can be found before the robots have starts, or exist."""
     found = [*_about_heights(problem.height_map)]
     found += [
         f"meshes[{k}] {_not_closed(mesh) if len(mesh.surface) else _NOTHING}"
@@ -69,16 +69,17 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
 
 
 def misplaced_people(problem: SceneData) -> Iterator[str]:
-    """Yields who is off the map, inside an obstacle or in the air, and when: nobody walks so."""
+    """Yields the people who are off the map, inside an obstacle or in the air, and when."""
     for j, actor in _distinct_people(problem):
         yield from (f"{problem.person(j)} {words}" for words in _misplaced(problem, actor))
 
 
 def narrow_way(problem: SceneData) -> str:
-    """Returns where robots must queue at fewer cells than there are of them, in words.
+    """Returns the place where robots must queue because it has fewer cells than robots, in words.
 
-    It is no mistake, but it may be why a plan is bad, or why there is none. Empty if there is no
-    such place, no rule between robots, or so much in reach that it is not looked for.
+    This is not a mistake, but may be the reason why a plan is bad or does not exist. The text is
+    empty if there is no such place, if no rule holds between robots, or if too many cells are in
+    reach to search them.
     """
     if problem.rules.none:
         return ""
@@ -95,7 +96,7 @@ def narrow_way(problem: SceneData) -> str:
 
 
 def _about_heights(height_map: HeightMap) -> Iterator[str]:
-    """Yields a warning if heights are those of no buildings, or slopes those of no land."""
+    """Yields a warning if heights are implausible for buildings, or slopes for land."""
     ground = height_map.ground
     above = (height_map.heights - ground)[height_map.stands_out]
     highest, usual = (float(f(above)) if len(above) else 0.0 for f in (np.max, np.median))
@@ -114,7 +115,7 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
 
 
 def _about_cameras(problem: SceneData) -> Iterator[str]:
-    """Yields a warning for each camera that looks up, or hardly down, as one in radians would."""
+    """Yields a warning for each camera that looks up, or whose tilts may be in radians."""
     seen = set()
     for k, robot in enumerate(problem.robots):
         if max(robot.camera.tilts) < 0 and robot.camera.tilts not in seen:
@@ -129,7 +130,7 @@ def _about_cameras(problem: SceneData) -> Iterator[str]:
 
 
 def _about_mesh(problem: SceneData, mesh: Mesh) -> Iterator[str]:
-    """Yields the warnings about the size of a mesh, and about how high above the map it is."""
+    """Yields the warnings about the size of a mesh and its height above the map."""
     if not len(mesh.surface):
         return
     corners = mesh.corners.reshape(-1, 3)  # vertices that no triangle uses do not count
@@ -145,7 +146,7 @@ def _about_mesh(problem: SceneData, mesh: Mesh) -> Iterator[str]:
 
 
 def _not_closed(mesh: Mesh) -> str:
-    """Says what it means that a mesh is not closed: it may only lack a floor."""
+    """Explains the effect of a mesh that is not closed; it may only lack a floor."""
     edges = np.sort(mesh.surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     distinct, counts = np.unique(edges, axis=0, return_counts=True)
     ends = mesh.vertices[distinct[counts == 1].ravel(), 2]
@@ -156,7 +157,7 @@ def _not_closed(mesh: Mesh) -> str:
 
 
 def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:
-    """Yields a warning for each robot that can get nowhere, or to nobody, from its only start."""
+    """Yields a warning for each robot whose only start lets it reach few cells, or no person."""
     for i, (robot, start) in enumerate(_first_starts(problem)):
         if i in problem.open_starts:
             continue
@@ -174,7 +175,7 @@ def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[s
 
 
 def _first_starts(problem: SceneData) -> list[tuple[Robot, State]]:
-    """Returns each robot with a start; of several that it may choose, the first that fits."""
+    """Returns each robot with a start; if it may choose, the first start that is possible."""
     return list(zip(problem.robots, problem.first_starts, strict=True))
 
 
@@ -183,7 +184,7 @@ def _around_robots(problem: SceneData) -> dict[Motion, Encounters]:
     found = {}
     for motion in dict.fromkeys(robot.motion for robot in problem.robots):
         starts = [(s.x, s.y) for robot, s in _first_starts(problem) if robot.motion == motion]
-        # One step more, for it must show whether there is a way on from where the last one leads.
+        # One step more, as it must show if there is a way on from the end of the last step.
         reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
         window = Window.around(starts, reach, problem.workspace)
         found[motion] = Encounters(
@@ -240,7 +241,7 @@ def _about(problem: SceneData, actor: Actor) -> Iterator[str]:
 
 
 def _misplaced(problem: SceneData, actor: Actor) -> Iterator[str]:
-    """Yields the warnings about where an actor is."""
+    """Yields the warnings about the places of an actor."""
     poses = actor.poses[: problem.horizon + 1]
     steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in poses.tolist()]
     off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem.height_map, x, y)]
@@ -258,7 +259,7 @@ def _misplaced(problem: SceneData, actor: Actor) -> Iterator[str]:
 
 
 def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
-    """Says when an actor is inside an obstacle, and how deep; nothing if it never is."""
+    """Says when an actor is inside an obstacle, and how deep; empty if it never is."""
     steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in actor.poses[: horizon + 1].tolist()]
     depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(workspace, actor, pose))}
     if not depths:
@@ -268,7 +269,7 @@ def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
 
 
 def _distinct_people(problem: SceneData) -> Iterator[tuple[int, Actor]]:
-    """Yields people and their numbers; of those who walk alike in several takes only the first."""
+    """Yields people and their numbers; of those who walk alike in several takes, only the first."""
     distinct = set(map(id, problem.distinct_people))
     yield from ((j, actor) for j, actor in enumerate(problem.actors) if id(actor) in distinct)
 

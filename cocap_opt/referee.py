@@ -1,7 +1,7 @@
 """The referee, which checks if a plan is feasible and computes its J.
 
-It trusts no planner, no reward code and no solver: from the problem alone it recomputes both by
-slow, obvious loops. It shares with planners only coverage and solid matter.
+It trusts no planner, no reward code and no solver: it recomputes both from the problem alone, in
+slow, simple loops. The only code that it shares with planners computes coverage and solid matter.
 """
 
 import math
@@ -30,7 +30,7 @@ from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
 
 _LESS = 1e-9  # m
-_SHARE = 1e-9  # of a length, by which it may be rounded
+_SHARE = 1e-9  # relative tolerance of a length, for rounding
 _Coverage = list[list[float]]  # [T+1][W] of one robot
 _Position = tuple[float, float, float]  # cells and altitude (m), or all in m
 
@@ -71,8 +71,8 @@ class Verdict:
 def check(problem: Problem, plan: Plan) -> Verdict:
     """Returns the verdict on a plan; its rewards are nan if it cannot be flown.
 
-    The last verdicts are kept, for one plan passes from method to method, with rules and without:
-    these change nothing but the conflicts.
+    The last verdicts are kept, as one plan passes from method to method, with and without rules;
+    the rules affect only the conflicts.
     """
     free = problem.without_rules()
     if free is problem:
@@ -84,7 +84,7 @@ def check(problem: Problem, plan: Plan) -> Verdict:
 
 
 def rewards_of_move(objective: Objective, a: State, b: State) -> Iterator[float]:
-    """Yields the rewards that a robot gets for its move from one state to another."""
+    """Yields the rewards of a robot's move from one state to another."""
     if a == b:
         yield objective.stationarity
     if (a.x, a.y, a.layer) == (b.x, b.y, b.layer):
@@ -122,7 +122,7 @@ class _Referee:
         )
 
     def violations(self, plan: Plan) -> list[str]:
-        """Says in words what makes the plan impossible to fly, robot by robot."""
+        """Returns the reasons why the plan cannot be flown, in words, robot by robot."""
         if len(plan.paths) != len(self.problem.robots):
             words = f"must be {len(self.problem.robots)}, one for each drone, not {len(plan.paths)}"
             return [f"paths: {words}"]
@@ -156,7 +156,7 @@ class _Referee:
         return found
 
     def conflicts(self, plan: Plan) -> list[str]:
-        """Says in words which collision rules are broken, step by step."""
+        """Returns the collision rules that are broken, in words, step by step."""
         rules, found = self.problem.rules, []
         if rules.none:
             return []
@@ -185,7 +185,7 @@ class _Referee:
         return found
 
     def _way(self, a: _Position, b: _Position) -> _Position:
-        """Returns the way (m) from one position to another."""
+        """Returns the vector (m) from one position to another."""
         size = self.problem.height_map.resolution
         return (b[0] - a[0]) * size, (b[1] - a[1]) * size, b[2] - a[2]
 
@@ -200,7 +200,7 @@ class _Referee:
         )
 
     def _seen(self, plan: Plan) -> list[_Coverage]:
-        """Returns the coverage [R][T+1][W] of all robots: of faces, then of people who count."""
+        """Returns the coverage [R][T+1][W] by all robots: of faces, then of people who count."""
         geometry = FaceGeometry(self.problem)
         paths = zip(self.problem.robots, plan.paths, strict=True)
         cells = [(state.x, state.y) for path in plan.paths for state in path]
@@ -208,7 +208,7 @@ class _Referee:
         return [self._coverage(geometry, robot, path, window) for robot, path in paths]
 
     def _count_rewards(self, seen: list[_Coverage]) -> list[list[float]]:
-        """Returns the reward of every step and person [T+1][A] for the drones that see him."""
+        """Returns the reward [T+1][A] at every step for the drones that see each person."""
         views, first = self.problem.objective.views, len(self.problem.face_weights)
         if views is None:
             return [[] for _ in range(self.problem.horizon + 1)]
@@ -256,7 +256,7 @@ class _Referee:
         return coverage
 
     def _misplaced(self, robot: Robot, state: State) -> str:
-        """Says why a robot cannot be in a state; nothing if it can."""
+        """Says why a robot cannot be in a state; empty if it can."""
         width, depth = self.problem.height_map.shape
         if not (0 <= state.x < width and 0 <= state.y < depth):
             return "outside the map"
@@ -312,7 +312,7 @@ class _Referee:
         return ""
 
     def _too_long(self, motion: Motion, a: State, b: State, rise: float) -> str:
-        """Says which bound of its stride a move exceeds, if it does; `rise` in m."""
+        """Says which limit of its stride a move exceeds; empty if none. `rise` is in m."""
         if motion.stride is None:
             return ""
         size = self.problem.height_map.resolution
@@ -328,14 +328,14 @@ class _Referee:
         return ""
 
     def _closed(self, x: int, y: int, altitudes: tuple[float, float]) -> str:
-        """Says what closes a cell, matter aside, between two altitudes; nothing if it is open."""
+        """Names the zone or ceiling that closes a cell between two altitudes; empty if open."""
         for low, high in self.problem.workspace.forbidden.at(x, y):
             if low <= max(altitudes) and high >= min(altitudes):
                 return "above the ceiling" if high == math.inf else "in a no-fly zone"
         return ""
 
     def _near_people(self, robot: Robot, path: tuple[State, ...]) -> Iterator[str]:
-        """Says where a robot comes too close to somebody."""
+        """Says when a robot comes too close to a person."""
         airspace, height_map = self.problem.airspace, self.problem.height_map
         if not airspace.people_aside:
             return
@@ -353,7 +353,7 @@ class _Referee:
                     yield f"step {t} to {t + 1} passes too close to {self.problem.person(j)}"
 
     def _with_stray(self, rules: CollisionRules, a: _Position, b: _Position) -> CollisionRules:
-        """Returns the rules beside a person for a move (m) that may stray from its even pace."""
+        """Returns the rules near people for a move (m) that may deviate from constant speed."""
         stray = self.problem.airspace.people_stray
         if not stray:
             return rules
@@ -365,7 +365,7 @@ class _Referee:
 
 
 def _by_kind(faults: list[str]) -> Iterator[str]:
-    """Yields each fault once, with all steps at which a path has it; empty words are no fault."""
+    """Yields each fault once, with all steps at which a path has it; empty texts are skipped."""
     for fault in dict.fromkeys(filter(None, faults)):
         steps = [t for t, words in enumerate(faults) if words == fault]
         which = f"steps {in_ranges(steps)} are" if len(steps) > 1 else f"step {steps[0]} is"
@@ -373,7 +373,7 @@ def _by_kind(faults: list[str]) -> Iterator[str]:
 
 
 def _too_near(way: _Position, rules: CollisionRules) -> str:
-    """Says how near robots are that a way (m) parts; nothing if that is far enough."""
+    """Says how close two robots are, given the vector (m) between them; empty if far enough."""
     apart = math.hypot(*way)
     if not rules.vertical:
         near = apart < rules.separation - TOLERANCE
@@ -387,12 +387,12 @@ def _too_near(way: _Position, rules: CollisionRules) -> str:
     return ""
 
 
-@lru_cache(maxsize=1 << 14)  # drones on a grid pass in few ways, again and again
+@lru_cache(maxsize=1 << 14)  # on a grid, the same few ways of passing occur again and again
 def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -> str:
-    """Says how near robots pass in a step that keep the separation when it begins and ends.
+    """Says how close robots pass during a step at whose begin and end they keep the separation.
 
     The distance from a point to a line, and the height, are convex over the step: each of
-    them is small in one interval of it.
+    them is below a limit in one interval of the step.
     """
     if _too_near(before, rules) or _too_near(after, rules):
         return ""
@@ -413,7 +413,7 @@ def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -
 
 
 def _least(function: Callable[[float], float], first: float, last: float) -> float:
-    """Returns where a convex function is least in an interval, by thirds."""
+    """Returns the point of an interval at which a convex function is least, by ternary search."""
     for _ in range(100):
         left, right = first + (last - first) / 3, last - (last - first) / 3
         if function(left) < function(right):
@@ -424,9 +424,9 @@ def _least(function: Callable[[float], float], first: float, last: float) -> flo
 
 
 def _interval(function: Callable[[float], float], most: float) -> tuple[float, float]:
-    """Returns the ends of the interval of 0..1 in which a convex function is at most so large.
+    """Returns the ends of the interval of 0..1 in which a convex function is at most `most`.
 
-    Where it never is, the first end is beyond the second.
+    If it never is, the first end is beyond the second.
     """
     least = _least(function, 0.0, 1.0)
     if function(least) > most:

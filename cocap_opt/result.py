@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cocap_opt.problem.pictures import WholeAxes
 
 
-# What helps where a limit came before there was a plan; Ctrl-C and accuracy have no remedy.
+# Remedies if a limit was reached before there was a plan; Ctrl-C and accuracy have none.
 _REMEDIES = {
     Limit.TIME: "set a larger --time-limit, and run `cocap-opt compile` once if you never did",
     Limit.WORK: "set a larger --work-limit",
@@ -26,11 +26,11 @@ _REMEDIES = {
 
 
 class UnsupportedError(ValueError):
-    """A method does not support problems of this kind; the message says which it supports."""
+    """A method does not support problems of this kind; the message names those it supports."""
 
 
 def remedy(limit: Limit | None) -> str:
-    """Returns advice for a limit that was reached before there was a plan, or no words."""
+    """Returns advice for a limit that was reached before there was a plan; empty without any."""
     return "" if limit is None else _REMEDIES.get(limit, "")
 
 
@@ -45,7 +45,7 @@ class Result:
     reason : why the method stopped
     limit : the limit that stopped it; None if none did
     bound : proved upper bound on J; inf without one
-    seconds : s, wall-clock time of the search, without the coverage of all states
+    seconds : s, wall-clock time of the search, excluding the coverage of all states
     coverage_seconds : s, wall-clock time of that coverage; 0 if it was computed before
     message : the reason why there is no plan, in words
     statistics : the method's own counts and times, by name
@@ -101,9 +101,9 @@ class Result:
         return "" if self.plan is None else self.ending.left_of(self.plan)
 
     def summary(self) -> str:
-        """Describe the result in a few lines, first of all whether a limit cut the plan short."""
+        """Describe the result in a few lines; the first says if a limit cut the plan short."""
         stopped = f"stopped by the {self.limit} limit"
-        # J is at least 0, so a bound below says that nothing can be planned as it is asked for.
+        # J is at least 0, so a bound below 0 means that no plan meets the requirements.
         no_plan = " (below 0: no plan exists)" if self.bound < 0 else ""
         lines = {
             "J": f"{self.value:,.2f}" if self.plan else "no plan",
@@ -157,7 +157,7 @@ class Result:
 def relative_gap(value: float, bound: float) -> float:
     """Returns (bound - value) / bound; infinite if either is infinite.
 
-    A bound of 0 is rounded up to the least positive number, which is no gap.
+    A bound of 0 is rounded up to the least positive number, so that a value of 0 has no gap.
     """
     if not (math.isfinite(value) and math.isfinite(bound)):
         return math.inf

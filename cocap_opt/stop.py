@@ -1,7 +1,7 @@
-"""Stopping criteria that compose, the words for why methods end, and the clock.
+"""Stopping criteria that can be combined, the reasons why methods stop, and a clock.
 
-Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; a method that has
-a result catches it. A time limit starts to count when it is made.
+Long computations call `stop.check()` often, which raises `LimitReached` at the limit; a method that
+has a result by then catches it. A time limit starts when the object is created.
 """
 
 import math
@@ -16,7 +16,7 @@ from types import FrameType
 
 
 class Limit(StrEnum):
-    """The limit that stopped a computation; where none did, it is None."""
+    """The limit that stopped a computation; None is used if there was none."""
 
     TIME = "time"
     WORK = "work"  # units of work, which are the same on every machine
@@ -26,7 +26,7 @@ class Limit(StrEnum):
 
     @staticmethod
     def written(limit: "Limit | None") -> str:
-        """Returns the word for a limit in files and tables, NO_LIMIT where there is none."""
+        """Returns the word for a limit in files and tables, or NO_LIMIT if there is none."""
         return NO_LIMIT if limit is None else str(limit)
 
 
@@ -40,12 +40,12 @@ class Reason(StrEnum):
     FINISHED = "finished"  # the method ran to its end; it proves nothing
     INFEASIBLE = "infeasible"  # proved: no plan obeys the rules
     FAILED = "failed"  # the method ran to its end without a plan; one may exist
-    UNSUPPORTED = "unsupported"  # the method does not take such problems
+    UNSUPPORTED = "unsupported"  # the method does not support such problems
     STOPPED = "stopped"  # a limit stopped it; `limit` says which
 
 
 class LimitReached(Exception):  # noqa: N818  it is no error
-    """A limit was reached in the midst of the work; `limit` says which."""
+    """A limit was reached during the work; `limit` names it."""
 
     def __init__(self, limit: Limit) -> None:
         super().__init__(limit)
@@ -56,7 +56,7 @@ class Stop:
     """A stopping criterion; this one never stops. Others override `reached`."""
 
     def reached(self) -> Limit | None:
-        """Return the limit that stops the computation, such as `Limit.TIME`; None: none yet."""
+        """Return the limit that was reached, such as `Limit.TIME`, or None if none was yet."""
         return None
 
     def check(self) -> None:
@@ -65,7 +65,7 @@ class Stop:
             raise LimitReached(limit)
 
     def begin_work(self) -> None:
-        """Count one more unit of work, and raise LimitReached if that is one too many."""
+        """Count one more unit of work, and raise LimitReached if it exceeds the limit."""
         self.count_work()
         self.check()
 
@@ -78,23 +78,23 @@ class Stop:
         return math.inf
 
     def put_off(self, seconds: float) -> None:
-        """Let Ctrl-C wait for so many seconds once more; other limits stay.
+        """Delay the effect of Ctrl-C by so many seconds, once; other limits are unchanged.
 
-        Who is interrupted while something is prepared gets what can be made of it soon.
+        After Ctrl-C during preparations, this leaves time for a quick result.
         """
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Let no time count inside; other limits stay.
+        """Stop the clock of time limits inside; other limits are unchanged.
 
-        So it is with what is done once on a machine, such as compiling code.
+        It is for work that is done once per machine, such as compiling code.
         """
         yield
 
     def before(self, seconds: float) -> "Stop":
         """Return a stop that is reached with this one, or so many seconds before its time limit.
 
-        Work that is not worth having alone ends there, so that time is left to make use of it.
+        It is for intermediate work, which is useless unless time is left to use its result.
         """
         return _Before(self, seconds)
 
@@ -118,12 +118,12 @@ class _Before(Stop):
         self._stop.count_work()
 
     def put_off(self, seconds: float) -> None:
-        """Let Ctrl-C wait in the other stop."""
+        """Delay Ctrl-C in the other stop."""
         self._stop.put_off(seconds)
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Let no time count inside, in the other stop."""
+        """Stop the clock inside, in the other stop."""
         with self._stop.paused():
             yield
 
@@ -142,7 +142,7 @@ def _require_number(name: str, value: float) -> None:
 
 
 class TimeLimit(Stop):
-    """Reached `seconds` after it was made."""
+    """Reached `seconds` after the object was created."""
 
     def __init__(self, seconds: float) -> None:
         _require_number("seconds", seconds)
@@ -160,7 +160,7 @@ class TimeLimit(Stop):
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Let no time count inside."""
+        """Stop the clock inside."""
         left, self._deadline = self._deadline - time.monotonic(), math.inf
         try:
             yield
@@ -172,11 +172,11 @@ class TimeLimit(Stop):
 
 
 class WorkLimit(Stop):
-    """Reached when more than `units` units of work are begun: the same on every machine.
+    """Reached when more than `units` units of work have begun, which is the same on every machine.
 
     A unit is a pricing round of column generation or branch-and-price, or a node that CoCap
-    generates. Methods that count no work, such as value iteration or a generic solver, run to their
-    end.
+    generates. Methods that do not count work, such as value iteration or a generic solver, run to
+    their end.
     """
 
     def __init__(self, units: int) -> None:
@@ -214,13 +214,13 @@ class FirstOf(Stop):
             stop.count_work()
 
     def put_off(self, seconds: float) -> None:
-        """Let Ctrl-C wait in all criteria."""
+        """Delay Ctrl-C in all criteria."""
         for stop in self._criteria:
             stop.put_off(seconds)
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Let no time count inside, in all criteria."""
+        """Stop the clock inside, in all criteria."""
         with ExitStack() as stack:
             for stop in self._criteria:
                 stack.enter_context(stop.paused())
@@ -248,7 +248,7 @@ class Interrupt(Stop):
         return Limit.INTERRUPT if self.pressed and not waits else None
 
     def put_off(self, seconds: float) -> None:
-        """Let Ctrl-C wait for so many seconds from now on, but only once; a second one does not."""
+        """Delay Ctrl-C by so many seconds from now on, only once; a second Ctrl-C does not wait."""
         if self._waits_until == -math.inf:
             self._waits_until = time.monotonic() + seconds
 
@@ -257,7 +257,7 @@ class Interrupt(Stop):
     def caught(cls) -> "Iterator[Interrupt]":
         """Turn the first Ctrl-C into a stop; a second one interrupts as usual.
 
-        Ctrl-C goes to the main thread alone: in another one the stop is never reached.
+        Only the main thread receives Ctrl-C; in another thread the stop is never reached.
         """
         interrupt = cls()
         if threading.current_thread() is not threading.main_thread():
@@ -277,7 +277,7 @@ class Interrupt(Stop):
     @staticmethod
     @contextmanager
     def held_back() -> Iterator[None]:
-        """Let Ctrl-C wait until what is done inside, which takes no time to speak of, is done."""
+        """Delay Ctrl-C until the code inside, which must be quick, is done."""
         before = signal.getsignal(signal.SIGINT)
         if threading.current_thread() is not threading.main_thread() or not callable(before):
             yield

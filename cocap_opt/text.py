@@ -1,4 +1,4 @@
-"""Text of files as it is shown, and words that were meant."""
+"""Text, names and numbers as messages show them, and suggestions for misspelt words."""
 
 import unicodedata
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "
 def printable(text: str, kept: str = "") -> str:
     """Returns the text with line breaks, control and other non-printable characters escaped.
 
-    Spaces of any width are plain ones.
+    Spaces of any width become plain spaces.
 
     Parameters
     ----------
@@ -26,16 +26,16 @@ def printable(text: str, kept: str = "") -> str:
 
 
 def rounded_up(number: float, digits: int) -> str:
-    """Returns a number with so many decimals that is not below it, as proved numbers are printed.
+    """Returns a number rounded up to so many decimals, as proved bounds are printed.
 
-    What is above by no more than rounding of the last bits is not.
+    An excess that rounding of the last bits explains is not rounded up.
     """
     step = Decimal(1).scaleb(-digits)
     return f"{Decimal(number - 1e-12 * abs(number)).quantize(step, ROUND_CEILING):,}"
 
 
 def plain(number: float) -> str:
-    """Returns a limit in plain digits: of large ones all digits, with commas, and no exponent."""
+    """Returns a limit in plain digits; large ones have commas and no exponent."""
     return f"{number:,.0f}" if abs(number) >= 1e6 else f"{number:g}"
 
 
@@ -45,29 +45,29 @@ def pair(x: float, y: float) -> str:
 
 
 def span(low: float, high: float) -> str:
-    """Returns a range in plain digits, as those of points."""
+    """Returns a range in plain digits, like the coordinates of points."""
     return f"{in_digits(low)}..{in_digits(high)}"
 
 
 def in_digits(number: float) -> str:
-    """Returns a coordinate in plain digits: nine of them, and all of numbers with more."""
+    """Returns a coordinate with nine digits; larger numbers have all digits before the point."""
     return f"{round(number, 6):.9g}" if abs(number) < 1e9 else f"{number:.0f}"
 
 
 def distance(metres: float) -> str:
-    """Returns a distance with its unit, in plain digits: of long ones kilometres."""
+    """Returns a distance with its unit, in plain digits; long distances are in kilometres."""
     if metres >= 10_000:
         return f"{metres / 1000:,.0f} km"
     return f"{metres:,.0f} m" if metres >= 1000 else f"{metres:.4g} m"
 
 
 def number_in_words(number: int) -> str:
-    """Returns the word for a small number, the figures of any other."""
+    """Returns the word for a small number, and the digits of any other."""
     return _NUMBERS.get(number, str(number))
 
 
 def with_article(name: str) -> str:
-    """Returns the name of a type after "a" or "an"; those that begin with u sound like "you"."""
+    """Returns the name of a type after "a" or "an"; an initial u is pronounced as "you"."""
     return f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
 
 
@@ -83,27 +83,27 @@ def in_ranges(numbers: Sequence[int]) -> str:
 
 
 def unread(error: OSError) -> str:
-    """Returns why a file cannot be read, in the same words for all kinds of files."""
+    """Returns the reason why a file cannot be read, in the same words for all kinds of files."""
     is_missing = isinstance(error, FileNotFoundError)
     return "no such file" if is_missing else f"cannot be read: {error.strerror or error}"
 
 
 def shortened(name: str, most: int = 60) -> str:
-    """Returns a name without its middle, if it has more than `most` characters."""
+    """Returns a name, with an ellipsis for its middle if it has more than `most` characters."""
     half = most // 2
     return name if len(name) <= most else f"{name[: most - half - 1]}…{name[-half:]}"
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """Returns a question after the known word that is most like another; nothing if none is."""
+    """Returns a question that suggests the most similar known word; empty if none is similar."""
     close = get_close_matches(word, list(known), n=1)
     return f"; did you mean {close[0]}?" if close else ""
 
 
 def other_scene(theirs: str, ours: str) -> str:
-    """Returns words for the scene that something was made for, where it is not one's own.
+    """Returns words for the scene that something was made for, if it differs from the given one.
 
-    Both are named; two of one name differ in what they are.
+    Both scenes are named; if they have the same name, the possible differences are listed.
     """
     if theirs != ours:
         return f"{shortened(printable(theirs))}, not {shortened(printable(ours))}"

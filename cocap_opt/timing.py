@@ -1,4 +1,4 @@
-"""The time of a method, with that of coverage apart."""
+"""The time of a method, separate from the time for coverage."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,10 +15,10 @@ R = TypeVar("R", bound=Result)
 
 
 def timed(method: Callable[P, R]) -> Callable[P, R]:
-    """Make a method's result say how many seconds it took, and for which problem.
+    """Make a method record the seconds that it took, and its problem, in its result.
 
-    The problem is the method's first argument. Coverage of all states that the method has computed
-    on the way is in `coverage_seconds`, not in `seconds`.
+    The problem is the method's first argument. The time for coverage of all states that the method
+    has computed on the way is in `coverage_seconds`, not in `seconds`.
     """
 
     @wraps(method)

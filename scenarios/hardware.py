@@ -120,7 +120,9 @@ def with_cameras(
     robots = []
     for i, robot in enumerate(problem.robots):
         if not isinstance(robot.camera, Camera):
-            raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be changed")
+            raise ProblemError(
+                f"robots[{i}].camera: must be a pinhole camera; others cannot be replaced"
+            )
         if given is not None:
             robot = robot.replace(camera=given.replace(tilts=robot.camera.tilts))
         robots.append(robot if tilts is None else _tilted(robot, tilts))

@@ -37,7 +37,7 @@ def require_whole(value: object, name: str, allowed: str = "a whole number") -> 
 
 
 def require_path(value: object, name: str) -> Path:
-    """Returns a path; raises TypeError, with a readable message, for what is none."""
+    """Returns a path; raises TypeError, with a readable message, if the value is not one."""
     require(value, name, "the name of a file or folder", str, Path)
     if "\0" in str(value):
         raise ValueError(f"{name}: must be a name in which no character is NUL, not {value!r}")
@@ -53,7 +53,7 @@ def require_flag(value: object, name: str) -> None:
 def listed(value: object, name: str, allowed: str) -> list[Any]:
     """Returns several values, such as those of a list or an array of NumPy.
 
-    Raises TypeError, with a readable message, for what is a single value, text included.
+    Raises TypeError, with a readable message, for a single value; text counts as one.
     """
     if isinstance(value, np.ndarray):
         value = value.tolist()

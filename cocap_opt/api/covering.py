@@ -20,10 +20,10 @@ _PART = 100_000  # states that are digested at once
 def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
     """Compute the coverage c(i, t, f): the pixels per m2 that a drone's states give each face.
 
-    Together with the allowed moves of the drones, this is all that a model of your own needs: a
-    plan's J is the sum, over steps and faces, of the weight times the square root of the pixels
-    that all drones together give the face at the step. With `over_time`, the pixels of all steps
-    are added before the root is taken. Rewards and charges for moves are not included.
+    With this table and the allowed moves of the drones, you can build your own model: a plan's J is
+    the sum, over steps and faces, of the weight times the square root of the pixels that all drones
+    together give the face at the step. With `over_time`, the pixels of all steps are added before
+    the root is taken. The table contains no rewards or charges for moves.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def coverage_digest(problem: Problem) -> str:
 
     Two problems with the same digest agree on all pixels to the last bit, and hence on each J. The
     digest depends on what drones can see and reach, but not on names, weights, rewards or collision
-    rules. The page on file formats has the recipe.
+    rules. The page on file formats defines the digest.
 
     Parameters
     ----------

@@ -21,11 +21,11 @@ def explain(
 ) -> "pd.DataFrame":
     """Split the gap between a plan and a bound into terms that add up to it.
 
-    At each step a drone may lose something by the move that it makes; the bound allows more for
-    faces than the drones get, and includes the prices of rules that no drone uses. No amount is
-    below 0, except that of a rule that the plan breaks, and that of `stages`: the amount by which
-    the stages of a staged certificate lower the bound of its multipliers. `cocap-opt verify
-    --explain` prints the same in words.
+    There are three kinds of terms. A drone's move at a step may cost something compared with the
+    best move. The bound may assume a larger reward for a face than the drones get. And the bound
+    includes the prices of rules that no drone uses. Amounts are >= 0, with two exceptions: a rule
+    that the plan breaks, and `stages`, the amount by which the stages of a staged certificate lower
+    the bound of its multipliers. `cocap-opt verify --explain` prints the same in words.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ def explain(
     DataFrame
         A row per term: `kind` (path, face, views, row, decision, leaves, stages, claim, rounding),
         `step`, `robot`, `actor`, `face` (of the actor), `amount` in units of J, and `share` of the
-        bound; for views also `robots` (that see the person); for rows and decisions also
-        `resource`, `sense` and `robots` (the most, or the fewest, that may use it), `used` and
-        `price`. `attrs` has `bound`, `reward`, and their `difference`.
+        bound; for views also `robots` (the drones that see the person); for rows and decisions also
+        `resource`, `sense` and `robots` (the largest or smallest number of drones that may use it),
+        `used` and `price`. `attrs` has `bound`, `reward`, and their `difference`.
 
     Raises
     ------
@@ -86,8 +86,7 @@ def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
     DataFrame
         A row per drone that has such a path, the largest gain first: `robot`, `gain` (in J),
         `share` (of the plan's J), and the new `plan`. A gain is below 0 if the new path costs J in
-        order to avoid a conflict. Where pixels add up over time, the path is not always the drone's
-        best.
+        order to avoid a conflict. If pixels add up over time, the path may not be the drone's best.
 
     Raises
     ------

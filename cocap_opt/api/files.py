@@ -67,7 +67,7 @@ def save(
     content: Problem | Plan | Result | Bound | None,
     problem: Problem | None = None,
 ) -> None:
-    """Write a problem, a plan, a certificate or a proof to a file, whole or not at all.
+    """Write a problem, a plan, a certificate or a proof to a file, completely or not at all.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def save(
 def _named_json(path: Path) -> Path:
     """Returns the path; refuses names that promise another kind of file than is written."""
     if path.suffix.lower() != ".json":
-        words = "must end in .json, which is what is written"
+        words = "must end in .json, as the file is JSON"
         raise ValueError(f"path: {words}, not {path.name!r}")
     return path
 
@@ -163,7 +163,7 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
     return found
 
 
-# What is read, and the documents that it is written in.
+# Types that `read` returns, and the documents that contain them.
 _DOCUMENTS: dict[type, type[Document]] = {
     Problem: SceneFile, Plan: PlanFile, CertificateFile: CertificateFile, ProofFile: ProofFile
 }  # fmt: skip
@@ -171,7 +171,7 @@ _DOCUMENTS: dict[type, type[Document]] = {
 
 def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     if problem is None:
-        raise ValueError("problem: a plan is written with the problem that it is for")
+        raise ValueError("problem: must be given, the problem that the plan is for")
     flown = plan_for(problem, content, "written", "content")
     verdict = judge_plan(problem, flown)
     require_flown("plan", verdict)

@@ -33,8 +33,8 @@ def quality(
 ) -> Quality:
     """Measure how well a plan films people: by how many drones, how accurately, how sharply.
 
-    J may include the number of drones that see each person (`Views`); all else here is measured but
-    is no part of J. The plan may break collision rules. Pixels are those of the scene's cameras.
+    Of these numbers, J can include only the number of drones that see each person (`Views`). The
+    plan may break collision rules. Pixels are those of the scene's cameras.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def quality_bound(
         problem's objective, or 2
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to
         count as seeing the person. None: that of the objective, or 0.3
-    seconds : for each number of drones, coverage not included
+    seconds : for each number of drones, excluding coverage
     time_limit : seconds for everything, including coverage
     stop : a further stopping criterion
     start : a plan to begin with; it is ignored if it breaks a rule

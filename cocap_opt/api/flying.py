@@ -35,11 +35,11 @@ def trajectory(
 ) -> "pd.DataFrame":
     """Return the position of each drone of a plan at every moment, as `cocap-opt fly` writes it.
 
-    Straight flights go from step to step at constant speeds. Smooth ones are at the same places at
-    the steps and have continuous speed and acceleration; it is proved for every moment that they
-    keep away from each other and from obstacles. Rows are moments of the flight. Straight lines
-    between them deviate from it by up to `attrs["off_between_rows"]` m, and nothing is proved about
-    those lines.
+    Straight flights go from step to step at constant speeds. Smooth flights pass the same places at
+    the steps, with continuous speed and acceleration; it is proved for every moment that the drones
+    keep their distance from each other and from obstacles. Each row is a moment of the flight.
+    Straight lines between rows deviate from the flight by up to `attrs["off_between_rows"]` m, and
+    nothing is proved about those lines.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def trajectory(
         require_number(every, "every")
     if flown.stays and not hovering:
         why = ("" if plan is None else plan.cut_short) or "all drones stay at their starts"
-        raise ValueError(f"plan: no drone moves ({why}); hovering=True flies it so")
+        raise ValueError(f"plan: no drone moves ({why}); to fly it, pass hovering=True")
     flight = _flight_scene(problem, step, margin).flight(flown, smooth)
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}

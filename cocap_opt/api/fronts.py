@@ -35,7 +35,7 @@ def front(
     share : share of all possible views around which plans and bounds are found first. None: the
         share of `so_far`, else that of the objective, if it has one
     directions : largest number of weightings of J and views to try until the trade-off is settled
-    seconds : for each weighting, coverage not included; doubled whenever a weighting is tried again
+    seconds : for each weighting, excluding coverage; doubled whenever a weighting is tried again
     time_limit : seconds for all of them, including coverage
     stop : a further stopping criterion
     so_far : a trade-off of the same problem, which is continued
@@ -47,8 +47,8 @@ def front(
         `half_planes` that contain all plans, each with its certificate. `reward_bound(views)` is
         the J that no plan with at least this many views exceeds, `best_with(views)` the best such
         plan found, `views_bound` the number of views that no plan exceeds, `gap` the largest gap
-        left between plans and proofs, and `settled` is True if there is none. `table` has all of
-        them. Printing it describes them in words.
+        left between plans and proofs, and `settled` is True if there is none. `table` has a row for
+        each plan and half-plane. Printing the object describes them in words.
 
     Raises
     ------

@@ -9,11 +9,11 @@ from cocap_opt.stop import Stop, never
 
 
 def compare_takes(problem: Problem, *, seconds: float = 10.0, stop: Stop = never) -> Hedging:
-    """Compare the loss of a plan for one take when another take happens with the cost of hedging.
+    """Compare two costs: planning for one take when another happens, and hedging against all.
 
-    For each take alone, and for all of them on average, it searches for the best plan and proves a
-    bound, with branch-and-price. All plans keep away from the people of all takes, so that each
-    plan can be flown whichever take happens.
+    Branch-and-price searches for the best plan, and proves a bound, for each take alone and for the
+    mean over all takes. All plans keep their distance from the people of all takes, so each plan
+    can be flown whichever take happens.
 
     Parameters
     ----------

@@ -26,9 +26,9 @@ from cocap_opt.run.view_share import proved_in
 
 
 def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
-    """Check with the referee if a plan can be flown, which rules it breaks, and what its J is.
+    """Check a plan with the referee: whether it can be flown, which rules it breaks, and its J.
 
-    The referee trusts no planner: it recomputes everything in slow, obvious loops.
+    The referee trusts no planner: it recomputes everything in slow, simple loops.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def _require_consistent(problem: Problem, claim: Result) -> None:
 
 
 def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:
-    """Refuses claims that, for want of a certificate, could not be checked or not fully."""
+    """Rejects claims that cannot be checked completely because a certificate is missing."""
     for claim in claims:
         if isinstance(claim, Result) and claim.bound != inf:
             whose = f"{claim.method}'s" if claim.method else "a result's"

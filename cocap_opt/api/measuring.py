@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 _Build = Callable[[int], Problem]  # makes the problem of a seed
-_Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or what makes it
+_Scene = str | Path | Problem | _Build  # a name, a file, a problem, or a function that makes one
 
 
 def gap(
@@ -32,12 +32,12 @@ def gap(
     out: str | Path | None = None,
     workers: int | None = None,
 ) -> "pd.DataFrame":
-    """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
+    """Measure planners against certified bounds: the gap table that `cocap-opt gap` prints.
 
-    `planners` may include a planner of your own, a function of a problem and a stop; its rows have
-    the function's name. If the function has a parameter `seed`, it gets that of the scene. With
-    `out`, it must be defined at the top level of a module or script: the folder identifies its
-    results by the digest of that file and of all that the file imports from its own folder.
+    `planners` may include your own planner, a function of a problem and a stop; its rows have the
+    function's name. If the function has a parameter `seed`, it gets the scene's seed. With `out`,
+    define the function at the top level of a module or script: the folder identifies its results by
+    the digest of that file and of all files that it imports from its own folder.
 
     Parameters
     ----------
@@ -49,10 +49,10 @@ def gap(
     seeds : of the scenes, as numbers or as text such as "0-3"; a scene that is the same for several
         seeds is used once, and so is a problem, whose seed is 0
     time_limit : seconds for each plan, and for each of the two bounds of a scene and seed, counted
-        from when coverage is ready; the time for coverage is not counted
-    work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
-        the table, except for its times, is the same on every machine that stays within the time
-        limit
+        from when coverage is ready
+    work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With a
+        work limit, the table is the same on every machine that stays within the time limit, except
+        for the times in it
     out : folder for plans, certificates and results; those that it already has are not computed
         again
     workers : processes, each on a core of its own (default: this process)

@@ -33,7 +33,7 @@ from cocap_opt.stop import Stop, never
 
 R = TypeVar("R", bound=Result)
 
-# What is called here: methods of one's own need no defaults.
+# Types of the callables used here: your own methods need no defaults.
 _Bound = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
 
 
@@ -81,13 +81,12 @@ def plan(
 ) -> Result | Replanned:
     """Plan all drones of a problem, or the rest of a mission that is being flown.
 
-    If the objective requires a share of all views and the plan has fewer, views are given more and
-    more weight until a plan has that share or the time is up.
+    If the objective requires a share of all views and the plan has fewer, the weight of views is
+    raised until a plan has that share or the time is up.
 
-    With `follow` and `from_step`, the drones have flown a plan up to a step, and its rest is
-    replanned: with drones lost, or with people who walk differently from those that the plan
-    was made for. The new rest is at least as good as the old one, unless that now breaks
-    a rule.
+    `follow` and `from_step` replan the rest of a plan that has been flown up to a step, because
+    drones were lost or people walk differently from those that the plan was made for. The new rest
+    is at least as good as the old one, unless the old one now breaks a rule.
 
     Parameters
     ----------

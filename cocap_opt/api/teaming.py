@@ -34,12 +34,12 @@ def team(
     out: str | Path | None = None,
     workers: int | None = None,
 ) -> "Teams":
-    """Compare teams: what each team achieves, and limits that no plan of such a team exceeds.
+    """Compare teams: the best plan found for each team, and limits that none of its plans exceeds.
 
-    The drones of a team are like those of the problem, which must all be alike. They start where it
-    is best: if the problem's drones may choose their start, in one of those states, otherwise in
-    any free state. Each team is planned twice by branch-and-price, for J and for the number of
-    drones that see each person, and a bound is proved for each as far as time allows.
+    The drones of a team are copies of the problem's drones, which must all be alike. They choose
+    the best start: among the starts of the problem's drones if these may choose, otherwise among
+    all free states. Branch-and-price plans each team twice, for J and for the number of drones that
+    see each person, and proves as tight a bound for each as the time allows.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def team(
     drones : numbers of drones, or a single number
     camera : names of cameras, as listed by `cocap-opt scenes`; each is tried in teams of its own.
         None: the camera of the problem's drones
-    heights : m, in the reference of the problem's flight heights; at each of them a team is tried
-        that stays there. None: teams use all of the problem's heights
+    heights : m, in the reference of the problem's flight heights; for each height, a team that
+        stays at it is tried. None: teams use all of the problem's heights
     cameras : number of drones that are to see a person
     share : share of person-steps that this many drones should see
     at_least : share of a person's unobstructed solid angle that must be visible for a drone to

@@ -43,12 +43,12 @@ def with_views(
     problem : the problem; any views that it counted before are replaced
     cameras : drones beyond this number add nothing
     weight : weight of one drone that sees a person at one step, in px^0.5/m; one number for all
-        people or one for each. None: half the reward of one unhidden view of the person from where
-        the person fills a third of the image's height, the mean over eight directions around the
-        person and over the drones' cameras. "first": more than all pixels and moves together,
-        so that a plan with more views comes first, whatever the pixels; this holds if all
-        importances are 0 or one number. Where they differ, pixels may decide between views that
-        differ by less than the least importance
+        people or one for each. None: half the reward of one unobstructed view in which the person
+        fills a third of the image's height, averaged over eight directions around the person and
+        over the drones' cameras. "first": more than all pixels and moves together, so a plan with
+        more views is better, whatever its pixels. This holds if all importances other than 0 are
+        equal; otherwise, pixels may decide between plans whose views differ by less than the least
+        importance
     at_least : share of a person's unobstructed solid angle that must be visible in a drone's image
     share : share of all possible views that plans should keep; `front` finds the best that do
 
@@ -82,16 +82,17 @@ def with_starts(
 ) -> Problem:
     """Let drones start elsewhere: wherever it is best, at random, or at starts chosen greedily.
 
-    Starts matter more than the choice of planner. With fixed starts a bound says nothing about
-    other starts; with free starts it holds for all of them.
+    Starts matter more than the choice of planner. With fixed starts, a bound holds only for those
+    starts; with free starts, it holds for all of them.
 
     Parameters
     ----------
     problem : the problem; drones that already choose their start, among states or in an area, keep
         that choice, and the others may start in every free state
-    starts : "free": planners choose; "random": fixed starts, drawn from the possible ones so that
-        they keep the rules; "greedy": fixed starts, chosen by the drones in turn for the best path
-        given the earlier ones, as `sequential` plans it
+    starts : "free": planners choose the starts; "random": fixed starts, drawn from the possible
+        ones so that they keep the rules; "greedy": fixed starts, those of the paths that
+        `sequential` plans when drones may start anywhere: one drone after the other takes the best
+        path given the earlier ones
     seed : of random starts
 
     Returns

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files that are written completely or not at all."""
 
 import errno
 import os
@@ -17,7 +17,7 @@ UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
 def write_atomically(
     contents: Mapping[Path, bytes] | Mapping[Path, Callable[[BinaryIO], None]],
 ) -> None:
-    """Writes files whole or not at all; none takes its name before all are written.
+    """Writes files completely or not at all; none gets its name before all are written.
 
     A file's content is given, or a function that writes it into the file.
 
@@ -27,9 +27,9 @@ def write_atomically(
     Raises
     ------
     OSError
-        If one cannot be written, or there is something else, such as a folder or a device.
+        If a file cannot be written, or its name belongs to a folder, a device or the like.
     KeyboardInterrupt
-        With words on the files, if they were written.
+        If they were written in spite of Ctrl-C; the message says so.
     """
     written: list[tuple[str, Path]] = []
     try:
@@ -53,7 +53,7 @@ def write_atomically(
         for name, _ in written:
             Path(name).unlink(missing_ok=True)
         if isinstance(error, OSError) and error.errno is not None:
-            # That of a full disk names no file, others the temporary one.
+            # The error of a full disk names no file, other errors the temporary file.
             raise OSError(error.errno, error.strerror, ", ".join(map(str, contents))) from error
         raise
 
@@ -73,12 +73,12 @@ def _rename(written: list[tuple[str, Path]], names: str) -> None:
 
 
 def file_to_write(path: Path) -> Path:
-    """The regular file, there or not, that a path leads to through symbolic links.
+    """Returns the regular file, existing or not, to which a path leads through symbolic links.
 
     Raises
     ------
     OSError
-        If links lead in a circle, a name is too long, or there is no regular file.
+        If links form a circle, a name is too long, or the path is not a regular file.
     """
     target = Path(os.path.realpath(path))
     with suppress(FileNotFoundError):

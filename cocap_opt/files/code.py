@@ -1,10 +1,10 @@
-"""The digest of code, by which results are known that were computed by code that does the same.
+"""The digest of code, which identifies results that equivalent code has computed.
 
-Files of results and of coverage name the code that made them. A comment that is mended, or a line
-that is broken elsewhere, changes no result; so the digest is not of the files' bytes but of their
-syntax trees, without comments, layout and docstrings. Any other change counts, even one that
-computes the same in the end, such as another name of a variable. Versions of Python may write a
-tree in different ways, so digests are the same under one version, and need not be under two.
+Files of results and of coverage record the digest of the code that made them. Changes of comments
+and line breaks do not affect results; so the digest is not of the files' bytes but of their syntax
+trees, without comments, layout and docstrings. Any other change counts, even one that does not
+change results, such as a renamed variable. Versions of Python may write a tree in different ways,
+so digests may differ between versions.
 """
 
 import ast
@@ -19,10 +19,10 @@ _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def code_digest(*modules: str) -> str:
-    """Returns the digest of modules by their full names; a package stands for all that it holds.
+    """Returns the digest of modules, given by full names; a package means all its modules.
 
-    Modules are known by the names under which they are imported, wherever their files are, so a
-    checkout and an installed package have the same digest.
+    Modules are identified by their import names, not by their files, so a checkout and an installed
+    package have the same digest.
 
     Raises
     ------
@@ -36,10 +36,10 @@ def code_digest(*modules: str) -> str:
 
 
 def with_imports(*modules: str) -> frozenset[str]:
-    """Returns the full names of modules and of all of this project that they import, at any depth.
+    """Returns the full names of modules and of all project modules that they import, at any depth.
 
-    The front of each package on the way belongs to them, but for that of `cocap_opt`, which
-    imports a name when somebody asks for it. What is imported for type checkers alone does not.
+    The `__init__` of each package on the way is included, except that of `cocap_opt`, which imports
+    names only when they are used. Imports for type checkers are not included.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def with_imports(*modules: str) -> frozenset[str]:
 
 
 def files_with_imports(module: str) -> tuple[Path, ...]:
-    """Returns the file of a module, and those of all from which it imports names to run.
+    """Returns the file of a module, and those of all modules that it imports at run time.
 
     Raises
     ------
@@ -70,18 +70,18 @@ def files_with_imports(module: str) -> tuple[Path, ...]:
 
 
 def _imports(module: str) -> set[str]:
-    """Returns the modules of this project that one imports, and the fronts of their rooms."""
+    """Returns the project modules that a module imports, and the `__init__` of their packages."""
     names = [name.split(".") for name in _imported_names(_text(module))]
     rooms = {".".join(parts[:end]) for parts in names for end in range(2, len(parts) + 1)}
     fronts = {room for room in rooms if _path(room).is_dir()}
-    # What is neither a package nor a module is a name in a module.
+    # A name that is neither a package nor a module is defined in a module.
     modules = {room for room in rooms - fronts if _path(room).is_file()}
     return modules | {f"{room}.__init__" for room in fronts}
 
 
 @cache
 def _imported_names(text: str) -> frozenset[str]:
-    """Returns the full names of all that a module of this project imports from it to run."""
+    """Returns the full names that a module imports from this project at run time."""
     names: set[str] = set()
     for node in _statements(_tree(text)):
         if isinstance(node, ast.Import):
@@ -109,7 +109,7 @@ def _modules(name: str) -> Iterator[str]:
 def _path(name: str) -> Path:
     """Returns the file of a module, or the folder of a package."""
     path = _FOLDER.joinpath(*name.removeprefix(_PACKAGE).split("."))
-    # A folder without a front is a package that is gone, of which compiled files are left.
+    # A folder without an `__init__` is left over from a removed package, with compiled files.
     return path if (path / "__init__.py").is_file() else path.with_suffix(".py")
 
 
@@ -117,7 +117,7 @@ def _text(module: str) -> str:
     return _path(module).read_text(encoding="utf-8")
 
 
-@cache  # coverage and results each have a digest, of modules that are largely the same
+@cache  # the digests of coverage and of results include mostly the same modules
 def normal_form(text: str) -> str:
     """Returns code without docstrings, comments and its own layout."""
     return ast.unparse(_tree(text))
@@ -136,7 +136,7 @@ def _tree(text: str) -> ast.Module:
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
     """Yields the statements in a tree at any depth, without those for type checkers alone.
 
-    Expressions hold no statements; to walk them, too, would take five times as long.
+    Expressions contain no statements; walking them, too, would take five times as long.
     """
     for block in ("body", "handlers", "orelse", "finalbody", "cases"):
         for inner in getattr(node, block, ()):

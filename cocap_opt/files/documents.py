@@ -1,6 +1,6 @@
-"""Documents, the one scheme of all files of this project, and scene and plan files among them.
+"""Documents, the common scheme of all files of this project, such as scene and plan files.
 
-They are JSON with a format and a version, read strictly, and written whole or not at all.
+They are JSON with a format and a version, read strictly, and written completely or not at all.
 """
 
 import hashlib
@@ -28,17 +28,17 @@ class FileError(ValueError):
     """A file cannot be used; the message is one line that names file, field and what is allowed."""
 
 
-# Why results of before are refused: their J is not that of the scene.
+# The reason why older results are rejected: their J is not that of the scene.
 SAMPLED = "an older cocap-opt wrote it, whose coverage was sampled; make it again"
 
 
 class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all files of this project: scenes, plans, certificates, proofs and results.
 
-    A document names its kind in `format` and its `version`, whose type lists the versions that
-    are read; the default is written. A new version may add fields that have a default, which
-    older files then have; whatever else changes ends the reading of older versions. Unknown
-    fields, and files of another version, are refused in words.
+    A document states its kind in `format` and has a `version`. The type of `version` lists the
+    versions that can be read; the default is the version that is written. A new version may add
+    fields with a default, which applies to older files; after any other change, older versions
+    cannot be read. Unknown fields and files of other versions are rejected with a message.
     """
 
     older: ClassVar[str] = ""  # why files of older versions are not read
@@ -55,7 +55,7 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         return decode_document(read_bytes(path), str(path), cls)
 
     def save(self, path: Path) -> None:
-        """Write the file, whole or not at all; reading it gives the same content, bit for bit.
+        """Write the file, completely or not at all; reading it gives the same content, bit for bit.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class _Header(msgspec.Struct):
-    """The fields that show what kind of document a file is; others are not looked at."""
+    """The fields that identify the kind of a document; others are ignored."""
 
     format: str
     version: int = 1
@@ -91,7 +91,7 @@ class SceneFile(Document, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, problem: Problem) -> Self:
-        """Returns the file of a problem, in which 5 is 5.0 where numbers need not be whole."""
+        """Returns the file of a problem; fields that need not be whole numbers have 5.0, not 5."""
         return cls(problem=_read_back(problem))
 
 
@@ -148,7 +148,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
 
     @property
     def ending(self) -> Ending:
-        """The end of the search for the plan, which older files describe less."""
+        """The end of the search for the plan; older files have fewer details."""
         stopped = Reason.FINISHED if self.limit is None else Reason.STOPPED
         return Ending(self.reason or stopped, self.limit, told=self.cut_short)
 
@@ -256,11 +256,11 @@ def read_bytes(path: Path) -> bytes:
 
 @lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
-    """Digest of all that J, and what a plan may do, depend on.
+    """Returns the digest of everything that affects J or the set of possible plans.
 
-    Names, places on the Earth, land cover, bare ground, homes, numbers, when tracks begin and the
-    share of views that is asked for have no part in that. The page on files has the recipe, by
-    which anybody can compute the digest.
+    It does not depend on names, places on the Earth, land cover, bare ground, homes, numbers, the
+    begin of tracks and the required share of views. The page on files defines it, so that anybody
+    can compute it.
     """
     numbers = {take.name: str(k) for k, take in enumerate(problem.takes)}
     actors = tuple(
@@ -273,11 +273,11 @@ def problem_digest(problem: Problem) -> str:
         name="", robots=robots, actors=actors, earth=None, takes=takes, land_cover=()
     )
     fields = msgspec.to_builtins(_read_back(nameless), enc_hook=_encode_array)
-    # Goals hold whole numbers only. They may have many cells, which take long to be read back.
+    # Goals contain only whole numbers. They may have many cells, which take long to read back.
     goals = {goal: msgspec.to_builtins(goal) for goal in {robot.goal for robot in problem.robots}}
     for robot, spec in zip(fields["robots"], problem.robots, strict=True):
         robot["goal"] = goals[spec.goal]
-    # Newer fields than files whose digests hold are left out where nothing is in them.
+    # Fields that are newer than stored digests are left out if they are empty.
     for holder in (fields, *fields["robots"], *fields["actors"]):
         for name in ("step", "earth", "limits", "name", "begin", "take", "takes", "land_cover"):
             if name in holder and holder[name] in (None, [], ()):
@@ -301,11 +301,11 @@ def problem_digest(problem: Problem) -> str:
 
 
 def digest_without_objective(problem: Problem) -> str:
-    """Digest of a problem as if it had the usual objective."""
+    """Returns the digest that a problem would have with the usual objective."""
     return problem_digest(problem.replace(objective=Objective()))
 
 
 def _read_back(problem: Problem) -> Problem:
-    """Returns the problem as if it came from its file: numbers given as 5 and 5.0 are the same."""
+    """Returns the problem as read back from a file, in which 5 and 5.0 are the same number."""
     content = msgspec.json.encode(problem, enc_hook=_encode_array)
     return msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)

@@ -1,4 +1,4 @@
-"""Errors of msgspec's decoders in the words of this project: what is there, and what is allowed."""
+"""Errors of msgspec's decoders in the words of this project: what was found, what is allowed."""
 
 import re
 from collections.abc import Iterator
@@ -19,10 +19,10 @@ _WRONG = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?([^`]*)`?)?")
 _UNKNOWN_FIELD = re.compile(r"Object contains unknown field `(.*)`")
 _MISSING_FIELD = re.compile(r"Object missing required field `(.*)`")
 _OTHER_NAMES = {"heights": "layers", "height": "layers", "altitudes": "layers"}  # for fields
-_FEW_FIELDS = 8  # that are named where an object should be
+_FEW_FIELDS = 8  # up to this number, the fields of a required object are named
 _PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
 _LONGEST = 40  # letters of a value that a message quotes
-_HUGE = 1e9  # a limit beyond which no scene has numbers
+_HUGE = 1e9  # no scene needs numbers beyond this limit
 _UNKNOWN = object()  # a value that cannot be found again
 _TYPES = {
     "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false",
@@ -36,10 +36,10 @@ def in_words(error: Exception, content: bytes | str, kind: object, value: object
 
     Parameters
     ----------
-    error : of msgspec, or any other
-    content : of the file
-    kind : the type that it should have
-    value : what has been read of the content, if it is neither JSON nor TOML
+    error : an error of msgspec or of another decoder
+    content : content of the file
+    kind : the type that the content should have
+    value : the value that was read from the content, if it is neither JSON nor TOML
     """
     if isinstance(error, RecursionError):
         return "must not be nested so deeply"
@@ -78,7 +78,7 @@ def in_words(error: Exception, content: bytes | str, kind: object, value: object
 
 
 def no_text(error: UnicodeDecodeError) -> str:
-    """Returns where a file is not text."""
+    """Returns the message on a file that is not text, with the place of the error."""
     line = error.object[: error.start].count(b"\n") + 1
     return f"must be a text file in UTF-8, but byte {error.start + 1}, in line {line}, is not"
 
@@ -94,7 +94,7 @@ def _no_toml(said: str, line: str | None, column: str | None) -> str:
 
 
 def _read_again(content: bytes | str) -> object:
-    """Returns the value of JSON or TOML, of any type; a message quotes a part of it."""
+    """Returns the value of JSON or TOML, of any type, so that a message can quote a part of it."""
     for decode in (msgspec.json.decode, msgspec.toml.decode):
         try:
             value: object = decode(content)
@@ -115,7 +115,7 @@ def _value_at(value: Any, path: str) -> object:
 
 
 def _quoted(value: object) -> str:
-    """Returns a number, a truth value or a text as a message quotes it; of all else nothing."""
+    """Returns a number, a truth value or a text as a message quotes it; otherwise empty."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -124,9 +124,9 @@ def _quoted(value: object) -> str:
 
 
 def _within(kind: inspect.Type, value: object) -> str:
-    """Returns the limits of a number in words, with a blank before them; nothing without any.
+    """Returns the limits of a number in words, after a space; empty if there are none.
 
-    A limit that is only there to keep numbers finite is left out, unless the value is beyond it.
+    A limit whose only purpose is to keep numbers finite is left out, unless the value exceeds it.
     """
     if not isinstance(kind, inspect.FloatType | inspect.IntType):
         return ""
@@ -161,7 +161,7 @@ def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
         return f"must be {either}, not {unknown[1]}{question}"
     if wrong := _WRONG.fullmatch(said):
         expected, limits, found = wrong.groups()
-        # Where null is one of several, a field may be left out.
+        # If null is one of several types, the field may be left out.
         types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
         words = _allowed(inspect.type_info(kind), path)  # else any text is
         fields = _fields(inspect.type_info(kind), path) if "object" in types else []
@@ -197,7 +197,7 @@ def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
 
 
 def _allowed(kind: inspect.Type, path: str) -> list[str]:
-    """Returns the words that may stand at a path; none where others than words may."""
+    """Returns the words that are allowed at a path; none if other values are allowed, too."""
     kinds = _kinds_at(kind, path)
     words = [
         str(word) for part in kinds if isinstance(part, inspect.LiteralType) for word in part.values
@@ -209,7 +209,7 @@ def _allowed(kind: inspect.Type, path: str) -> list[str]:
 
 
 def _other_types(kind: inspect.Type, path: str) -> list[str]:
-    """Returns the types of values that may stand at a path besides words, in words."""
+    """Returns the types of values that are allowed at a path besides words, in words."""
     names = {
         inspect.FloatType: "float", inspect.IntType: "int", inspect.StructType: "object",
         inspect.VarTupleType: "array", inspect.ListType: "array",
@@ -219,13 +219,13 @@ def _other_types(kind: inspect.Type, path: str) -> list[str]:
 
 
 def _fields(kind: inspect.Type, path: str) -> list[str]:
-    """Returns the fields that may be at a path; none where there may be several kinds of them."""
+    """Returns the fields of the object at a path; none if several kinds of objects are allowed."""
     found = [part for part in _kinds_at(kind, path) if isinstance(part, inspect.StructType)]
     return [field.encode_name for field in found[0].fields] if len(found) == 1 else []
 
 
 def _kinds_at(kind: inspect.Type, path: str) -> list[inspect.Type]:
-    """Returns the types that may stand at a path."""
+    """Returns the types that are allowed at a path."""
     kinds = [kind]
     for field, _ in _PART.findall(path):
         kinds = [part for whole in kinds for part in _parts(whole, field)]
@@ -233,7 +233,7 @@ def _kinds_at(kind: inspect.Type, path: str) -> list[inspect.Type]:
 
 
 def _parts(kind: inspect.Type, field: str) -> Iterator[inspect.Type]:
-    """Yields the types of a field of a struct, or of the items of a sequence if it has no name."""
+    """Yields the types of a field of a struct, or of the items of a sequence if it is empty."""
     for alternative in _alternatives([kind]):
         if isinstance(alternative, inspect.StructType) and field:
             yield from (f.type for f in alternative.fields if f.encode_name == field)

@@ -1,6 +1,6 @@
-"""JSON as this project reads it: of a given type, and without a key that an object has twice.
+"""Strict reading of JSON: the value must have a given type, and no object may repeat a key.
 
-Decoders silently take the last of such values, whichever was meant.
+Decoders silently take the last of repeated values, whichever was meant.
 """
 
 import json
@@ -17,7 +17,7 @@ T = TypeVar("T")
 def decode_json(
     content: bytes | str, kind: type[T], hook: Callable[[type, Any], Any] | None = None
 ) -> T:
-    """Returns the value that JSON holds.
+    """Returns the value of JSON.
 
     Parameters
     ----------
@@ -27,13 +27,13 @@ def decode_json(
     Raises
     ------
     MsgspecError, UnicodeDecodeError, RecursionError
-        If it is no such value.
+        If the value does not have this type, or the text is not JSON.
     ProblemError
         If an object has a key twice.
     """
     value = msgspec.json.decode(content, type=kind, dec_hook=hook)
     text = content if isinstance(content, str) else content.decode(errors="replace")
-    # Numbers are not made; they may have thousands of digits where nobody reads them.
+    # Numbers are not converted, as unused ones may have thousands of digits.
     json.loads(text, object_pairs_hook=_require_distinct, parse_int=str, parse_float=str)
     return value
 

@@ -1,4 +1,4 @@
-"""The folder in which this project keeps what it can make again, for all that a user runs."""
+"""The folder in which this project caches reproducible data, for all programs of a user."""
 
 import os
 from pathlib import Path

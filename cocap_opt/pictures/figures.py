@@ -38,12 +38,12 @@ from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
 
 _TITLE = 40  # characters of the name of a scene; longer ones are cut
-VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
+VIEW_LENGTH = 0.2  # length of drawn view cones, relative to the map; cameras see farther
 _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
-_BELOW = 3  # wide panels of a strip, up to which each has the whole width
-_PANEL = 3.2  # inches, of two beside each other
-_LETTERS = 56  # of a legend in three columns
+_BELOW = 3  # up to this number, wide panels of a strip are drawn below each other
+_PANEL = 3.2  # inches, width of two panels beside each other
+_LETTERS = 56  # largest number of letters of a legend in three columns
 _DISC = 11  # points, the width of a drone
 _TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
@@ -55,7 +55,7 @@ def robot_colour(robot: int) -> tuple[float, float, float, float]:
 
 
 def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: MapFrame) -> Axes:
-    """Draws the terrain from above, and drones and people at step t with their ways so far."""
+    """Draws the terrain from above, and drones and people at step t with their paths so far."""
     view = TopView.of(problem)
     view.draw_map(ax)
     _draw_robots(ax, problem, plan, t, VIEW_LENGTH * max(frame.size))
@@ -90,7 +90,7 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
 
 
 def _number_people(ax: Axes, problem: Problem, plan: Plan, t: int) -> Axes:
-    """Writes the number of each person at step t beside it, apart from others and from drones."""
+    """Writes each person's number beside them at step t, clear of others and of drones."""
     people = np.array([actor.poses[t, :2] for actor in problem.actors]).reshape(-1, 2)
     drones = [problem.height_map.centre(path[t].x, path[t].y) for path in plan.paths]
     colours = [pictures.take_colour(int(take)) for take in problem.take_of]
@@ -186,7 +186,7 @@ def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequenc
 
 
 def _draw_meanings(figure: Figure, view: TopView) -> None:
-    """Draws below a figure the meanings of cells, if some are more than obstacles, and of arrows.
+    """Draws a legend of cells and arrows below a figure, if there are not only obstacles.
 
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
     above or below.
@@ -219,8 +219,8 @@ def plan_picture(
     Parameters
     ----------
     plan : without it, the drones are shown at their starts, or where they may start
-    suffix : one of PICTURES, or of a plan ``".gif"``
-    steps : without any, the last one, or in a GIF file all
+    suffix : one of PICTURES, or ``".gif"`` for a plan
+    steps : steps to draw (default: the last one; in a GIF file, all)
     """
     if plan is None:
         starts = problem.plot().get_figure(root=True)
@@ -246,7 +246,7 @@ def picture(figure: Figure, suffix: str) -> bytes:
     """
     content = io.BytesIO()
     canvas = FigureCanvasAgg(figure)
-    for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
+    for text in figure.findobj(Text):  # names of scenes and files may contain dollar signs
         text.set_parse_math(False)
         text.set_text(printable(text.get_text(), _SPACES))
         text.set_fontfamily(families_for(text.get_text()))

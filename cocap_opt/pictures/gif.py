@@ -1,7 +1,7 @@
-"""GIF files, all of whose pictures have the same colours.
+"""GIF files in which all pictures share one palette.
 
-With colours of its own, each picture shows the same thing in another one, and the film flickers.
-With the same ones, only what moves is written, and the file is a third as large.
+If each picture had its own palette, colours would change from picture to picture, and the film
+would flicker. With one palette, only moving parts are written, and the file is a third as large.
 """
 
 import io
@@ -10,13 +10,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from PIL import Image
 
-_COLOURS = 255  # one is left for what does not change from one picture to the next
-_MOST_SAMPLED = 16  # pictures, of which colours are chosen
-_BITS = 5  # of each of red, green and blue, by which colours are counted
-# A colour counts as this power of its pixels. By their number the background would have all
-# colours, and a thin track none of its own.
+_COLOURS = 255  # one more is for pixels that do not change from one picture to the next
+_MOST_SAMPLED = 16  # pictures from which colours are chosen
+_BITS = 5  # bits of each of red, green and blue, in which colours are counted
+# A colour's weight is this power of its number of pixels. With the number itself, the background
+# would get all colours, and a thin track none.
 _POWER = 0.35
-_ROUNDS = 5  # of k-means, which fit the colours to those that are counted
+_ROUNDS = 5  # rounds of k-means, which fits the palette to the counted colours
 
 
 def gif(pictures: Sequence[bytes], pauses: Sequence[int]) -> bytes:
@@ -24,8 +24,8 @@ def gif(pictures: Sequence[bytes], pauses: Sequence[int]) -> bytes:
 
     Parameters
     ----------
-    pictures : files, such as PNG, of one size
-    pauses : ms, for which each is shown
+    pictures : contents of image files, such as PNG, of one size
+    pauses : ms for which each picture is shown
     """
     content, colours = (
         io.BytesIO(),

@@ -1,4 +1,4 @@
-"""Pictures by the drones' cameras, and a table of planned and rendered pixels beside them."""
+"""Pictures from the drones' cameras, and a table that compares planned and rendered pixels."""
 
 import io
 from collections.abc import Callable
@@ -34,13 +34,13 @@ def write_views(
 ) -> Record:
     """Writes a picture per drone and step, and coverage.csv; returns rewards and errors by name.
 
-    Where people may walk differently, there is a picture of each take.
+    If the scene has takes, there is a picture for each take.
 
     Parameters
     ----------
-    width : px, of the pictures
-    pixel_step : of the renderer that counts pixels
-    counter : returns a function to call with how many of some things are done, by their name
+    width : px, width of the pictures
+    pixel_step : step of the renderer that counts pixels
+    counter : takes the name of things, and returns a function to call with the number done
     """
     verdict = check(problem, plan)
     steps = [max(round(Renderer.camera_of(robot).width / width), 1) for robot in problem.robots]
@@ -68,11 +68,11 @@ def write_views(
 
 
 def drone_view(problem: Problem, plan: Plan, robot: int, t: int, width: int) -> bytes:
-    """Returns the PNG file of what a drone sees at a step.
+    """Returns the view of a drone at a step as a PNG file.
 
     Parameters
     ----------
-    width : px, about
+    width : px, approximate width
     """
     spec = problem.robots[robot]
     painter = Renderer(problem, max(round(Renderer.camera_of(spec).width / width), 1))
@@ -94,7 +94,7 @@ def _csv_row(problem: Problem, view: FaceView) -> Record:
 
 
 def _png(problem: Problem, faces: IntArray, shade: FloatArray) -> bytes:
-    """Returns a PNG file of a picture: people's faces in colours of their own, terrain shaded."""
+    """Returns a PNG file of a picture: people's faces in different colours, terrain shaded."""
     height, width = faces.shape
     image = np.empty((height, width, 3))
     image[:] = _SKY_COLOUR
@@ -111,7 +111,7 @@ def _png(problem: Problem, faces: IntArray, shade: FloatArray) -> bytes:
 
 
 def _face_colours(problem: Problem) -> FloatArray:
-    """Returns the colour of every face [F, 3]: the actor's, in a brightness of the face's own."""
+    """Returns the colour of every face [F, 3]: the actor's colour in different brightnesses."""
     owners = problem.face_owner.tolist()
     colours = []
     for f, owner in enumerate(owners):

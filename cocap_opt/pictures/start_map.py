@@ -61,7 +61,7 @@ class Level(NamedTuple):
 
     @classmethod
     def of(cls, scene: SceneData, motion: Motion, height: float) -> "Level":
-        """Returns the cells in which a drone of this motion may start at a height, and others."""
+        """Returns the kinds of all cells at a height, for starts of drones with this motion."""
         motion = motion.replace(layers=(height,))
         altitude = scene.height_map.altitudes((height,))
         low, high = altitude - motion.clearance, altitude + motion.clearance
@@ -77,11 +77,11 @@ class Level(NamedTuple):
 def levels(site: Site, heights: Sequence[float] = ()) -> list[Level]:
     """Returns the cells at each flight height of a site's drones, lowest first.
 
-    Where drones differ in their clearance, the largest counts.
+    If drones have different clearances, the largest counts.
 
     Parameters
     ----------
-    heights : m, in place of the drones'
+    heights : m, flight heights to use instead of the drones'
     """
     widest = max(site.motions, key=lambda motion: motion.clearance)
     named = heights or sorted({height for motion in site.motions for height in motion.layers})
@@ -113,7 +113,7 @@ def _heights_of_starts(site: Site) -> set[float]:
 
 
 def _figure(site: Site, shown: Sequence[Level]) -> Figure:
-    """Draws panels side by side, what colours mean below them, and then who is refused."""
+    """Draws panels side by side, and below them the legend and the rejected starts."""
     columns = min(len(shown), 2)
     rows = math.ceil(len(shown) / columns)
     width, depth = site.scene.height_map.shape
@@ -203,7 +203,7 @@ def _draw_refused(ax: Axes, site: Site, state: State, nearest: State | None, num
 
 
 def _stated_areas(scene: SceneData) -> list[StartGround]:
-    """Returns the areas in which drones may choose their start, but those that are all of a map."""
+    """Returns the areas in which drones may choose their start, except those of a whole map."""
     found: dict[StartArea, list[int]] = {}
     for number, robot in enumerate(scene.robots):
         if isinstance(robot.start, StartArea) and robot.start.cells is not None:
@@ -225,7 +225,7 @@ def _number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
 
 
 def _handles(site: Site, shown: Sequence[Level]) -> dict[str, Any]:
-    """Returns the lines of the legend, of all that is drawn: words, and the marks before them."""
+    """Returns the entries of the legend for everything that is drawn: words and their marks."""
 
     def mark(marker: str, colour: str, fill: str | None = None) -> Line2D:
         return Line2D([], [], marker=marker, ls="none", color=colour, mfc=fill or colour, mew=1.8,

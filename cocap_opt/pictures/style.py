@@ -16,19 +16,19 @@ from cocap_opt.letters import columns_of
 BLUE, RED, AMBER, TEAL, PURPLE, GREY, BROWN, GREEN = SERIES = (
     "#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57",
 )  # fmt: skip
-FADED = "#8d99ae"  # of what is there to be compared with
-MARKS = "osD^vPXp*"  # of series, beside their colours
+FADED = "#8d99ae"  # for things that are drawn only for comparison
+MARKS = "osD^vPXp*"  # of series, in addition to their colours
 _Dashes = str | tuple[int, tuple[float, ...]]
 _DASHES: tuple[_Dashes, ...] = (
     "-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)),
     (0, (9, 1.5, 1.5, 1.5, 1.5, 1.5)),
 )  # fmt: skip
-# Lines that are told apart: as no number divides both, no two of them share colour and dashes.
+# Number of different lines: as both counts are coprime, no two lines share colour and dashes.
 LINES = len(SERIES) * len(_DASHES)
 WIDTH = 5.2  # inches, of figures that are readable in a page's column and on a phone
 TITLE, LABEL, SMALL = 11, 10, 9  # pt, sizes of letters
 _DPI = 130
-_HANDLE, _LETTER = 0.55, 0.085  # inches, of an entry of a legend, at LABEL
+_HANDLE, _LETTER = 0.55, 0.085  # inches, widths in an entry of a legend, at size LABEL
 _DEFAULT = "DejaVu Sans"  # comes with matplotlib
 _BOXES = "Last Resort"  # a font that has a box for every letter
 
@@ -36,12 +36,12 @@ _log = logging.getLogger(__name__)
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Returns an empty figure of a size in inches."""
+    """Returns an empty figure with a size in inches."""
     return Figure(figsize=(width, height), layout="constrained", dpi=_DPI)
 
 
 def new_canvas(width: float, height: float) -> tuple[Figure, Axes]:
-    """Returns a figure of a size in inches, and axes over all of it that count inches."""
+    """Returns a figure with a size in inches, and axes over all of it, in inches, too."""
     figure = Figure(figsize=(width, height), dpi=_DPI)
     ax = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, height))
     ax.axis("off")
@@ -49,7 +49,7 @@ def new_canvas(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def set_frame(ax: Axes, grid: Literal["both", "x", "y"] | None = "both") -> Axes:
-    """Leaves only the two sides of the frame that have numbers, above a faint grid."""
+    """Keeps only the two sides of the frame that have numbers, above a faint grid."""
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     if grid is not None:
@@ -59,7 +59,7 @@ def set_frame(ax: Axes, grid: Literal["both", "x", "y"] | None = "both") -> Axes
 
 
 def line_look(number: int) -> dict[str, Any]:
-    """Returns colour and dashes of a line by its number; those of LINES are all different."""
+    """Returns colour and dashes of a line by its number; the first LINES lines all differ."""
     return {
         "color": SERIES[number % len(SERIES)],
         "linestyle": _DASHES[number % len(_DASHES)],
@@ -67,14 +67,14 @@ def line_look(number: int) -> dict[str, Any]:
 
 
 def columns_for(names: Collection[str], width: float) -> int:
-    """Returns the columns of a legend with these names, in a width in inches, for even columns."""
+    """Returns the number of columns of a legend with these names, for a width in inches."""
     longest = max(map(columns_of, names), default=0)
     most = max(1, min(3, int(width / (_HANDLE + _LETTER * longest))))
     return math.ceil(len(names) / math.ceil(len(names) / most)) if names else 1
 
 
 def add_legend(figure: Figure, ax: Axes, columns: int | None = None) -> None:
-    """Names what is drawn on an axes below the whole figure, where it covers nothing."""
+    """Draws the legend of an axes below the whole figure, where it covers nothing."""
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside lower center", fontsize=LABEL,

@@ -1,1 +1,1 @@
-"""The player: plans played in a browser, in one HTML page that needs nothing else."""
+"""The player: plans played in a browser, in one self-contained HTML page."""

@@ -1,6 +1,6 @@
-"""Chromium without a window, for pictures of a page: driven through two pipes, by its own protocol.
+"""Headless Chromium for pictures of a page, controlled with the DevTools protocol over two pipes.
 
-It needs no driver and no library: the DevTools protocol is JSON, each message ended by a zero byte.
+This needs no driver and no library: messages are JSON, each terminated by a zero byte.
 """
 
 import base64
@@ -27,7 +27,7 @@ _OPTIONS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",  # no network
     "--remote-debugging-pipe",
 )  # fmt: skip
-# The browser reads from 3 and writes to 4.
+# The browser reads from file descriptor 3 and writes to 4.
 _LAUNCH = """
 import os, sys
 from fcntl import F_DUPFD, fcntl
@@ -39,7 +39,7 @@ os.execv(sys.argv[3], sys.argv[3:])
 
 
 class ChromiumError(RuntimeError):
-    """Chromium does not start, ends or does not answer; one line."""
+    """Chromium does not start, has ended or does not answer; one line."""
 
 
 class Chromium:
@@ -51,19 +51,19 @@ class Chromium:
 
     @staticmethod
     def program() -> str | None:
-        """Returns the path of the browser that is installed, None if there is none."""
+        """Returns the path of the installed browser; None if there is none."""
         return next(filter(None, map(shutil.which, NAMES)), None)
 
     @classmethod
     @contextmanager
     def opened(cls, program: str, page: str, query: str, size: tuple[int, int]) -> Iterator[Self]:
-        """Opens a page, and waits until its root says `data-ready="yes"`.
+        """Opens a page, and waits until its root element has `data-ready="yes"`.
 
         Parameters
         ----------
-        page : its text
-        query : what stands behind the `?` of its address
-        size : px
+        page : the text of the page
+        query : query string of its address, the part after the `?`
+        size : px, width and height of the window
 
         Raises
         ------
@@ -82,7 +82,7 @@ class Chromium:
     def _started(cls, program: str, folder: str) -> Iterator[Self]:
         options = [*_OPTIONS, f"--user-data-dir={folder}/profile"]
         if os.geteuid() == 0:
-            options.append("--no-sandbox")  # root has none
+            options.append("--no-sandbox")  # the sandbox does not work for root
         (theirs, out), (back, answers) = os.pipe(), os.pipe()
         # The browser's processes end as a group.
         words = [sys.executable, "-I", "-S", "-c", _LAUNCH, str(theirs), str(answers), program]
@@ -122,7 +122,7 @@ class Chromium:
         Raises
         ------
         ChromiumError
-            If it raises an error there, or the browser has ended.
+            If the page raises an error, or the browser has ended.
         """
         found = self._ask("Runtime.evaluate", expression=expression, returnByValue=True)
         if "exceptionDetails" in found:
@@ -137,7 +137,7 @@ class Chromium:
         return base64.b64decode(found["data"])
 
     def _ask(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Returns the answer to a command; events are passed over."""
+        """Returns the answer to a command; events are skipped."""
         self._number += 1
         command = {"id": self._number, "method": method, "params": parameters}
         if self._session:

@@ -1,7 +1,7 @@
-"""Plans as a film: the player's pictures one after the other, as a video or a moving picture.
+"""Films of plans: the player's pictures one after the other, as a video or an animated image.
 
-The pictures are those of the player's page in Chromium without a window. PyAV writes videos, Pillow
-moving pictures.
+The pictures are screenshots of the player's page in headless Chromium. PyAV writes videos, and
+Pillow writes animated images.
 """
 
 import io
@@ -20,7 +20,7 @@ from cocap_opt.player.filming import VIDEOS, Filming
 from cocap_opt.player.player import Player
 from cocap_opt.stop import Stop
 
-_LAST = 1.0  # s, for which the last picture stands
+_LAST = 1.0  # s, for which the last picture is shown
 _CODEC_OPTIONS = {
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "7", "row-mt": "1"},
     ".mp4": {"crf": "21", "preset": "medium", "movflags": "+faststart"},
@@ -29,16 +29,16 @@ _QUALITY = 80  # of WebP
 
 
 class FilmError(ValueError):
-    """A film cannot be made; one line that says what is missing, or how far it came."""
+    """A film cannot be made; one line that gives the reason, or the number of pictures made."""
 
 
 def require_film(suffix: str) -> str:
-    """Returns the browser for films of a kind.
+    """Returns the path of the browser that films of a kind need.
 
     Raises
     ------
     FilmError
-        If there is none, or nothing that writes them.
+        If there is no browser, or the library that writes such films is missing.
     """
     if suffix in VIDEOS and find_spec("av") is None:
         raise FilmError(
@@ -56,11 +56,11 @@ def require_film(suffix: str) -> str:
 def filmed_plans(
     player: Player, filming: Filming, stop: Stop, tell: Callable[[int, int], None]
 ) -> tuple[bytes, int]:
-    """Returns the film of a player's plans, and of how many pictures it is.
+    """Returns the film of a player's plans, and its number of pictures.
 
     Parameters
     ----------
-    tell : is told how many pictures are done, and of how many
+    tell : called with the number of pictures done and their total
 
     Raises
     ------
@@ -113,7 +113,7 @@ def _video(filming: Filming, pictures: Iterator[bytes]) -> bytes:
 
 
 def _lingering(pictures: Iterator[bytes], count: int) -> Iterator[bytes]:
-    """Yields pictures, and the last one so many times more."""
+    """Yields pictures, and repeats the last one so many times."""
     picture = next(pictures)
     for following in pictures:
         yield picture

@@ -1,4 +1,4 @@
-"""Kinds of films, and the moments that their pictures show."""
+"""Kinds of films, and the times that their pictures show."""
 
 import math
 from typing import NamedTuple
@@ -7,19 +7,19 @@ VIDEOS = {".webm": "libvpx-vp9", ".mp4": "libx264"}  # and their codecs
 MOVING = (".webp", ".gif")
 FILMS = (*VIDEOS, *MOVING)
 VIEWS = ("3d", "above")
-_RATES = {".gif": 10, ".webp": 15}  # pictures a second, of what is not a video
+_RATES = {".gif": 10, ".webp": 15}  # pictures per second of animated images
 _VIDEO_RATE = 30
 
 
 class Filming(NamedTuple):
-    """The kind of a film, and what it shows.
+    """The kind, size and speed of a film, and its view.
 
     Attributes
     ----------
     suffix : one of `FILMS`
     view : one of `VIEWS`
     size : px, even numbers
-    speed : steps a second; None: as the player plays them
+    speed : steps per second; None: the speed of the player
     """
 
     suffix: str
@@ -29,15 +29,15 @@ class Filming(NamedTuple):
 
     @property
     def rate(self) -> int:
-        """Pictures a second."""
+        """Pictures per second."""
         return _RATES.get(self.suffix, _VIDEO_RATE)
 
     def times(self, first: int, last: int, usual: float) -> list[float]:
-        """Returns the steps, and what is between them, of the pictures from one step to another.
+        """Returns the times of the pictures from one step to another, in steps with fractions.
 
         Parameters
         ----------
-        usual : steps a second, where no speed is asked for
+        usual : steps per second if no speed is given
         """
         each = (self.speed or usual) / self.rate
         count = math.floor((last - first) / each + 1e-9)

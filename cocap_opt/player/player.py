@@ -85,9 +85,9 @@ class Player:
     def data(self) -> Data:
         """Returns all data that the player draws, as one JSON object.
 
-        Lengths are in m, angles in rad, positions those of `PlayerScene`; each plan is as
-        `PlayerPlan` has it. Gaps are shares of the bound. `seconds` are those of a step, None where
-        nobody says how long it lasts.
+        Lengths are in m, angles in rad, and positions in the coordinates of `PlayerScene`; plans
+        are the data of `PlayerPlan`. Gaps are shares of the bound. `seconds` is the length of a
+        step, None if the scene does not define it.
         """
         problem, scene = self._problem, PlayerScene(self._problem)
         plans = [
@@ -142,7 +142,7 @@ class Player:
         return f"Player of {self._problem.name!r}: {titles}; .save(path) writes it as an HTML file"
 
     def _repr_html_(self) -> str:
-        """Plays inline in a notebook, in a frame that holds the whole page."""
+        """Plays inline in a notebook, in a frame that contains the whole page."""
         page = escape(self.page(), quote=False).replace("'", "&#x27;")  # it has few single quotes
         return (
             f"<iframe srcdoc='{page}' title=\"plans of {escape(self._problem.name)}\" "
@@ -161,13 +161,13 @@ def _without_goals(problem: Problem) -> Problem:
 
 
 def _without_distance_to_people(problem: Problem) -> Problem:
-    """Returns the problem in which people may walk by drones that stay at their starts."""
+    """Returns the problem without the distance to people, so drones may stay at their starts."""
     airspace = problem.airspace.replace(people_aside=0.0, people_above=None)
     return problem.replace(airspace=airspace)
 
 
 def _unit(problem: Problem) -> str:
-    """Returns the unit of coverage: cones do not count pixels."""
+    """Returns the unit of coverage, which is not pixels for cones."""
     cones = [isinstance(robot.camera, Cone) for robot in problem.robots]
     return "1/m²" if all(cones) else "px/m² or 1/m²" if any(cones) else "px/m²"
 

@@ -1,6 +1,6 @@
-"""Moments at which drones of a plan come close to each other or to people, as the player flies.
+"""Moments of the player's flight at which drones come close to each other or to people.
 
-Distances are those of the flight's polynomials, as `cocap-opt fly` and the crew's sheet have them.
+Distances are computed from the flight's polynomials, as in `cocap-opt fly` and the crew's sheet.
 """
 
 import math
@@ -16,18 +16,18 @@ from cocap_opt.flight.safety import Nearest
 from cocap_opt.flight.trajectory import DEGREE, Trajectory
 from cocap_opt.problem import BODY, SEPARATION, Plan, Problem, VertexConflict
 
-_ROUNDING = 1e-6  # of distances
-_DIGITS = 4  # of distances (m), behind the point
+_ROUNDING = 1e-6  # relative tolerance of distances
+_DIGITS = 4  # decimals of distances (m)
 
 Data = dict[str, Any]
 
 
 class Approaches:
-    """The nearest that two drones come, and a drone and a person, at any moment and in each step.
+    """The closest approaches of two drones, and of a drone and a person, in each step and overall.
 
     Parameters
     ----------
-    there : numbers of the drones that are there
+    there : numbers of the drones that take part
     flown : their flight as it is shown
     """
 
@@ -42,14 +42,14 @@ class Approaches:
     def near(self) -> list[Data]:
         """Returns moments at which drones are closer to each other or to people than they should.
 
-        Those of people have the number of the `person`.
+        Approaches to people have the number of the `person`.
         """
         return [*self._near_each_other(), *self._near_people()]
 
     def _near_people(self) -> list[Data]:
-        """Returns the nearest that a drone comes to a person, if that is too close without a rule.
+        """Returns the closest approach of a drone to a person, if it is too close without a rule.
 
-        That is closer than drones should fly, seen from above.
+        Too close means closer than drones should fly, seen from above.
         """
         if not self._there:
             return []
@@ -70,11 +70,12 @@ class Approaches:
         ]
 
     def _near_each_other(self) -> list[Data]:
-        """Returns the nearest that two drones come in each step, where they nearly touch.
+        """Returns the closest approach of two drones in each step in which they nearly touch.
 
-        That is closer than a drone is wide, in scenes whose rules have no separation; who keeps one
-        is far enough. If none are, it is the nearest of all steps where that is closer than drones
-        should fly. Pairs in conflict are not told.
+        Nearly touching means closer than the width of a drone, in scenes whose rules have no
+        separation; drones that keep a separation are far enough apart. If no drones nearly touch,
+        it is the closest approach of all steps, if that is closer than drones should fly. Pairs in
+        conflict are left out.
         """
         if not self._pairs or self._problem.rules.separation:
             return []
@@ -89,13 +90,13 @@ class Approaches:
         return [moment | {"words": _words(moment)} for moment in shown]
 
     def closest(self, straight: Trajectory) -> Data | None:
-        """Returns when which two drones are nearest to each other; None if there are no two.
+        """Returns the closest approach of any two drones; None if there are fewer than two.
 
-        `apart` is how far (m) in the flight that is shown, `straight` in straight lines from step
-        to step. `kept` is the distance (m) that needs no warning, or `above` in
-        height: those of the scene's rules, or where these let bodies touch what scenes keep
-        that are to be flown. `isKept` is true if they keep it, as plans without conflicts keep
-        rules. `body` is how wide (m) drones are.
+        `apart` is their distance (m) in the flight that is shown, `straight` that in straight lines
+        from step to step. `kept` is the distance (m) that needs no warning, or `above` in height:
+        the separation of the scene's rules or, if these let bodies touch, that of scenes that are
+        to be flown. `isKept` is true if the drones keep it, as plans without conflicts keep rules.
+        `body` is the width of a drone (m).
         """
         if not self._pairs:
             return None
@@ -113,7 +114,7 @@ class Approaches:
         }
 
     def _nearest(self, pairs: Any, begin: int, end: int) -> Data:
-        """Returns when which of some pairs are nearest between two steps, and how near (m)."""
+        """Returns the closest approach of some pairs between two steps, with its distance (m)."""
         nearness = self._nearness[pairs, begin:end]
         parts = nearness.shape[2]
         peak = Peak.of(nearness.reshape(-1, 2 * DEGREE + 1))
@@ -125,7 +126,7 @@ class Approaches:
         }
 
     def _in_conflict(self) -> BoolArray:
-        """Returns an array [P, T], true for pairs in conflict in a step, or at its ends."""
+        """Returns an array [P, T], true for pairs in conflict during a step or at its ends."""
         found = np.zeros((len(self._pairs), self._problem.horizon), dtype=np.bool_)
         for conflict in self._plan.conflicts(self._problem):
             first = max(conflict.t - 1, 0) if isinstance(conflict, VertexConflict) else conflict.t

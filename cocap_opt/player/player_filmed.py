@@ -1,4 +1,4 @@
-"""The strip of the player: by how many cameras people are seen at each step."""
+"""The strip of the player: the number of cameras that see each person at each step."""
 
 import math
 from typing import Any
@@ -14,11 +14,11 @@ Data = dict[str, Any]
 def filmed(problem: Problem, plan: Plan) -> Data | None:
     """Returns the quality of a plan for each person at each step; None where nobody counts.
 
-    `rows` has the people of whom any step counts: number (`person`) and `name`, and by steps
-    `counts`, `views` (drones that see the person), `angles` (degrees) and `errors` (mm), null where
-    there is none that is finite, and of the drone that sees most of the person its number
-    (`best`) and the share that it sees (`most`). `line` sums it up, `atLeast` is the share of
-    a person that a drone must see to count.
+    `rows` has the people who count at any step: number (`person`) and `name`, and for each step
+    `counts`, `views` (drones that see the person), `angles` (degrees), `errors` (mm, null if not
+    finite), and the drone that sees most of the person: its number (`best`) and the share that it
+    sees (`most`). `line` is a summary, and `atLeast` is the share of a person that a drone must see
+    to count.
     """
     shares = visible_shares(problem, plan)
     found = Quality.of(problem, plan, shares)

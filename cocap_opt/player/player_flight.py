@@ -1,8 +1,8 @@
 """The flight of a plan between the steps, as the player draws it.
 
-They fly the plan's smooth flight, as `cocap-opt fly --smooth` does: at the steps they are where the
-plan says, and in between `flight` has proved that they keep the rules. Where there is none, they
-fly straight from step to step, as the plan does.
+Drones fly the plan's smooth flight, as with `cocap-opt fly --smooth`: at the steps they are at the
+plan's places, and in between `flight` has proved that they keep the rules. If there is no smooth
+flight, they fly straight from step to step.
 """
 
 from typing import Any
@@ -15,14 +15,14 @@ from cocap_opt.flight.trajectory import DEGREE, PITCH, Trajectory, in_steps, spl
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Plan, Problem
 
-_SAME = 1e-5  # m and rad, by which a piece may differ from two that it replaces
+_SAME = 1e-5  # m and rad, largest difference between a piece and the two that it replaces
 
 
 def smooth_flight(problem: Problem, plan: Plan) -> Trajectory | None:
     """Returns the smooth flight of a plan, if one is safe.
 
-    If the scene defines no step length, the demands of the flight are unknown: it is then that of a
-    drone without limits.
+    If the scene defines no step length, speeds are unknown, and the flight is that of a drone
+    without limits.
     """
     found = Smooth.of(in_steps(problem), plan)
     return None if found.dangers else found.trajectory
@@ -31,9 +31,9 @@ def smooth_flight(problem: Problem, plan: Plan) -> Trajectory | None:
 def knots(scene: PlayerScene, flown: Trajectory) -> list[Any]:
     """Returns the flight of each drone as rows: the step, the pose, its rates and accelerations.
 
-    A pose is x, y, z (m), yaw and tilt (rad), as paths have them, though a yaw does not jump at a
-    full turn; rates are per step. From row to row each is the polynomial of the fifth degree that
-    has these values at both. A row stands at each step, and in between where it is needed.
+    A pose is x, y, z (m), yaw and tilt (rad), as in paths, except that the yaw does not jump at a
+    full turn; rates are per step. Between two rows, each coordinate is the polynomial of degree
+    five with these values at both. There is a row at each step, and more in between if necessary.
     """
     parts, steps = flown.parts, flown.problem.horizon
     pieces = flown.pieces.copy()
@@ -54,7 +54,7 @@ def _rows(scene: PlayerScene, pieces: FloatArray) -> list[Any]:
 
 
 def _fewest(pieces: FloatArray) -> FloatArray:
-    """Returns as few equal pieces [n, 5, 6] as make the same flight in a step as others do."""
+    """Returns the fewest pieces of equal length [n, 5, 6] that make the same flight in a step."""
     parts, (begins, ends) = len(pieces), _ends(pieces)
     for count in (n for n in range(1, parts) if parts % n == 0):
         each = parts // count
@@ -65,7 +65,7 @@ def _fewest(pieces: FloatArray) -> FloatArray:
 
 
 def _ends(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns values, rates and accelerations [n, 5, 3], per step, where n pieces begin and end."""
+    """Returns values, rates and accelerations [n, 5, 3], per step, at begin and end of pieces."""
 
     def of(a: FloatArray, b: FloatArray, c: FloatArray, sign: int) -> FloatArray:
         rate, bend = DEGREE * (b - a), DEGREE * (DEGREE - 1) * (a - 2 * b + c)

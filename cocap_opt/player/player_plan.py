@@ -1,7 +1,7 @@
-"""A plan as the player has it: what drones see and add, where they come near, what it lacks.
+"""The player's data of a plan: views and rewards of drones, close approaches, and the gap.
 
-Coverage is that of the model's tables, by which the referee's rewards can be had (tests hold both
-to each other). Steps at which nothing counts have a reward of 0.
+Coverage comes from the model's tables, from which the referee's rewards can be computed (tests
+compare both). Steps that do not count have a reward of 0.
 """
 
 import math
@@ -25,9 +25,9 @@ from cocap_opt.player.player_tasks import tasks
 from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
 from cocap_opt.referee import check
 
-_DIGITS = 5  # of px/m2 and shares as they are shown; rewards have all digits
-_COSTLIEST = 5  # moves that are marked
-_LEAST = 5e-6  # of the bound, a loss to speak of
+_DIGITS = 5  # digits of px/m2 and shares as they are shown; rewards have all digits
+_COSTLIEST = 5  # number of moves that are marked
+_LEAST = 5e-6  # share of the bound, the smallest loss that is shown
 
 Data = dict[str, Any]
 
@@ -37,9 +37,9 @@ class PlayerPlan:
 
     Parameters
     ----------
-    judged : the problem by whose rules it is judged
-    gap : what its gap is made of, None where that is not known
-    absent : numbers of the drones that are not there, as their starts are still to be chosen; they
+    judged : the problem whose rules apply
+    gap : the terms of its gap; None if unknown
+    absent : numbers of the drones that are not shown, as their starts are still to be chosen; they
         have no path and see nothing
     """
 
@@ -80,18 +80,19 @@ class PlayerPlan:
         return total
 
     def data(self) -> Data:
-        """Returns all that the player knows of the plan; steps t, drones i, faces f.
+        """Returns all data that the player has of the plan; steps t, drones i, faces f.
 
         `rewards[t]` is the referee's view reward of a step, `seen[t][f]` the coverage of each face
         (px/m2) by all drones together, `meanPixels` its mean over faces and the steps that count,
         and `ownPixels[i][t]` the mean coverage of a face by one drone. `films[i][t]` is the person
-        of whom a drone has most pixels, None where it sees nobody. `adds[i][t]` is what a step's
-        reward would be less without a drone, empty where pixels add up over time. `tasks[i]` is the
-        group of people (of the scene) of whom it has most pixels over all steps. `heights[i]` are
-        flight heights (m), one if it is the same at all steps. `near` are moments at which two
-        drones nearly touch, or a drone comes near a person without a rule, `closest` is that at
-        which two are nearest of all, `besidePeople` says where one comes too close to somebody.
-        `knots` are those of the smooth flight (`player_flight`), None where drones fly straight.
+        of whom a drone has most pixels, None if it sees nobody. `adds[i][t]` is the part of a
+        step's reward that would be lost without a drone, empty if pixels add up over time.
+        `tasks[i]` is the group of people (of the scene) of whom it has most pixels over all steps.
+        `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
+        at which two drones nearly touch, or a drone comes near a person without a rule, `closest`
+        is the closest approach of two drones, and `besidePeople` says where one comes too close to
+        a person. `knots` are those of the smooth flight (`player_flight`), None if drones fly
+        straight.
         """
         reward, moves, rewards, is_valid = self._rewards()
         flown = self._flown()
@@ -121,7 +122,7 @@ class PlayerPlan:
         } | self._flight()
 
     def _rewards(self) -> tuple[float, float, list[float], bool]:
-        """Returns J, the part of it for moves, the reward of each step, and whether rules hold."""
+        """Returns J, its part for moves, the reward of each step, and True if all rules hold."""
         judged, plan = self._judged, self._plan
         if not self._there:
             return 0.0, 0.0, [0.0] * (judged.horizon + 1), True
@@ -133,9 +134,9 @@ class PlayerPlan:
         return verdict.reward, verdict.reward_moves, rewards, verdict.valid
 
     def _beside_people(self) -> Iterator[str]:
-        """Yields where each drone first comes too close to somebody, in words.
+        """Yields the place where each drone first comes too close to a person, in words.
 
-        Plans do not: the referee looks at them. Drones that only wait at their starts may.
+        The referee checks plans, so only drones that wait at their starts can be too close.
         """
         for i in self._there:
             at = self._problem.where(self._problem.robots[i], self._plan.paths[i])
@@ -150,7 +151,9 @@ class PlayerPlan:
                 )
 
     def _near_to(self, j: int, at: FloatArray) -> Iterator[tuple[float, float, int]]:
-        """Yields when a drone at places [T+1, 3] (m) is too close to somebody, and how near."""
+        """Yields the times at which a drone at places [T+1, 3] (m) is too close to a person, and
+        the distances.
+        """
         actor, airspace = self._problem.actors[j], self._problem.airspace
         ways = at - actor.middles[: len(at)]
         for t in range(len(at) - 1):
@@ -160,7 +163,7 @@ class PlayerPlan:
                 yield t + share, math.hypot(x, y), j
 
     def _flown(self) -> Trajectory | None:
-        """Returns the smooth flight, None where drones fly straight or stay."""
+        """Returns the smooth flight; None if drones fly straight or stay."""
         paths = self._plan.paths
         stay = len(self._there) < len(paths) or all(len(set(path)) == 1 for path in paths)
         return None if stay else smooth_flight(self._problem, self._plan)
@@ -177,7 +180,7 @@ class PlayerPlan:
         }
 
     def _films(self) -> list[list[int | None]]:
-        """Returns whom each drone sees best at each step, None where it sees nobody."""
+        """Returns the person whom each drone sees best at each step; None if it sees nobody."""
         problem = self._problem
         if not problem.actors:
             return [[None] * (problem.horizon + 1) for _ in problem.robots]
@@ -222,24 +225,24 @@ def _heights(robot: Robot, path: tuple[State, ...]) -> list[float]:
 
 
 def digits(value: float) -> float:
-    """Returns a number with as many digits as the player shows."""
+    """Returns a number rounded to the digits that the player shows."""
     short = float(f"{value:.{_DIGITS}g}")
     return int(short) if short.is_integer() else short
 
 
 def _means(seen: FloatArray) -> FloatArray:
-    """Returns the mean [n] over faces of coverage [n, F]; 0 where there is nobody."""
+    """Returns the mean [n] over faces of coverage [n, F]; 0 if there are no people."""
     means: FloatArray = seen.sum(axis=1) / max(seen.shape[1], 1)
     return means
 
 
 def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
-    """Returns a bound, and what the gap to it is made of, as shares of the bound.
+    """Returns a bound, and the terms of the gap to it, as shares of the bound.
 
-    Only a plan that obeys the rules can be optimal: the others may have more than the bound.
-    `losses[i][t]` is what drone i loses by leaving step t, of which the largest are `costliest`,
-    and `faces[t][f]` the overestimate of faces. Of an optimum all are 0: terms that cancel cost
-    nothing.
+    Only a plan that obeys the rules can be optimal; J of others may exceed the bound.
+    `losses[i][t]` is the loss of drone i by its move after step t; the largest are in `costliest`.
+    `faces[t][f]` is the overestimate of a face. For an optimum, all terms are 0, as terms that
+    cancel are not shown.
     """
     optimal = obeys and gap.share(gap.gap) <= OPTIMALITY
     if optimal:
@@ -263,7 +266,7 @@ def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
 
 
 def _costliest(gap: Explanation) -> list[Data]:
-    """Returns the moves by which drones lose most, by step."""
+    """Returns the moves with the largest losses, sorted by step."""
     moves = sorted(gap.of_kind("path"), key=lambda term: -term.amount)[:_COSTLIEST]
     costly = [move for move in moves if gap.share(move.amount) >= _LEAST]
     return [

@@ -1,4 +1,4 @@
-"""The certificate behind a page's badge: its file, and the commands that check it again."""
+"""The certificate that the page offers: its file, and the commands that check it again."""
 
 import hashlib
 import shlex
@@ -11,8 +11,8 @@ from cocap_opt.files.documents import problem_digest
 from cocap_opt.output.files import GivenPlan
 from cocap_opt.problem import Problem
 
-MOST_BYTES = 1_000_000  # of a file that a page holds
-CHECK_PAGE = "how-to/check-in-the-browser"  # of the documentation, where files are checked
+MOST_BYTES = 1_000_000  # largest file that a page contains
+CHECK_PAGE = "how-to/check-in-the-browser"  # page of the documentation that checks files
 
 
 class Proof(NamedTuple):
@@ -23,8 +23,8 @@ class Proof(NamedTuple):
     name : of the file
     content : of the file
     verify : for each plan, the command that verifies it and the file
-    check : for each plan, the commands that have `cocap-check` do so; empty where it cannot
-    page : address of the page that checks files, None where it is not known
+    check : for each plan, the commands that check it with `cocap-check`; empty if it cannot
+    page : address of the page that checks files; None if unknown
     """
 
     name: str
@@ -38,14 +38,14 @@ class Proof(NamedTuple):
         cls, path: Path, content: bytes, scene: str, seed: int, loaded: Problem,
         plans: Sequence[Path], given: Sequence[GivenPlan],
     ) -> "Proof":  # fmt: skip
-        """Returns the proof of plans of a scene, with commands as they are typed here.
+        """Returns the proof of plans of a scene, with commands that run in the current folder.
 
         Parameters
         ----------
         path, content : of the file
         scene : its name or file, as typed
-        loaded : the scene without a plan; one by which drones start elsewhere is a variant of it,
-            which `export` does not write without more options
+        loaded : the scene without a plan. A plan whose drones start elsewhere has a variant of the
+            scene, which `export` does not write without more options
         """
         digest = problem_digest(loaded)
         place = ["--seed", str(seed)] if seed else []
@@ -65,7 +65,7 @@ class Proof(NamedTuple):
         return cls(path.name, content, verify, check, _page_online())
 
     def data(self) -> dict[str, Any]:
-        """Returns all that the page knows of it; `text` is None if it is too large for a page."""
+        """Returns the page's data of the proof; `text` is None if the file is too large."""
         is_small = len(self.content) <= MOST_BYTES
         return {
             "name": self.name,
@@ -79,7 +79,7 @@ class Proof(NamedTuple):
 
 
 def _page_online() -> str | None:
-    """Returns the address of the page that checks files, if the package tells that of its pages."""
+    """Returns the address of the page that checks files; None if the package does not state it."""
     try:
         addresses = metadata("cocap-opt").get_all("Project-URL") or []
     except PackageNotFoundError:

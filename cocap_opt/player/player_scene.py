@@ -1,7 +1,7 @@
 """Terrain, meshes, people and drones of a scene in the coordinates of the player.
 
-Positions are from the corner of the map and from its lowest height, in m. They have as many
-digits as one can see; map coordinates of 500 km would not fit into a picture's precision.
+Positions are in m from the corner of the map and from its lowest height, with as many digits as can
+be seen. Map coordinates of 500 km would exceed the precision of graphics.
 """
 
 import math
@@ -30,12 +30,12 @@ from cocap_opt.world.workspace import Mesh, Workspace
 
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
 MOST_TRIANGLES = 10_000  # of all meshes; finer meshes are drawn as the cells that they fill
-_DIGITS = 5  # of the map's size
+_DIGITS = 5  # significant digits, relative to the map's size
 _GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
-_SLAB = 0.012  # of the map's size, height of its edge as it is drawn
+_SLAB = 0.012  # height of the drawn edge of the map, relative to its size
 _MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
-_MOST_TOLD = 2  # areas in which drones may start, one by one
-_SKY = 4.0  # m, above the highest flight, up to which closed airspace is drawn
+_MOST_TOLD = 2  # largest number of start areas that are named one by one
+_SKY = 4.0  # m above the highest flight, up to which closed airspace is drawn
 
 Data = dict[str, Any]
 
@@ -51,7 +51,7 @@ class PlayerScene:
         self._decimals = _DIGITS - 1 - math.floor(math.log10(self._size.max()))
 
     def rounded(self, values: FloatArray) -> Any:
-        """Returns lengths (m) or angles with as many decimals as can be seen, as lists of lists."""
+        """Returns lengths (m) or angles with as many decimals as can be seen, as nested lists."""
         return _short((np.asarray(values).round(max(self._decimals, 3)) + 0.0).tolist())
 
     def local(self, points: FloatArray) -> FloatArray:
@@ -73,11 +73,11 @@ class PlayerScene:
 
     @cached_property
     def _block(self) -> int:
-        """Number of the map's cells along the edge of a cell as it is drawn."""
+        """Number of the map's cells along the edge of a drawn cell."""
         return math.ceil(max(self.problem.height_map.shape) / MOST_CELLS)
 
     def _coarse(self, values: FloatArray, take: np.ufunc) -> FloatArray:
-        """Returns values [.., X, Y] of cells as they are drawn."""
+        """Returns values [.., X, Y] of the drawn cells."""
         for axis in (-2, -1):
             starts = np.arange(0, values.shape[axis], self._block)
             values = take.reduceat(values, starts, axis=axis)
@@ -100,10 +100,10 @@ class PlayerScene:
         }
 
     def _land(self) -> Data | None:
-        """Returns the land cover at the middles of cells as they are drawn, and its names.
+        """Returns the land cover at the centres of the drawn cells, and its names.
 
-        `cells` has for each a digit, that of the colour, or `-` where nothing is known; None where
-        nothing is known of any.
+        `cells` has a digit for each cell, the number of its colour, or `-` if its land cover is
+        unknown. The result is None if all land cover is unknown.
         """
         areas, height_map = self.problem.land_cover, self.problem.height_map
         if not areas:
@@ -131,7 +131,7 @@ class PlayerScene:
 
     @property
     def _ceiling(self) -> float:
-        """Altitude to which columns are drawn: one may be as high as a number can be."""
+        """Altitude up to which columns are drawn, as columns may be extremely high."""
         tops = [self.problem.height_map.altitudes(self.problem.layers).max()]
         tops += [actor.poses[:, 2].max() for actor in self.problem.actors]
         return float(max(tops) + self._size.max())
@@ -145,15 +145,15 @@ class PlayerScene:
         return kinds.astype(np.float64)
 
     def meshes(self) -> Data:
-        """Returns meshes as triangles, or as boxes: cells x, y and the altitudes that they fill."""
+        """Returns meshes as triangles, or as boxes: cells x, y and the altitudes that are solid."""
         return self._solids(self.problem.meshes)
 
     def airspace(self) -> Data | None:
-        """Returns the closed airspace, as far up as the picture shows it; None if all is open.
+        """Returns the closed airspace up to the height that is drawn; None if there is none.
 
-        `zones` are like meshes; `lid` has the ceiling's height in each cell as it is drawn, and is
-        empty where the ceiling is higher than that; `aside` and `above` are the distances (m) to
-        people, None where there is no such rule.
+        `zones` are like meshes. `lid` has the ceiling's height in each drawn cell, and is empty if
+        the ceiling is too high to be drawn. `aside` and `above` are the distances (m) to people,
+        None if there is no such rule.
         """
         airspace = self.problem.airspace
         if not str(airspace):
@@ -181,7 +181,7 @@ class PlayerScene:
 
     @property
     def _sky(self) -> float:
-        """Altitude up to which closed airspace is drawn: it may reach as high as numbers do."""
+        """Altitude up to which closed airspace is drawn, as it may be unlimited."""
         return float(self.problem.height_map.altitudes(self.problem.layers).max()) + _SKY
 
     def _solids(self, meshes: tuple[Mesh, ...]) -> Data:
@@ -207,9 +207,9 @@ class PlayerScene:
         ]
 
     def starts(self) -> Data:
-        """Returns above which cells, as they are drawn, drones may choose their start, in words.
+        """Returns the drawn cells above which drones may choose their start, and words for them.
 
-        `cells` has a digit for each, 1 where one of these drones may start.
+        `cells` has a digit for each cell, 1 if one of these drones may start there.
         """
         areas, number = StartGround.all_of(self.problem), len(self.problem.open_starts)
         is_open = np.any([area.cells for area in areas], axis=0).astype(np.float64)
@@ -225,7 +225,7 @@ class PlayerScene:
 
         Parameters
         ----------
-        absent : numbers of drones that are not there; the places in which they may start are
+        absent : numbers of drones that are not shown; the box contains their possible starts
         """
         steps, robots = self.problem.horizon + 1, self.problem.robots
         parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
@@ -266,20 +266,20 @@ class PlayerScene:
 
     @cached_property
     def groups(self) -> list[list[int]]:
-        """The people in groups that are few enough to have a colour each."""
+        """The people in groups, few enough that each group has its own colour."""
         return groups_of_people(self.problem)
 
     def tasks(self) -> list[Data]:
-        """Returns a colour and words for each group of people whom drones may film most."""
+        """Returns a colour and words for each group of people that drones may film most."""
         return [
             {"people": people, "colour": _colour(k), "words": told_group(self.problem, people)}
             for k, people in enumerate(self.groups)
         ]
 
     def drone(self, number: int) -> Data:
-        """Returns a drone's colour, its camera in words and half its angles of view (rad).
+        """Returns a drone's colour, its camera in words, and half its angles of view (rad).
 
-        `rise`, the vertical one, is None for a cone, which looks level.
+        `rise`, the vertical angle, is None for a cone, which looks level.
         """
         robot = self.problem.robots[number]
         camera = robot.camera
@@ -305,7 +305,7 @@ def _told_camera(camera: Camera | Cone) -> str:
 
 
 def _short(values: Any) -> Any:
-    """Returns lists of numbers in which whole ones are written without a point."""
+    """Returns nested lists of numbers in which whole numbers are integers."""
     if isinstance(values, list):
         return [_short(value) for value in values]
     return int(values) if values.is_integer() else values

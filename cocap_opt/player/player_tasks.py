@@ -1,4 +1,4 @@
-"""Whom drones film most: people in groups that are few enough to have a colour each."""
+"""The people that each drone films most, in groups, few enough that each has its own colour."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,16 +8,16 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Problem
 
-MOST_GROUPS = 8  # whose colours can be told from each other
+MOST_GROUPS = 8  # more groups would not have distinguishable colours
 
 Data = dict[str, Any]
 
 
 def groups_of_people(problem: Problem) -> list[list[int]]:
-    """Returns people one by one if they are few, else those together who walk near each other.
+    """Returns people one by one if they are few, otherwise groups of people near each other.
 
-    Groups are numbered by their first members; Ward's method makes them, by the places of people
-    at all steps.
+    Ward's method clusters people by their places at all steps. Groups are sorted by their first
+    members.
     """
     people = len(problem.actors)
     if people <= MOST_GROUPS:
@@ -33,7 +33,7 @@ def groups_of_people(problem: Problem) -> list[list[int]]:
 
 
 def tasks(problem: Problem, pixels: FloatArray, groups: Sequence[list[int]]) -> list[int | None]:
-    """Returns the group of which each drone has most coverage over all steps that count.
+    """Returns the group that each drone covers most, over all steps that count.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def tasks(problem: Problem, pixels: FloatArray, groups: Sequence[list[int]]) -> 
 
 
 def told_group(problem: Problem, people: Sequence[int]) -> str:
-    """Returns the numbers of a group, and of one person the name, if there is one."""
+    """Returns the numbers of the people in a group; for one person also the name, if known."""
     name = problem.actors[people[0]].name if len(people) == 1 else None
     numbers = ", ".join(map(str, people))
     return numbers if name is None else f"{name} ({numbers})"

@@ -1,13 +1,13 @@
-"""Scripts of pages: the ES modules of the folder `page`, put together as one script.
+"""Scripts of pages: the ES modules of the folder `page`, bundled as one script.
 
-A page is one file, and browsers load modules from files of their own only. So each module becomes a
-function that runs once, after those from which it imports, and returns what it exports: names of
-one module are unknown to the others, as between modules. A bundler from npm would do no more here
-that is needed: pages are made wherever cocap-opt is installed, from the scripts themselves, and a
-committed bundle would be a second copy of them, to be made anew, and merged, at each change.
+A page is one file, but browsers load each module from a separate file. So each module becomes a
+function that runs once, after the modules that it imports, and returns its exports; all other names
+stay private. A bundler from npm would have no advantage here: pages are made from the scripts
+wherever cocap-opt is installed, and a committed bundle would be a second copy of them, to be
+rebuilt and merged at each change.
 
-Modules keep to a part of the language, beyond which they are refused: imports of names from files
-beside them, and exports in front of a `const` with one name, a function or a class.
+Modules may use only these forms, and are rejected otherwise: imports of names from files in the
+same folder, and exports before a `const` with one name, a function or a class.
 """
 
 import re
@@ -23,7 +23,7 @@ _OTHER = re.compile(r"^(?:import|export)\b.*|\bimport\(.*", re.MULTILINE)
 
 
 class _Module(NamedTuple):
-    """A script, and the names that it takes from others by their names, and gives to them."""
+    """A script, the names that it imports from each other script, and the names it exports."""
 
     imports: dict[str, list[str]]
     exports: list[str]
@@ -31,15 +31,15 @@ class _Module(NamedTuple):
 
 
 def bundled(*entries: str) -> str:
-    """Returns a script that does what modules of the folder `page` do, named without `.js`.
+    """Returns one script for modules of the folder `page`, which are named without `.js`.
 
-    What a module exports is in an object named after it, such as `$geometry`.
+    The exports of a module are in an object named after it, such as `$geometry`.
 
     Raises
     ------
     ValueError
-        If modules import what is not exported, or each other in a circle, or say so otherwise than
-        is known here; one line that names the module.
+        If a module imports a name that is not exported, if modules import each other in a circle,
+        or if an import or export has another form; one line that names the module.
     """
     made: dict[str, _Module] = {}
     functions = [function for entry in entries for function in _functions(entry, made, ())]
@@ -47,7 +47,7 @@ def bundled(*entries: str) -> str:
 
 
 def _functions(name: str, made: dict[str, _Module], above: tuple[str, ...]) -> Iterator[str]:
-    """Yields the function of a module, after those of modules that it needs, if not made yet."""
+    """Yields the function of a module after those of the modules it imports, each only once."""
     if name in above:
         raise ValueError(f"{name}.js: must not import itself: {' -> '.join((*above, name))}")
     if name in made:
@@ -65,7 +65,7 @@ def _functions(name: str, made: dict[str, _Module], above: tuple[str, ...]) -> I
 
 
 def _module(name: str, text: str) -> _Module:
-    """Returns a module without comments and indents, which would be a fifth of a page."""
+    """Returns a module without comments and indentation, which would be a fifth of a page."""
     text = _COMMENT.sub("", text)
     imports = {found[2]: re.findall(r"\w+", found[1]) for found in _IMPORT.finditer(text)}
     exports, body = _EXPORT.findall(text), _EXPORT.sub("", _IMPORT.sub("", text))

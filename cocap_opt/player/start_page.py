@@ -1,7 +1,7 @@
-"""The page on which starts of drones are chosen: a map to press on, without network or other files.
+"""The page for choosing starts of drones on a clickable map, without network or other files.
 
-It shows where drones of a recipe may start, at each of their flight heights, and which of the
-starts that the recipe states are refused. The starts that are chosen stand there as TOML.
+It shows where the drones of a recipe may start, at each of their flight heights, and which starts
+in the recipe are rejected. It prints the chosen starts as TOML.
 """
 
 import math
@@ -40,7 +40,8 @@ def start_page(site: Site, heights: Sequence[float] = ()) -> str:
 def start_data(site: Site, shown: Sequence[Level]) -> Data:
     """Returns all data that the page draws; lengths in m, places in the map's coordinates.
 
-    `kinds` of a level has a digit for each cell, column by column, as `COLOURS` are numbered.
+    `kinds` of a level has a digit for each cell, column by column: the number of its colour in
+    `COLOURS`.
     """
     scene = site.scene
     above = (scene.height_map.heights - scene.height_map.ground).round(1)
@@ -76,7 +77,7 @@ def start_data(site: Site, shown: Sequence[Level]) -> Data:
 
 
 def _starts(site: Site) -> list[Data]:
-    """Returns the stated starts; of those refused, `why`, and the nearest free place."""
+    """Returns the stated starts; rejected ones have the reason `why` and the nearest free place."""
     scene, refused = site.scene, {found.robot: found for found in site.refusals}
     found = []
     for number, robot in enumerate(scene.robots):

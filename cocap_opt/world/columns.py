@@ -13,8 +13,8 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.world.triangles import clip, outward
 
 MARGIN = 1e-6  # cells; a solid that reaches less far into a cell only touches it
-_PAIRS = 200_000  # of triangles and cells at once, to bound the memory
-_MOST_PAIRS = 10_000_000  # of one mesh
+_PAIRS = 200_000  # pairs of triangles and cells per batch, to limit the memory
+_MOST_PAIRS = 10_000_000  # pairs of one mesh
 # Point of a cell at which a mesh is probed; not the middle, which edges often pass.
 PROBE = 0.5137, 0.4789
 
@@ -37,8 +37,8 @@ class Spans(NamedTuple):
         vertices : [V, 3], x and y in cells, z in m
         triangles : [M, 3] numbers of vertices
         shape : number of cells along x and y
-        solid : True if the mesh is the surface of a solid, so that its inside counts as well and
-            a cell that it merely touches does not have it; a thin plate counts on both sides
+        solid : True if the mesh is the surface of a solid: its inside is matter, too, and cells
+            that it merely touches are free. A thin plate counts on both sides
 
         Raises
         ------
@@ -63,13 +63,13 @@ class Spans(NamedTuple):
         return cls(*(np.concatenate(column) for column in zip(NO_SPANS, *parts, strict=True)))
 
     def merged(self) -> "Spans":
-        """Returns the same matter, overlapping spans of a cell made one; by cell, from below."""
+        """Returns the same matter with overlapping spans merged, by cell and from below."""
         if not len(self.cells):
             return NO_SPANS
         order = np.lexsort([self.low, self.cells])
         cells, low, high = self.cells[order], self.low[order], self.high[order]
         new = np.concatenate([[True], cells[1:] != cells[:-1]])
-        # Cells are put one above the other, so that one running maximum serves all.
+        # Cells are stacked in altitude, so that one running maximum handles all of them.
         floor = (np.cumsum(new) - 1) * (high.max() - low.min() + 1) - low.min()
         top = np.maximum.accumulate(high + floor)
         new[1:] |= (low + floor)[1:] > top[:-1]
@@ -81,14 +81,14 @@ NO_SPANS = Spans(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
 
 
 class Columns(NamedTuple):
-    """The solid intervals of every cell, one above the other; missing ones are empty."""
+    """The solid intervals of every cell, from below; unused entries are empty intervals."""
 
     low: FloatArray  # [K, X, Y] m, inf where there is none
     high: FloatArray  # [K, X, Y] m, -inf where there is none
 
     @classmethod
     def of(cls, heights: FloatArray, spans: Spans) -> "Columns":
-        """Returns the columns of a height map [X, Y] and of spans, which are merged."""
+        """Returns the columns of a height map [X, Y] and of merged spans."""
         cells, bottom, top = spans.merged()
         _, first, counts = np.unique(cells, return_index=True, return_counts=True)
         rank = np.arange(len(cells)) - np.repeat(first, counts)
@@ -119,9 +119,9 @@ class Columns(NamedTuple):
 
 
 def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans) -> Spans:
-    """Returns triangles [M, 3, 3] on an edge between cells with no matter on either side of them.
+    """Returns spans of triangles [M, 3, 3] on an edge between cells, free of matter on both sides.
 
-    A wall that is no thicker than the margin is the surface of a solid, but acts as a plate.
+    A wall that is not thicker than the margin is the surface of a solid, but acts as a plate.
     """
     edge = np.rint(corners[:, 0, axis])
     between = (edge > 0) & (edge < shape[axis])  # robots do not cross the edge of the map
@@ -155,13 +155,13 @@ def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans)
 def _pairs(
     corners: FloatArray, shape: tuple[int, int], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
-    """Yields triangles and the cells x, y that their bounding boxes meet, some at a time.
+    """Yields triangles and the cells x, y that their bounding boxes meet, in batches.
 
     Parameters
     ----------
     corners : [M, 3, 3], x and y in cells
     shape : number of cells along x and y
-    margin : [2] cells, by which triangles must reach into a cell along x and y
+    margin : [2] cells, the least depth to which triangles must reach into a cell along x and y
     """
     last = np.array(shape) - 1
     low, high = corners[..., :2].min(axis=1) + margin, corners[..., :2].max(axis=1) - margin
@@ -192,7 +192,7 @@ def _surface(
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Returns the numbers of triangles [n, 3, 3] that reach into their cells, and altitudes.
 
-    These are the lowest and the highest inside of the cell.
+    The altitudes are the lowest and the highest within the cell.
     """
     polygons, alive = corners, np.ones(len(corners), dtype=bool)
     for axis, cell in ((0, x), (1, y)):
@@ -208,8 +208,8 @@ def _surface(
 def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int]) -> Spans:
     """Returns the altitudes inside a solid, on the vertical line through one point of each cell.
 
-    At an altitude at which no triangle is in a cell, one point shows if all of the cell is inside
-    the solid; altitudes at which a triangle is in the cell are found by `_surface`.
+    If no triangle is in a cell at an altitude, the cell is either wholly inside the solid there or
+    wholly outside, so one point decides. `_surface` finds the altitudes with a triangle.
     """
     parts = []
     for triangle, x, y in _pairs(vertices[triangles], shape, np.zeros(2)):
@@ -222,14 +222,14 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
         down = ~np.asarray(sides.any(axis=1))
         hit = np.flatnonzero(up | down)
         altitude = _altitude(vertices[numbers[hit]], point[hit])
-        # On the way up, a solid is entered where its surface looks down.
+        # On the way up, a line enters a solid where its surface faces down.
         step = np.where(down[hit], 1.0, -1.0)
         parts.append(Spans((x * shape[1] + y)[hit], altitude, step))
     cells, altitude, step = Spans.joined(parts)
     order = np.lexsort([altitude, cells])
     cells, altitude = cells[order], altitude[order]
     winding = np.cumsum(step[order])
-    # Each column begins outside. If rounding lets it end inside, all of it counts as solid.
+    # Each column begins outside. If rounding makes it end inside, all of it counts as solid.
     _, first, column = np.unique(cells, return_index=True, return_inverse=True)
     before = np.concatenate([[0.0], winding])[first]
     last = np.concatenate([first[1:], [len(cells)]])[: len(first)] - 1

@@ -1,17 +1,17 @@
-"""Triangles as they bound matter: which count, whether they close; and convex polygons cut."""
+"""Triangles as boundaries of matter: which count, which form closed solids; polygon clipping."""
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 SAME = 1e-6  # m; vertices that are closer to each other are at the same place
-_NOTHING = 1e-9  # of its bounding box, that a part which cancels itself may hold by rounding
+_NOTHING = 1e-9  # of the bounding box; a part with less volume encloses nothing but rounding errors
 
 
 def firsts(vertices: FloatArray) -> IntArray:
-    """Returns for each vertex [V, 3] the number of the first one that is at the same place [V].
+    """Returns for each vertex [V, 3] the number of the first vertex at the same place [V].
 
-    Places are the same within `SAME`, and so are those that a chain of such vertices connects.
+    Places are the same if they are within `SAME`, or connected by a chain of such vertices.
     """
     from scipy.spatial import cKDTree  # slow to import, as SciPy's graphs are
 
@@ -27,7 +27,7 @@ def firsts(vertices: FloatArray) -> IntArray:
 def equal_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
     """Returns the first of each set of equal rows [k] of [n, m], and the set of each row [n].
 
-    It does what `numpy.unique` does along an axis, ten times as fast.
+    This is `numpy.unique` along an axis, but ten times as fast.
     """
     order = np.lexsort(rows.T[::-1])  # which keeps the order of equal rows
     sorted_rows = rows[order]
@@ -41,11 +41,11 @@ def equal_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
 def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
     """Returns the triangles [n, 3] of a mesh that count, by the first vertex at each place.
 
-    A triangle with two corners at the same place has no area and does not count. A triangle that
-    is given several times counts once. If the rest then closes, two more kinds are left out: the
-    second of two triangles of the same corners that look in opposite directions, for some programs
-    draw every wall from both sides; and triangles whose corners are in a line. If the surface has
-    no hole, but neighbours look in different directions, the fewer of them are turned.
+    A triangle with two corners at the same place has no area and does not count. Duplicates count
+    once. If the rest then forms a closed surface, two more kinds are left out: the second of two
+    triangles with the same corners that face in opposite directions, as some programs draw every
+    wall from both sides; and triangles whose corners are collinear. If the surface has no hole but
+    neighbours face in different directions, the minority is turned.
     """
     named = firsts(vertices)[triangles]
     a, b, c = named.T
@@ -63,11 +63,11 @@ def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
 
 
 def _oriented(triangles: IntArray) -> IntArray | None:
-    """Returns triangles [n, 3] turned so that they close, or None if they have a hole.
+    """Returns triangles [n, 3], turned to form a closed surface; None if they have a hole.
 
-    Each edge must have two triangles. The graph has two nodes for each triangle, as it is and
-    turned, and joins nodes that pass their common edge in opposite directions. So each component
-    is one way to orient a part of the surface.
+    Each edge must have two triangles. The graph has two nodes for each triangle, one as given and
+    one turned, and joins nodes that pass their common edge in opposite directions. So each
+    component is one way to orient a part of the surface.
     """
     n = len(triangles)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
@@ -85,14 +85,14 @@ def _oriented(triangles: IntArray) -> IntArray | None:
     count = int(part.max()) + 1
     as_is, other = part[:n], part[n:]
     if (as_is == other).any():
-        return None  # it has but one side, as a Moebius strip
+        return None  # it has only one side, like a Moebius strip
     kept = np.bincount(as_is, minlength=count)
     turn = (kept[as_is] < kept[other]) | ((kept[as_is] == kept[other]) & (as_is > other))
     return np.where(turn[:, None], triangles[:, ::-1], triangles)
 
 
 def _wide(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Returns the triangles whose corners are not in a line, within `SAME`."""
+    """Returns the triangles whose corners are not collinear, within `SAME`."""
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.max([np.linalg.norm(way, axis=1) for way in (b - a, c - b, a - c)], axis=0)
@@ -101,7 +101,7 @@ def _wide(vertices: FloatArray, triangles: IntArray) -> IntArray:
 
 
 def close(triangles: IntArray) -> bool:
-    """Returns True if triangles pass each edge as often one way as the other."""
+    """Returns True if triangles form a closed surface: each edge is passed equally both ways."""
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     low, high = edges.min(axis=1), edges.max(axis=1)
     _, number = np.unique(low * (triangles.max(initial=0) + 1) + high, return_inverse=True)
@@ -109,10 +109,10 @@ def close(triangles: IntArray) -> bool:
 
 
 def closed_parts(triangles: IntArray) -> BoolArray:
-    """Returns an array [n], true for triangles of parts that close.
+    """Returns an array [n], true for triangles of parts that are closed surfaces.
 
-    A part is a set of triangles that are connected by corners. Flaps, which may touch it, are none
-    of it: no edge of a flap is passed in the opposite direction by another triangle.
+    A part is a set of triangles that are connected by corners. Flaps may touch a part but do not
+    belong to it: no other triangle passes an edge of a flap in the opposite direction.
     """
     signs, balance = _edges(triangles)
     closed: BoolArray = (np.sign(balance) != signs).any(axis=1)
@@ -126,10 +126,10 @@ def closed_parts(triangles: IntArray) -> BoolArray:
 
 
 def enclosing(vertices: FloatArray, triangles: IntArray) -> BoolArray:
-    """Returns an array [n], true for triangles of parts that hold some matter, if they close.
+    """Returns an array [n], true for triangles of parts that enclose a volume, if they are closed.
 
-    A part is what hangs together by corners. Where walls are drawn from both sides, with other
-    diagonals, they close and hold nothing: the two sides cancel.
+    A part is a set of triangles that are connected by corners. If walls are drawn from both sides
+    with different diagonals, they are closed but enclose nothing, as the two sides cancel.
     """
     part, volume, low, high = _measured(vertices, triangles)
     box = np.prod(high - low, axis=1)
@@ -138,11 +138,11 @@ def enclosing(vertices: FloatArray, triangles: IntArray) -> BoolArray:
 
 
 def outward(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Returns the triangles [n, 3] of solids, those of a solid that is inside out turned.
+    """Returns the triangles [n, 3] of solids, with those of inside-out solids turned.
 
-    Where two solids overlap of which one is inside out, their matter would cancel. A solid that
-    looks another way than the largest one, and lies within the bounds of one that does not, is a
-    cavity and stays as it is.
+    If an inside-out solid overlaps another one, their matter would cancel. A solid that faces the
+    other way than the largest one is a cavity, and is not turned, if it lies within the bounds of a
+    solid that faces the same way as the largest one.
     """
     part, volume, low, high = _measured(vertices, triangles)
     ways = np.sign(volume)
@@ -159,14 +159,15 @@ def outward(vertices: FloatArray, triangles: IntArray) -> IntArray:
 def _measured(
     vertices: FloatArray, triangles: IntArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Returns the part of each triangle [n], and of parts volumes [k] (m3) and bounds [k, 3] (m).
+    """Returns the part of each triangle [n], and volumes [k] (m3) and bounds [k, 3] (m) of parts.
 
-    A part is what hangs together by corners; its volume is less than 0 if it is inside out.
+    A part is a set of triangles that are connected by corners; its volume is negative if it is
+    inside out.
     """
     a, b, c = triangles.T
     of_vertex = _connected(np.concatenate([a, b]), np.concatenate([b, c]), len(vertices))
     names, part = np.unique(of_vertex[a], return_inverse=True)
-    origin = vertices[a[:1]].sum(axis=0)  # one of them, so that far coordinates cost no digits
+    origin = vertices[a[:1]].sum(axis=0)  # a vertex, so that large coordinates cost no digits
     first, second, third = (vertices[corner] - origin for corner in (a, b, c))
     sixth = np.einsum("ij,ij->i", first, np.cross(second, third)) / 6.0
     volume = np.bincount(part, weights=sixth, minlength=len(names))
@@ -188,7 +189,9 @@ def _connected(start: IntArray, end: IntArray, n: int) -> IntArray:
 
 
 def _edges(triangles: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Returns which way each triangle passes its edges, -1 or 1, and the sums of all; [n, 3]."""
+    """Returns the direction in which each triangle passes its edges, -1 or 1, and the sums over
+    all triangles; both [n, 3].
+    """
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, number = equal_rows(np.sort(edges, axis=1))
     signs = np.sign(edges[:, 1] - edges[:, 0]).astype(np.float64)
@@ -197,7 +200,7 @@ def _edges(triangles: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _turned(triangles: IntArray) -> IntArray:
-    """Returns the triangles, each beginning with its smallest number, that look the same way."""
+    """Returns the triangles with unchanged orientation, each starting at its smallest number."""
     begin = triangles.argmin(axis=1)[:, None]
     result: IntArray = np.take_along_axis(triangles, (begin + np.arange(3)) % 3, axis=1)
     return result
@@ -217,14 +220,14 @@ def clip(polygons: FloatArray, inside: FloatArray) -> FloatArray:
     all its vertices are the origin.
     """
     result: FloatArray = np.concatenate([polygons, polygons[:, -1:]], axis=1)
-    cut = np.flatnonzero(~(inside >= 0).all(axis=1))  # few, mostly
+    cut = np.flatnonzero(~(inside >= 0).all(axis=1))  # usually few
     if len(cut):
         result[cut] = _cut(polygons[cut], inside[cut])
     return result
 
 
 def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
-    """Clips polygons that all reach outside, by the algorithm of Sutherland and Hodgman."""
+    """Clips polygons that all reach outside, with the algorithm of Sutherland and Hodgman."""
     n, size = inside.shape
     kept = inside >= 0
     following, ahead, kept_ahead = (
@@ -232,7 +235,7 @@ def _cut(polygons: FloatArray, inside: FloatArray) -> FloatArray:
     )
     crossing = kept != kept_ahead
     share = np.where(crossing, inside, 0.0) / np.where(crossing, inside - ahead, 1.0)
-    # Each edge offers its first vertex and its cut, in order.
+    # Each edge contributes its first vertex and its intersection, in this order.
     vertices = np.empty((n, 2 * size, 3))
     vertices[:, ::2], vertices[:, 1::2] = (
         polygons,

@@ -28,7 +28,7 @@ MOST_TRIANGLES = 1_000_000
 Place = tuple[int, int, float]  # cell x, y and flight height (m)
 
 
-_FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
+_FLAT = 0.05  # least share of cells at the lowest height on flat ground with obstacles
 _ROUNDING = 1e-6  # m
 OBSTACLE = 0.25  # m above the ground; a higher cell stands out
 
@@ -45,9 +45,9 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     origin : m, corner of cell (0, 0)
     datum : [X, Y] m, zero of flight heights; None: 0 everywhere
     lift : [X, Y] m, by which flight heights are raised where the datum is too steep to be followed;
-        None: nowhere. The ceiling stays above the datum itself
-    bare : [X, Y] m, altitudes of the bare ground, below everything on it, where they differ from
-        the datum; None: given by the datum or the heights. They affect warnings, but no plan
+        None: nowhere. The ceiling is still measured from the datum itself
+    bare : [X, Y] m, altitudes of the bare ground without anything on it, if they differ from the
+        datum; None: given by the datum or the heights. They affect only warnings, not plans
 
     Raises
     ------
@@ -97,12 +97,12 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         return ox + (x + 0.5) * self.resolution, oy + (y + 0.5) * self.resolution
 
     def cell_of(self, x: float, y: float) -> tuple[int, int]:
-        """Returns the cell that holds the point (x, y) in m; it may lie outside the map."""
+        """Returns the cell that contains the point (x, y) in m; it may lie outside the map."""
         ox, oy = self.origin
         return math.floor((x - ox) / self.resolution), math.floor((y - oy) / self.resolution)
 
     def cells_of(self, points: FloatArray) -> IntArray:
-        """Returns the cells [.., 2] that hold points [.., 2 or 3] (m); they may lie outside."""
+        """Returns the cells [.., 2] that contain points [.., 2 or 3] (m), even off the map."""
         found = np.floor((points[..., :2] - self.origin) / self.resolution)
         return found.astype(np.int64)
 
@@ -122,7 +122,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         return height if zero is None else height + float(zero[x, y])
 
     def way(self, tail: Place, head: Place) -> tuple[float, float, float]:
-        """Returns the way (m) from one place to another, each a cell x, y and a flight height."""
+        """Returns the vector (m) between two places, each a cell x, y and a flight height."""
         (ax, ay, low), (bx, by, high) = tail, head
         up = self.altitude(bx, by, high) - self.altitude(ax, ay, low)
         return (bx - ax) * self.resolution, (by - ay) * self.resolution, up
@@ -139,7 +139,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def flight_datum(self) -> FloatArray | None:
-        """The altitudes [X, Y] (m) of flight height 0: the datum with the lift; None: 0."""
+        """The altitudes [X, Y] (m) of flight height 0: the datum plus the lift; None: 0."""
         if self.lift is None:
             return self.datum
         return self.lift if self.datum is None else self.datum + self.lift
@@ -151,9 +151,9 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     @property
     def ground(self) -> FloatArray:
-        """Altitudes [X, Y] of the ground: bare, the datum, or the lowest height if many have it.
+        """Altitudes [X, Y] of the ground: bare, the datum, or the lowest height if it is common.
 
-        On any other map nothing tells ground from obstacles, so that all of it is ground.
+        On other maps ground and obstacles cannot be distinguished, so everything is ground.
         """
         told = self.datum if self.bare is None else self.bare
         if told is not None:
@@ -162,9 +162,9 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     @property
     def knows_ground(self) -> bool:
-        """True if something tells the ground from the obstacles on it, everywhere.
+        """True if ground and obstacles can be distinguished everywhere.
 
-        Water is level, too: beside it the ground rises gently, which no obstacle does.
+        Water is flat, too, but the ground beside it rises gently, unlike an obstacle.
         """
         if self.bare is not None or self.datum is not None:
             return True
@@ -188,11 +188,11 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
 
 class Mesh(Data, frozen=True, eq=False, dict=True):
-    """A solid or a surface made of triangles, for shapes that a height map cannot hold.
+    """A solid or a surface made of triangles, for shapes that a height map cannot represent.
 
-    It blocks motion and hides actors. If its triangles are a closed surface, its inside is solid,
-    too; otherwise the triangles are thin plates. Triangles with two corners at the same place are
-    ignored, and so are duplicates.
+    It blocks motion and hides actors. If its triangles form a closed surface, its inside is solid,
+    too; otherwise the triangles are thin plates. Duplicates, and triangles with two corners at the
+    same place, are ignored.
 
     Attributes
     ----------
@@ -238,7 +238,7 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
     @classmethod
     def joined(cls, parts: Sequence["Mesh"]) -> "Mesh":
-        """Returns one mesh of several, which are not merged where they meet."""
+        """Returns several meshes as one mesh, without merging them where they meet."""
         firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
         triangles = [part.triangles + first for part, first in zip(parts, firsts, strict=True)]
         vertices = np.concatenate([part.vertices for part in parts])
@@ -251,12 +251,12 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def is_solid(self) -> bool:
-        """True if the surface closes around some matter, each edge passed as often both ways."""
+        """True if the surface is closed around a volume: each edge is passed equally both ways."""
         return close(self.surface) and bool(enclosing(self.vertices, self.surface).all())
 
     @property
     def parts(self) -> tuple["Mesh", ...]:
-        """The mesh; or if only some of it closes, that, which is solid, and the rest."""
+        """The mesh; if only a part of it is closed, that part, which is solid, and the rest."""
         closed = closed_parts(self.surface) & enclosing(self.vertices, self.surface)
         if self.is_solid or not closed.any():
             return (self,)
@@ -271,7 +271,7 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
 
 class Workspace(NamedTuple):
-    """All solid matter, the grid in which robots move, and where else they must not be."""
+    """All solid matter, the grid in which robots move, and the airspace that is closed to them."""
 
     height_map: HeightMap
     meshes: tuple[Mesh, ...] = ()
@@ -285,7 +285,7 @@ class Workspace(NamedTuple):
 
     @property
     def forbidden(self) -> Columns:
-        """The altitudes that no-fly zones and the ceiling close above every cell, matter aside."""
+        """The altitudes above every cell that no-fly zones and the ceiling close."""
         return _forbidden(self)
 
 

@@ -12,9 +12,9 @@ from cocap_opt.problem import CollisionRules
 _ALWAYS = (
     "Rewards are those of the coverage model: the area of a face's projection clipped to the "
     "image, less what columns, convex meshes and other people hide of it. Bounds and optima hold "
-    "for these numbers; what a real camera would see is not measured.",
-    "People and obstacles are as given, and known beforehand: nobody avoids a drone, and no drone "
-    "is late.",
+    "for these numbers; the view of a real camera is not measured.",
+    "People and obstacles are as given and known beforehand: people do not avoid drones, and no "
+    "drone is late.",
     "Certificates cover the rounding of the bound's arithmetic, not that of the coverage.",
 )
 
@@ -43,8 +43,8 @@ def _of_coverage(rows: Sequence[GapRow]) -> Iterator[str]:
     scenes = dict.fromkeys(row.scene for row in rows if row.coverage == SAMPLED_COVERAGE)
     if scenes:
         yield (
-            f"In {', '.join(scenes)} rays sample what is seen past the meshes that are not convex; "
-            "the gaps leave the error of that out."
+            f"In {', '.join(scenes)} rays sample the views past meshes that are not convex; the "
+            "gaps do not include the sampling error."
         )
 
 
@@ -56,13 +56,13 @@ def _of_seeds(rows: Sequence[GapRow]) -> Iterator[str]:
     single = [scene for scene, count in seeds.items() if count == 1]
     few = [scene for scene, count in seeds.items() if 1 < count < ENOUGH]
     if single:
-        yield f"Of {', '.join(single)} there is one seed: a single case, which has no mean."
+        yield f"For {', '.join(single)} there is one seed: a single case, without a mean."
     if few:
-        yield f"Of {', '.join(few)} there are fewer than {ENOUGH} seeds, too few for intervals."
+        yield f"For {', '.join(few)} there are fewer than {ENOUGH} seeds, too few for intervals."
     if len(single) + len(few) < len(seeds):
         yield (
-            "Intervals are percentile bootstrap intervals over seeds. They are about the generator "
-            "of a scene, not about other scenes, and somewhat too short where seeds are few."
+            "Intervals are percentile bootstrap intervals over seeds. They describe the generator "
+            "of a scene, not other scenes, and are somewhat too short if there are few seeds."
         )
 
 
@@ -73,7 +73,7 @@ def _of_bounds(rows: Sequence[GapRow]) -> Iterator[str]:
     if open_:
         yield (
             f"{len(open_)} of {len(first)} bounds are not proved to be the optimum: gaps to them "
-            "are upper limits, the plans may be better than they show."
+            "are upper limits, and the plans may be better than the gaps show."
         )
     if none:
         yield f"{none} of {len(first)} scenes and seeds have no bound, and so no gaps."
@@ -93,7 +93,7 @@ def _of_plans(rows: Sequence[GapRow]) -> Iterator[str]:
         if late:
             yield (
                 f"{late} of {len(runs)} runs of {planner} took longer than their time limit, by "
-                "more than a quarter of it and a second: it had more time than others."
+                "more than a quarter of it plus one second: it had more time than others."
             )
     failed = sum(row.reason in FAILED for row in rows)
     if failed:
@@ -105,15 +105,15 @@ def _of_rules(rules: Mapping[str, CollisionRules]) -> Iterator[str]:
     for rule in dict.fromkeys(rules.values()):
         scenes = ", ".join(scene for scene in rules if rules[scene] == rule)
         if rule.none:
-            yield f"In {scenes} no rule keeps drones apart, and none are in conflict."
+            yield f"In {scenes} no rule keeps drones apart, so there are no conflicts."
         elif rule.separation:
             yield (
-                f"In {scenes} drones keep a {rule} at every moment: two that come closer on "
-                "their way from step to step, as where they cross, are in conflict, too."
+                f"In {scenes} drones keep a {rule} at every moment: two drones that come closer "
+                "between steps, e.g. where they cross, are in conflict, too."
             )
         else:
             yield (
-                f"In {scenes} the collision rule is {rule}, which looks at cells and steps: two "
+                f"In {scenes} the collision rule is {rule}, which considers cells and steps: two "
                 "drones that cross diagonally between two steps are not in conflict."
             )
 
@@ -123,8 +123,8 @@ def _of_times(run: RunFile) -> Iterator[str]:
     lazy = ", ".join(sorted(name for name, planner in PLANNERS.items() if planner.lazy))
     yield (
         f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
-        "Coverage of all states is computed before any limit begins, has seconds of its own, and "
-        "is charged to nobody; "
+        "Coverage of all states is computed before any limit begins, and its seconds are listed "
+        "separately; "
         "planners that look only at "
         f"states that they touch ({lazy}) compute coverage while they run, and "
         "there it counts."

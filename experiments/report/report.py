@@ -1,6 +1,6 @@
 """The report of a sweep: tables, figures and players in one HTML file that needs no network.
 
-It is made of the files in the sweep's folder alone, so that any machine can make it.
+It is made only from the files in the sweep's folder, so any machine can make it.
 """
 
 import base64
@@ -47,7 +47,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.text import printable
 
 _TOO_LARGE = (
-    "The scene has too many states for a page to show what the gaps are made of; run "
+    "The scene has too many states to explain its gaps on a page; run "
     "<code>cocap-opt verify SCENE PLAN CERTIFICATE --explain</code>."
 )
 
@@ -129,8 +129,8 @@ def _comparison(rows: Sequence[GapRow]) -> str:
         return ""
     figure = _image(
         profiles_figure(drawn),
-        "Share of scenes on which a planner is within a factor of the best: of J, and of time. A "
-        "plan that breaks a rule is within none.",
+        "Share of scenes on which a planner is within a factor of the best, for J and for time. A "
+        "plan that breaks a rule never counts.",
     )
     words = too_few_scenes(rows)
     note = f"<p>{_escaped(words)}.</p>\n" if words else ""
@@ -208,12 +208,12 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
         for planner, told in explained.items()
     }
     words = (
-        f"{title}: what each drone loses by leaving a step as it does, against the best path that "
-        "the bound knows from there."
+        f"{title}: the loss of each drone by its move after a step, compared with the best path of "
+        "the bound from there."
     )
     lost = any(loss.max() >= 100 * SHOWN for loss in losses.values())
     drawn = _image(losses_figure(losses), words) if lost else ""
-    table = {"What the gaps are made of (% of the bound)": parts_table(explained)}
+    table = {"Parts of the gaps (% of the bound)": parts_table(explained)}
     costly = {planner: costliest(told) for planner, told in explained.items()}
     most = [f"{planner}: {words}." for planner, words in costly.items() if words]
     about = (

@@ -1,7 +1,7 @@
-"""Sweeps: many scenes, seeds and planners, on as many processes as there are.
+"""Sweeps: many scenes, seeds and planners, on several processes.
 
-A run is a set of cells. Each finished cell is one file, so a run that was killed goes on where
-it was, and what it makes of its cells does not depend on who computed them.
+A run is a set of cells. Each finished cell is one file, so a run that was killed continues where it
+stopped, and its results do not depend on the process that computed a cell.
 """
 
 __all__ = [

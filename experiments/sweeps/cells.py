@@ -1,7 +1,7 @@
-"""Cells of a sweep: what each computes, and the file in which its result is kept.
+"""Cells of a sweep: the computation of each, and the file that contains its result.
 
-A cell is one planner, or the bound, on one instance. Its name in the folder is the digest of all
-that its result depends on, so cells of other limits or of other code do not match.
+A cell is one planner, or the bound, on one instance. Its file is named by the digest of everything
+that affects its result, so cells with other limits or other code do not match.
 """
 
 import ast
@@ -47,16 +47,16 @@ class Status(StrEnum):
     """The way in which a cell ended; a limit that stopped its planner is in the row."""
 
     FINISHED = "finished"
-    ERROR = ERROR  # in the code or in its libraries
+    ERROR = ERROR  # an error in the code or in its libraries
     EXCEEDED = "exceeded"  # it took longer than a cell may
-    DIED = "died"  # its process did
+    DIED = "died"  # its process died
 
 
 FAILED = (Status.ERROR, Status.EXCEEDED, Status.DIED)
 
 
 class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One computation, and all that its result depends on."""
+    """One computation, and everything that affects its result."""
 
     scene: str
     seed: int
@@ -64,12 +64,12 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     digest: str  # of the problem
     time_limit: float  # s, for each computation
     work_limit: int | None = None  # units of work, for each computation
-    rendered: bool = False  # J of the rendered pixels is wanted, too
+    rendered: bool = False  # J of the rendered pixels is computed, too
     # Of BOUND the digest of its start; of an exact method the planner whose plan it begins with.
     start: str = ""
     # Digest of the code of a third-party planner.
     planner_digest: str = msgspec.field(default="", name="own")
-    code: str  # digest of the code; empty where the cell is not kept
+    code: str  # digest of the code; empty if the cell is not kept
 
     @staticmethod
     @cache
@@ -112,7 +112,7 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class CellFile(Document, frozen=True, kw_only=True):
-    """The result of a cell, or why it has none."""
+    """The result of a cell, or the reason why it has none."""
 
     format: Literal["cocap-opt cell"] = "cocap-opt cell"
     version: Literal[3, 4] = 4
@@ -153,11 +153,11 @@ class CellFile(Document, frozen=True, kw_only=True):
 
 
 class Store:
-    """The cells in a folder; without a folder nothing is kept.
+    """The cells in a folder; without a folder, nothing is kept.
 
     Parameters
     ----------
-    retry : cells that have failed count as missing
+    retry : True if failed cells count as missing
     cell_limit : s; cells that have exceeded a lower limit count as missing
     """
 
@@ -183,12 +183,12 @@ class Store:
         return exceeded_less or (self._retry and not content.is_finished)
 
     def save(self, content: CellFile) -> None:
-        """Keeps the file of a cell, which is whole or not there."""
+        """Writes the file of a cell, completely or not at all."""
         if (path := self.path(content.cell)) is not None:
             save_bytes(path, encode(content))
 
     def path(self, cell: SweepCell) -> Path | None:
-        """Returns where a cell's file is, or would be; None where nothing is kept."""
+        """Returns the path of a cell's file, existing or not; None if nothing is kept."""
         return None if self._folder is None else self._folder / f"{cell.key}.json"
 
 

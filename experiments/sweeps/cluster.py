@@ -1,7 +1,7 @@
-"""Cells on a dask cluster: one of this machine's cores, or one that is there already.
+"""Cells on a dask cluster: one on this machine's cores, or an existing one.
 
-Each worker has one cell at a time. What happens to it, be it killed, happens to that cell only.
-A lost scheduler ends the sweep, and is no cell's fault.
+Each worker has one cell at a time. If a worker is killed, only its cell fails. A lost scheduler
+ends the sweep, and no cell counts as failed.
 """
 
 import logging
@@ -32,8 +32,8 @@ from cocap_opt.stop import Stop
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
 ANSWER = 10.0  # s, in which a scheduler answers
 _RESTART = 120.0  # s, in which a worker restarts on a busy machine; one that is late never does
-_GONE = "--workers: the processes did not restart; results are kept, and the same command goes on"
-_LOST = "--scheduler: the connection was lost; results are kept, and the same command goes on"
+_GONE = "--workers: the processes did not restart; results are kept; run the command again"
+_LOST = "--scheduler: the connection was lost; results are kept; run the command again"
 _OTHER_CODE = "has other code, or other versions of libraries, than this process"
 _LOCAL = {
     "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again
@@ -129,7 +129,7 @@ class Cluster(Crew):
                 time.sleep(POLL)
                 looks += 1
                 if looks == round(ANSWER / POLL) and self._local is None:
-                    say("there are no workers any more; waiting for others")
+                    say("there are no workers left; waiting for new ones")
                 if looks == round(_RESTART / POLL) and self._local is not None:
                     raise ClusterError(_GONE)
         return None
@@ -168,7 +168,7 @@ def _outcome(task: Task, future: Future) -> CellFile:
     assert error is not None
     if isinstance(error, KilledWorker):
         return CellFile.failed(
-            task.cell, Status.DIED, "its process died, perhaps for want of memory"
+            task.cell, Status.DIED, "its process died, perhaps because memory ran out"
         )
     if isinstance(error, ClusterError):
         raise error
@@ -220,7 +220,7 @@ def _silence_dask() -> None:
 
 
 class _Quiet(WorkerPlugin):
-    """Keeps each worker on a core of its own, so that cells do not disturb one another."""
+    """Pins each worker to its own core, so that cells do not slow each other down."""
 
     def __init__(self, cores: list[int]) -> None:
         self._cores = cores

@@ -56,20 +56,20 @@ def sweep(
     quiet: bool = False,
     title: str = "gap",
 ) -> list[GapRow]:
-    """Computes what is missing; writes run.json, results.csv, results.parquet, and what they name.
+    """Computes missing cells; writes run.json, results.csv, results.parquet, and their files.
 
     Earlier rows stay in them, as `cocap_opt.experiments.sweeps.folder` says.
 
     Parameters
     ----------
     folder : for results; None to keep nothing
-    retry : cells in the folder that have failed are computed, too
-    quiet : neither progress nor failures are said; rows say why they failed
-    title : of the progress that is shown
+    retry : True to compute failed cells in the folder again
+    quiet : True to show neither progress nor failures; rows have the reasons of failures
+    title : title of the progress bar
 
     Returns
     -------
-    The rows that were asked for, of instances that are whole, and of one that Ctrl-C has cut short.
+    The requested rows of all complete instances, and of one that Ctrl-C has cut short.
 
     Raises
     ------
@@ -123,13 +123,13 @@ def _sweep(
         raise KeyboardInterrupt
     if interrupt.pressed:
         whole = sum(instance.is_whole and not instance.is_cut for instance in instances)
-        again = "; the same command goes on" if folder is not None else ""
-        tell(f"interrupted: {whole} of {len(instances)} scenes and seeds are whole{again}")
+        again = "; to continue, run the same command" if folder is not None else ""
+        tell(f"interrupted: {whole} of {len(instances)} scenes and seeds are complete{again}")
     return rows
 
 
 def _recalled(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
-    """Finds what is known already; returns how many cells are missing and how many are known."""
+    """Looks up known cells; returns the numbers of missing and of known cells."""
     missing = known = 0
     for instance in instances:
         given = len(instance.contents)  # plans of others
@@ -140,7 +140,7 @@ def _recalled(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
 
 
 def _warn_of_coverage(instances: Sequence[Instance], hired: Hired) -> None:
-    """Says of each scene, by its first seed, if its coverage takes long: no time limit ends it."""
+    """Warns of scenes whose coverage takes long, by the first seed, as no time limit ends it."""
     first = {instance.problem.name: instance for instance in reversed(instances)}
     for instance in first.values():
         if instance.is_whole:
@@ -152,7 +152,7 @@ def _warn_of_coverage(instances: Sequence[Instance], hired: Hired) -> None:
 
 
 def _tell_failure(content: CellFile, store: Store, tell: Callable[[str], None]) -> None:
-    """Says why a cell has no result, and where the traceback of an error is."""
+    """Reports the reason why a cell has no result, and the file with an error's traceback."""
     if content.is_finished:
         return
     path = store.path(content.cell) if content.traceback else None

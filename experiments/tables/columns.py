@@ -1,4 +1,4 @@
-"""Columns of tables: each is stated once, for all that reads, writes or explains them."""
+"""Columns of tables: each is defined once, for all code that reads, writes or explains them."""
 
 import csv
 import io
@@ -21,12 +21,12 @@ class TableColumn(NamedTuple):
     Attributes
     ----------
     meaning : a sentence
-    unit : of a number; empty where it has none
+    unit : of a number; empty if it has none
     least, most : range of a number
     name : of the field
     kind : int, float or str
-    is_optional : its fields may be empty, which means that there is no such value
-    is_extra : only some tables have it
+    is_optional : its fields may be empty, if there is no such value
+    is_extra : only some tables have the column
     """
 
     meaning: str
@@ -47,12 +47,12 @@ class TableColumn(NamedTuple):
         }
 
     def parse(self, text: str, where: str) -> Any:
-        """Returns the value of a field of a CSV file; None where an optional field is empty.
+        """Returns the value of a field of a CSV file; None if an optional field is empty.
 
         Raises
         ------
         FileError
-            If it must be a number and is none, or is out of range; the message begins with `where`.
+            If it must be a number but is not, or is out of range; the message starts with `where`.
         """
         if self.kind is str:
             return text
@@ -86,12 +86,12 @@ def read_rows(
     Parameters
     ----------
     columns : by name
-    may_lack : names of columns that tables of older versions do not have, and nobody misses
+    may_lack : names of columns that tables of older versions lack, and that are not needed
 
     Raises
     ------
     FileError
-        If the file is no such table, has no rows, or has a number that is out of range.
+        If the file is not such a table, has no rows, or has a number that is out of range.
     """
     table = csv.DictReader(io.StringIO(read_text(path)))
     try:

@@ -1,17 +1,17 @@
 """Planners compared over scenes: paired tests with a correction, and performance profiles.
 
-Scenes are the sample: seeds of one scene are alike, so that a test over seeds would take what they
-have in common for evidence. Of each two planners and each scene there is one number, the mean over
-its seeds of (a - b) / max(a, b), in which no unit is left. Of J, a plan that breaks the rules, or
-none, counts as J = 0; of time, it counts as one that took all the time it was allowed.
+Scenes are the sample: seeds of one scene are similar, so a test over seeds would mistake what they
+have in common for evidence. For each pair of planners and each scene there is one number, the mean
+over its seeds of (a - b) / max(a, b), which has no unit. If a plan breaks the rules or does not
+exist, it counts as J = 0, and its time as the whole time limit.
 
-Wilcoxon's signed-rank test asks if these numbers are as often and as far above 0 as below it. Zeros
-keep their ranks (Pratt). With many pairs of planners some p are small by chance; Holm's correction
-keeps the probability that any of them misleads below the level at which they are read.
+Wilcoxon's signed-rank test checks if these numbers are distributed symmetrically around 0. Zeros
+keep their ranks (Pratt). With many pairs of planners, some p are small by chance; Holm's correction
+limits the probability of any false positive to the chosen level.
 
-A performance profile is the share of scenes, seeds of each weighing alike, on which a planner is
-within a factor of the best planner there. It tells who is near the best, how often: of three
-planners and more it does not rank those behind it.
+A performance profile is the share of scenes, with equal weights for the seeds of a scene, on which
+a planner is within a factor of the best planner there. It shows how often each planner is close to
+the best; with three or more planners, it does not rank those behind the best.
 
 Sources: Wilcoxon 1945; Pratt 1959; Holm 1979; Dolan and More 2002; Demsar 2006.
 """
@@ -28,9 +28,9 @@ from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.result import Reason
 
 J, SECONDS = "J", "time"
-ENOUGH = 6  # scenes; with fewer no two-sided test has p < 0.05
-_EXACT = 13  # scenes, up to which all signs are gone through
-_RESAMPLES, _SEED = 10_000, 0  # of signs, with more scenes
+ENOUGH = 6  # scenes; with fewer, no two-sided test has p < 0.05
+_EXACT = 13  # up to this number of scenes, all signs are enumerated
+_RESAMPLES, _SEED = 10_000, 0  # random signs, with more scenes
 _SAME = 1e-9  # relative, by which sums of doubles may differ that are the same in real numbers
 _LEAST = 0.001  # s, below which nobody measures a ratio
 
@@ -44,7 +44,7 @@ class PairedTest(NamedTuple):
     ----------
     measure : J or time
     planner, against : a and b
-    above, equal, below : number of scenes in which the planner's J or time is so
+    above, equal, below : number of scenes in which the planner's J or time is higher, equal, lower
     median : median over scenes of (a - b) / max(a, b)
     p : two-sided, as if it were the only test
     corrected : p by Holm, over all tests of the measure
@@ -62,19 +62,19 @@ class PairedTest(NamedTuple):
 
     @property
     def scenes(self) -> int:
-        """Number of scenes on which both were run."""
+        """Number of scenes on which both planners were run."""
         return self.above + self.equal + self.below
 
 
 class Profile(NamedTuple):
-    """The performance profile of a planner, a staircase.
+    """The performance profile of a planner, a step function.
 
     Attributes
     ----------
     measure : J or time
-    planner : whose it is
-    ratios : [n] factors from the best at which it rises, 1 and more, increasing
-    shares : [n] of scenes, from each factor on
+    planner : name of the planner
+    ratios : [n] factors from the best at which the profile rises, >= 1, increasing
+    shares : [n] shares of scenes, from each factor on
     """
 
     measure: str
@@ -94,7 +94,7 @@ def paired_tests(rows: Sequence[GapRow], against: str | None = None) -> list[Pai
     Parameters
     ----------
     rows : of the gap table
-    against : the planner that all others are compared with; None: each with each
+    against : the planner to compare all others with; None: all pairs are compared
     """
     return [
         test
@@ -112,8 +112,8 @@ def paired_tests(rows: Sequence[GapRow], against: str | None = None) -> list[Pai
 def profiles(rows: Sequence[GapRow]) -> list[Profile]:
     """Returns the profiles of all planners; first those of J.
 
-    Only scenes and seeds count on which all planners were run, and one of them found a plan that
-    obeys the rules.
+    A scene and seed counts only if all planners were run on it, and at least one of them found a
+    plan that obeys the rules.
     """
     return [
         profile
@@ -143,14 +143,14 @@ def _reward(row: GapRow) -> float:
 
 
 def _seconds(row: GapRow) -> float | None:
-    """Returns the seconds that a run counts as; None for plans from files."""
+    """Returns the seconds that a run counts for; None for plans from files."""
     if row.valid or row.reason == Reason.INFEASIBLE:
         return row.seconds
     return row.time_limit if row.time_limit is not None else row.seconds
 
 
 def _plans(rows: Sequence[GapRow]) -> set[tuple[str, str, int | None]]:
-    """Returns by whom, and on which scene and seed, a plan was found that obeys the rules."""
+    """Returns the planners, scenes and seeds for which a plan that obeys the rules was found."""
     return {(row.planner or "", row.scene, row.seed) for row in rows if row.valid}
 
 
@@ -165,7 +165,7 @@ def _pairs(planners: Sequence[str], against: str | None) -> list[tuple[str, str]
 
 
 def _test(measure: str, a: str, b: str, values: Mapping[str, _Values]) -> PairedTest:
-    """Returns a test, which is not yet corrected."""
+    """Returns a test, without correction."""
     of_scenes: dict[str, list[float]] = {}
     for scene, seed in sorted(values[a].keys() & values[b].keys(), key=str):
         first, second = values[a][scene, seed], values[b][scene, seed]
@@ -181,7 +181,7 @@ def _test(measure: str, a: str, b: str, values: Mapping[str, _Values]) -> Paired
 def signed_rank(differences: Sequence[float]) -> float:
     """Returns the two-sided p of Wilcoxon's signed-rank test, zeros by Pratt; 1 of zeros alone.
 
-    It is exact for few differences, ties and zeros included: all signs are gone through.
+    It is exact for few differences, including ties and zeros, as all signs are enumerated.
     """
     from scipy.stats import rankdata  # slow to import
 
@@ -255,7 +255,7 @@ def _ratios(measure: str, values: FloatArray, has_plan: BoolArray) -> FloatArray
 def _staircase(
     ratios: FloatArray, weights: FloatArray
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Returns the factors at which a share of scenes rises, and what it rises to."""
+    """Returns the factors at which a share of scenes rises, and its new values."""
     finite = np.isfinite(ratios)
     rising = np.where(ratios[finite] <= 1 + _SAME, 1.0, ratios[finite])
     steps, at = np.unique(rising, return_inverse=True)

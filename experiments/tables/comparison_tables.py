@@ -17,7 +17,7 @@ from cocap_opt.experiments.tables.tables import Table, Tables
 from cocap_opt.output.printing import Record, counted
 
 _SHOWN = {J: (1.0, 1.001, 1.01, 1.05, 1.1), SECONDS: (1.0, 2.0, 5.0, 10.0, 100.0)}
-_LEAST = 1e-4  # p, below which only that is said
+_LEAST = 1e-4  # smaller p are shown as less than this
 _WORDS = {J: ("higher", "lower"), SECONDS: ("slower", "faster")}
 _TEST = (
     "Median difference: over scenes, in % of the larger one. p: two-sided, as if this were the "
@@ -30,10 +30,13 @@ _TEST_NOTES = {
     "than the other planner; a run without a valid plan counts as its whole time limit. "
     f"{_TEST}",
 }
-_SHARE = "seeds of a scene weigh alike; of runs that all planners have, with a valid plan of one."
+_SHARE = (
+    "seeds of a scene have equal weights; only runs that all planners have count, if one of them "
+    "found a valid plan."
+)
 _PROFILE_NOTES = {
-    J: f"The share of scenes on which J is so near the best planner's there: {_SHARE}",
-    SECONDS: f"The share of scenes on which time is so near the fastest planner's there: {_SHARE}",
+    J: f"The share of scenes on which J is this close to the best planner's: {_SHARE}",
+    SECONDS: f"The share of scenes on which time is this close to the fastest planner's: {_SHARE}",
 }
 
 
@@ -42,7 +45,7 @@ def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tab
 
     Parameters
     ----------
-    against : the planner that all others are compared with; None: each with each
+    against : the planner to compare all others with; None: all pairs are compared
     """
     tests, drawn = paired_tests(rows, against), profiles(rows)
     found: dict[str, Table] = {}
@@ -63,7 +66,7 @@ def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tab
 
 
 def too_few_scenes(rows: Sequence[GapRow]) -> str:
-    """Returns words for tests that cannot say anything; empty where scenes are enough."""
+    """Returns a warning if there are too few scenes for a test; otherwise empty."""
     n = len({row.scene for row in rows})
     if n >= ENOUGH:
         return ""

@@ -1,4 +1,4 @@
-"""The gap table as it is printed, with sentences that say what its bounds are, and its means."""
+"""The printed gap table, with notes on its bounds, and means over seeds."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -29,10 +29,10 @@ GAP_FREE = "gap without\nrules"
 # Keys of rows, as people read them; JSON and results.csv have the keys.
 _LABELS = {"reward": "J", "reward_rendered": "J rendered", "gap_free": GAP_FREE}
 _GAPS = (
-    "Gap: J of the plan is at most so far below that of the best plan under the scene's rules; gap "
-    "without rules: below that of the best plan of drones that may collide."
+    "Gap: the plan's J is at most this percentage below that of the best plan under the scene's "
+    "rules. Gap without rules: the same for the best plan of drones that may collide."
 )
-# What a narrow terminal does without, the least useful first.
+# Columns that a narrow terminal omits, the least useful first.
 _SPARE = (
     "coverage_seconds", GAP_FREE, "seconds", "reason", "bound", "seed", "limit", "J rendered", "J",
 )  # fmt: skip
@@ -47,11 +47,12 @@ _MEANS = ("gap", "reward", "bound", "gap_free", "seconds")
 
 
 def print_gap_table(rows: Sequence[GapRow], verbose: bool = False) -> None:
-    """Prints the gap table and, where there are several seeds, means over them.
+    """Prints the gap table and, if there are several seeds, means over them.
 
     Parameters
     ----------
-    verbose : with the seconds of coverage, and why planners ended where all have finished
+    verbose : also print the seconds of coverage, and the reasons why planners stopped even if all
+        have finished
     """
     _print_rows(rows, verbose)
     means = _means(rows)
@@ -82,7 +83,7 @@ def _print_rows(rows: Sequence[GapRow], verbose: bool) -> None:
 
 
 def _spare(rows: Sequence[GapRow], table: Sequence[Record]) -> list[str]:
-    """Returns the columns that need not be there: no bounds with marks, nor seeds that differ."""
+    """Returns the columns that can be omitted: not bounds with marks, nor seeds that differ."""
     kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
     kept |= {"seconds"} if any(row.overrun is not None for row in rows) else set()
     kept |= {"seed"} if len({row.seed for row in rows}) > 1 else set()
@@ -90,7 +91,7 @@ def _spare(rows: Sequence[GapRow], table: Sequence[Record]) -> list[str]:
 
 
 def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
-    """Yields sentences that say what the table does not say of itself."""
+    """Yields notes that explain the table."""
     values = (value for shown in table for value in shown.values())
     if any(isinstance(value, Marked) and value.mark == _OPEN for value in values):
         yield (
@@ -130,7 +131,7 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
 
 
 def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
-    """Yields what limits have left of plans, for those of which least is left first."""
+    """Yields notes on plans that limits have cut short, the shortest plans first."""
     cut = [row for row in rows if row.cut_short]
     cut.sort(key=lambda row: not row.cut_short.startswith(NO_PLAN))
     for row in cut[:_NAMED]:
@@ -141,7 +142,7 @@ def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
 
 
 def _shown(row: GapRow, key: str) -> object:
-    """Returns the value of a column, with a mark where it depends on a bound that is open."""
+    """Returns the value of a column, with a mark if it depends on a bound whose search stopped."""
     value = getattr(row, key)
     if value is UNSET:
         return None
@@ -158,12 +159,12 @@ def _shown(row: GapRow, key: str) -> object:
     return Marked(value, _OPEN if is_open else " ")
 
 
-# Bounds that a limit left, whose names say nothing; `verify` says how they are made.
+# Bounds that remain after a limit, with a clearer word; `verify` explains them.
 _SIMPLE = dict.fromkeys(("step-multipliers", "optimistic"), "simple")
 
 
 def _title(rows: Sequence[GapRow]) -> str:
-    """Returns the title, which says how good the bounds are."""
+    """Returns the title, which states how good the bounds are."""
     if not rows:
         return "no rows"
     proved = [row for row in rows if row.bound_is_proved]
@@ -182,7 +183,7 @@ def _title(rows: Sequence[GapRow]) -> str:
 
 
 def _missing_bounds(rows: Sequence[GapRow]) -> list[str]:
-    """Returns sentences that say which bounds are missing, and why."""
+    """Returns notes on missing bounds, with the reasons."""
     found: dict[tuple[str, str], dict[str, None]] = {}
     for row in rows:
         words, value, reason = "No bound", row.bound, row.bound_reason
@@ -197,7 +198,7 @@ def _missing_bounds(rows: Sequence[GapRow]) -> list[str]:
 
 
 def _name(row: GapRow) -> str:
-    """Returns the name of a row's scene as sentences have it."""
+    """Returns the name of a row's scene for notes."""
     return shortened(row.scene)
 
 
@@ -207,7 +208,7 @@ def _case(row: GapRow) -> str:
 
 
 def _first(names: Sequence[str]) -> str:
-    """Returns the first names, and how many more there are."""
+    """Returns the first names, and the number of the others."""
     more = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
@@ -215,7 +216,7 @@ def _first(names: Sequence[str]) -> str:
 def _means(rows: Sequence[GapRow]) -> list[Record]:
     """Returns means over seeds, numbers of plans that obey the rules, and of proved optima.
 
-    A mean exists only where all seeds have a value: means over different seeds mislead.
+    A mean exists only if all seeds have a value, as means over different seeds are misleading.
     """
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
@@ -233,7 +234,7 @@ def _means(rows: Sequence[GapRow]) -> list[Record]:
 
 
 def _cameras(rows: Sequence[GapRow]) -> list[Record]:
-    """Returns mean shares and the median error of plans, of each scene and planner that has any."""
+    """Returns mean shares and the median error of plans, for each scene and planner with plans."""
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
         filmed = [row for row in group if row.valid and row.seen_by_two is not None]

@@ -25,7 +25,7 @@ class Paths:
 
     @property
     def plan(self) -> Path:
-        """The planner's plan; there is no such file where the row has no reward."""
+        """The planner's plan; there is no such file if the row has no reward."""
         assert self._planner is not None
         return Path(_PLANS, f"{self._stem}-{_file_name(self._planner)}.json")
 
@@ -43,7 +43,7 @@ def _suffix(free: bool) -> str:
 
 
 def _file_name(name: str) -> str:
-    """Returns a name that any file system tells from others, shortened with a digest if need be."""
+    """Returns a name that is distinct on any file system, shortened with a digest if necessary."""
     plain = re.sub(r"[^a-z0-9._-]+", "_", name.lower()).strip("_.-")[:60] or "scene"
     if plain == name:
         return plain

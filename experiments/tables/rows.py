@@ -1,9 +1,9 @@
-"""Rows of results: each column is stated here once, with its type, unit, range and meaning.
+"""Rows of results: each column is defined here once, with its type, unit, range and meaning.
 
 `plan`, `bound` and `solve` print a `PlanRow`. The gap table, `results.csv` and `gap --json` are
-made of `GapRow`, which joins what is known of a plan (`PlannedRow`) and what is known of its scene
-and seed (`BoundColumns`). Every plan has passed the referee before it gets here, and
-every bound is certified, but that of brute force, whose row says so in `message`.
+made of `GapRow`, which joins the columns of a plan (`PlannedRow`) with those of its scene and seed
+(`BoundColumns`). Every plan has passed the referee before. Every bound is certified, except that of
+brute force, whose row says so in `message`.
 """
 
 import math
@@ -25,14 +25,14 @@ from cocap_opt.run.judged import ROUNDING, Judged, finite
 from cocap_opt.stop import NO_LIMIT, Limit
 from cocap_opt.vision.faces import FaceGeometry
 
-UNASKED = "unasked"  # the reason of a bound that nobody searched for
-ERROR = "error"  # the reason of a planner or a bound that ended by an error
+UNASKED = "unasked"  # the reason of a bound that was not searched for
+ERROR = "error"  # the reason of a planner or a bound that ended with an error
 _EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
 _REWARD = "px^0.5/m"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
-# Planners ask for the time every second or so, and may have to end what they are at. Who takes more
-# than a quarter above the limit and a second besides has not kept to it.
+# Planners check the time about once a second, and may have to finish an operation. A planner that
+# exceeds the limit by more than a quarter plus one second has not kept to it.
 _TOLERATED, _TOLERATED_SECONDS = 1.25, 1.0
 _PART = {"unit": "1", "most": 1}
 _SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
@@ -132,7 +132,7 @@ class PlanRow:
     def of(
         cls, problem: Problem, seed: int | None, planner: str | None, judged: Judged[Any]
     ) -> "PlanRow":
-        """Returns the row of a plan, without a bound: only certified bounds are shown."""
+        """Returns the row of a plan, without a bound, as only certified bounds are shown."""
         result, filmed = judged.result, judged.filmed(problem)
         return PlanRow(
             scene=problem.name,
@@ -177,7 +177,7 @@ class PlanRow:
 
     @property
     def cameras(self) -> str:
-        """The line on cameras that see people; empty where nothing is known of them."""
+        """The line on cameras that see people; empty if unknown."""
         return cameras_line(self.seen_by_two, self.seen_by_three, self.median_error)
 
     @property
@@ -188,7 +188,7 @@ class PlanRow:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedRow(PlanRow):
-    """The columns of the gap table that depend on the plan alone."""
+    """The columns of the gap table that depend only on the plan."""
 
     colliding: Annotated[_Count, TableColumn("Drones that take part in a conflict.")]
     robots: Annotated[int, TableColumn("Drones of the scene.")]
@@ -326,7 +326,7 @@ class BoundColumns:
 
     @classmethod
     def self_proved(cls, row: PlannedRow, proof: CertificateFile | ProofFile | None) -> Self:
-        """Returns the columns of what an exact method has found and proved itself, with rules only.
+        """Returns the columns with an exact method's own plan and bound, only with rules.
 
         Parameters
         ----------
@@ -347,7 +347,7 @@ class BoundColumns:
 
 @dataclass(frozen=True, kw_only=True)
 class GapRow(BoundColumns, PlannedRow):
-    """A row of the gap table: a plan, and what bounds all plans of its scene and seed."""
+    """A row of the gap table: a plan, and the bounds on all plans of its scene and seed."""
 
     gap_free: Annotated[
         _Number,
@@ -381,7 +381,7 @@ class GapRow(BoundColumns, PlannedRow):
 
     @staticmethod
     def records(rows: "Sequence[GapRow]") -> list[dict[str, Any]]:
-        """Returns rows as plain data, with the columns that any of them has."""
+        """Returns rows as plain data, with all columns that at least one of them has."""
         names = [
             name
             for name, column in COLUMNS.items()
@@ -399,20 +399,20 @@ class GapRow(BoundColumns, PlannedRow):
 
     @staticmethod
     def values(rows: "Sequence[GapRow]", name: str) -> list[float]:
-        """Returns the numbers that rows have in a column, where they have one."""
+        """Returns the numbers in a column of rows; rows without one are skipped."""
         return [value for row in rows if (value := getattr(row, name)) is not None]
 
     @staticmethod
     def percent(rows: "Sequence[GapRow]", name: str) -> list[float]:
-        """Returns the shares that rows have in a column, in %."""
+        """Returns the shares in a column of rows, in %."""
         return [100 * value for value in GapRow.values(rows, name)]
 
     @staticmethod
     def middle_error(rows: "Sequence[GapRow]") -> float | None:
         """Returns the median (mm) of the errors of plans, one or more; None if it is infinite.
 
-        All tables have it, not the mean: a plan's is infinite where more than half of its
-        person-steps have no finite one.
+        All tables show it instead of the mean, as the error of a plan is infinite if more than half
+        of its person-steps have no finite error.
         """
         error = median_low(
             math.inf if row.median_error is None else row.median_error for row in rows
@@ -442,7 +442,7 @@ class GapRow(BoundColumns, PlannedRow):
 
     @property
     def has_error(self) -> bool:
-        """The planner or the bound ended by an error, which is not a result."""
+        """The planner or the bound ended with an error, which is not a result."""
         return ERROR in (self.reason, self.bound_reason)
 
     @property

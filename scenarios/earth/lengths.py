@@ -90,7 +90,7 @@ def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> fl
             log.warning("%s: its heights are in %s, as the file states", file, stated.name)
         return stated.metres
     if not _same(stated.metres, 1 / PER_METRE[unit]):
-        wanted = "metres" if unit == "m" else f"{unit}, as the field unit says"
+        wanted = "metres" if unit == "m" else f"{unit}, the value of the field unit"
         short = _short(stated.metres)
         way_out = f'set unit = "{short}"' if short else "leave unit out to use the file's own"
         raise ProblemError(f"heights: must be {wanted}, not {stated.name}; {way_out}")

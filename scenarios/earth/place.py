@@ -58,8 +58,8 @@ class MapProjection(NamedTuple):
             likely = math.hypot(*swapped.tolist()) <= FARTHEST
             raise ProblemError(
                 f"latitude, longitude: {'are they swapped? They ' if likely else ''}must be near "
-                f"the map, at ({here[0]:.5f}, {here[1]:.5f}) by [earth], not at ({there[0]:.5f}, "
-                f"{there[1]:.5f})" + ("" if self.earth.origin else f"; {_OWN}")
+                f"the map, which [earth] places at ({here[0]:.5f}, {here[1]:.5f}), not at "
+                f"({there[0]:.5f}, {there[1]:.5f})" + ("" if self.earth.origin else f"; {_OWN}")
             )
         return points
 
@@ -90,9 +90,9 @@ def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:
     south, west = (math.floor(1e4 * float(values.min())) / 1e4 for values in (latitude, longitude))
     west = (west + 180) % 360 - 180
     return (
-        "latitude, longitude: need [earth] in the recipe to be converted to metres: crs "
-        f'= "{utm(west, south)}", latitude = {south:.4f} and longitude = {west:.4f} there say '
-        "where x = 0, y = 0 is; or write metres of a projection"
+        "latitude, longitude: need [earth] in the recipe to be converted to metres: set crs = "
+        f'"{utm(west, south)}", latitude = {south:.4f} and longitude = {west:.4f} there, the place '
+        "of x = 0, y = 0; or write coordinates of a projection, in metres"
     )
 
 
@@ -125,28 +125,28 @@ class EarthTable(Table):
             longitudes; or if another field is missing or superfluous.
         """
         if (self.latitude is None) != (self.longitude is None):
-            raise ProblemError("latitude, longitude: must be given both, or neither")
+            raise ProblemError("latitude, longitude: both must be given, or neither")
         if of_map is not None and self.latitude is not None:
             raise ProblemError(
-                "latitude, longitude: must be left out where the map's file says where it is"
+                "latitude, longitude: must be left out, as the map's file states its own location"
             )
         if of_map is not None and self.crs is not None and not same_system(of_map, self.crs):
             raise ProblemError(
-                f"crs: must be left out, or that of the map's file, {short_name(of_map)}, not "
-                f"{self.crs}"
+                f"crs: must be left out, or the same as in the map's file, {short_name(of_map)}, "
+                f"not {self.crs}"
             )
         away = float(np.hypot(*height_map.centre(0, 0)))
         if self.latitude is not None and away > FARTHEST:
             raise ProblemError(
-                f"latitude, longitude: must be those of the point x = 0, y = 0, which is "
-                f"{away / 1000:.0f} km from the map; where x and y are coordinates of the system, "
-                "as on most maps, leave both out"
+                f"latitude, longitude: must be those of the point x = 0, y = 0, but that point is "
+                f"{away / 1000:.0f} km from the map; if x and y are coordinates of the reference "
+                "system, as in most maps, leave both out"
             )
         system = of_map or self.crs
         if system is None:
             raise ProblemError(f"crs: must be given, {self._what_crs_is()}")
         if (self.height is None) != (self.heights is None):
-            raise ProblemError("height, heights: must be given both, or neither")
+            raise ProblemError("height, heights: both must be given, or neither")
         earth = Earth(
             crs=system,
             origin=None if self.latitude is None else (self.latitude, self.longitude or 0.0),
@@ -163,8 +163,8 @@ class EarthTable(Table):
         if self.latitude is not None and self.longitude is not None:
             example = f"{utm(self.longitude, self.latitude)} here"
         return (
-            "for no file of the map states one: the projection to whose east and north x and y go, "
-            f"such as {example}"
+            "as no file of the map states one: name the projection in which x points east and y "
+            f"north, e.g. {example}"
         )
 
 
@@ -173,8 +173,8 @@ def _require_system(earth: Earth, corner: Place) -> None:
     if earth.origin is not None and _are_swapped(earth.crs, earth.origin):
         latitude, longitude = earth.origin
         raise ProblemError(
-            f"latitude, longitude: are they swapped? {short_name(earth.crs)} is made for latitude "
-            f"{longitude:g}, longitude {latitude:g}, and not for latitude {latitude:g}, longitude "
+            f"latitude, longitude: are they swapped? {short_name(earth.crs)} covers latitude "
+            f"{longitude:g}, longitude {latitude:g}, but not latitude {latitude:g}, longitude "
             f"{longitude:g}"
         )
     Geodesy(earth, corner)
@@ -196,14 +196,14 @@ def require_likely(earth: Earth, height_map: HeightMap) -> None:
     if earth.origin is not None or meant is None:
         return
     where = (
-        f"x and y of the map, {rectangle(*height_map.ends)}, are coordinates of "
-        f"{short_name(earth.crs)}, there latitude {place[0]:.4f}, longitude {place[1]:.4f}"
+        f"{short_name(earth.crs)} places the map, {rectangle(*height_map.ends)}, at latitude "
+        f"{place[0]:.4f}, longitude {place[1]:.4f}"
     )
     near = np.abs(corner) < FARTHEST
     if near.any() and not meant:
         raise ProblemError(
-            f"latitude, longitude: must be given, or origin of [map] must be the map's corner in "
-            f"that system; else {where}, for which it is not made; {_OWN}"
+            f"latitude, longitude: must be given, unless origin of [map] is the map's corner in "
+            f"that system; without them, {where}, outside its area of use; {_OWN}"
         )
     if near.all() or abs(place[0]) < _EQUATOR:
         log.warning("earth: %s: is that right?", where)

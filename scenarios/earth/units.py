@@ -92,7 +92,7 @@ def units_of(text: str) -> Units:
 def _web_mercator() -> NotTrueError:
     return NotTrueError(
         "must be a projection in true metres, not web Mercator; convert the map with "
-        "gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
+        "gdalwarp -t_srs EPSG:326ZZ, where ZZ is the UTM zone"
     )
 
 
@@ -388,7 +388,7 @@ def _nodes(text: str) -> list[_Keyword]:
 
 def require_metres(units: Units) -> None:
     """Raises ProblemError unless x and y of a system are in metres."""
-    way_out = "convert the map with gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
+    way_out = "convert the map with gdalwarp -t_srs EPSG:326ZZ, where ZZ is the UTM zone"
     if units.across is None:
         raise ProblemError(f"must be a projection in metres, not in {units.kind}; {way_out}")
     if units.across.metres != 1:

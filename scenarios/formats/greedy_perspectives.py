@@ -277,7 +277,7 @@ class _Loader(CoreLoader):  # type: ignore[misc]  # yamlcore has no annotations
             raise ProblemError(f"{twice[:40]}: must be given once in a mapping, not twice")
         if "<<" in keys:  # YAML 1.1 merges the mapping that follows, which must not be lost
             line = node.start_mark.line + 1
-            raise ProblemError(f"line {line}: must have no merge key <<; write its fields out")
+            raise ProblemError(f"line {line}: must not have a merge key <<; write out its fields")
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)
         return mapping
 
@@ -388,7 +388,8 @@ def _start_rows(path: Path, robots: int) -> list[tuple[int, dict[str, str]]]:
     rows = read_table(path, _Pose._fields)
     if len(rows) % robots or not rows:
         raise ProblemError(
-            f"must hold sets of {robots} rows, one row a robot of the scene, not {len(rows)} rows"
+            f"must contain sets of {robots} rows, a row per robot of the scene, not {len(rows)} "
+            "rows"
         )
     return rows
 

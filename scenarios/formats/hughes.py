@@ -176,7 +176,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
         for t, frame in enumerate(frames):
             if len(frame) != count:
                 raise ProblemError(
-                    f"actor_positions[{t}]: must hold {count} actors like the first frame, "
+                    f"actor_positions[{t}]: must contain {count} actors, as the first frame does, "
                     f"not {len(frame)}"
                 )
         actors = tuple(_actor([frame[k] for frame in frames]) for k in range(count))
@@ -237,7 +237,9 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
             raise ProblemError(f"elements: must be {robots} robots, not {len(solution.elements)}")
         for robot, (_, entries) in enumerate(solution.elements):
             if len(entries) != frames:
-                raise ProblemError(f"elements[{robot}]: must hold {frames} states, one a frame")
+                raise ProblemError(
+                    f"elements[{robot}]: must contain {frames} states, one per frame"
+                )
     paths = [[entry.state for entry in entries] for _, entries in solution.elements]
     geometry = FaceGeometry(problem)
     return tuple(
@@ -280,8 +282,8 @@ def _scene_and_solutions(path: Path) -> tuple[Path, list[Path]]:
     solutions = [*sorted(folder.glob(BESIDE)), *sorted(folder.glob(BELOW))]
     if not solutions:
         raise ProblemError(
-            f"{path}: a solution_*.json or <planner>/solution.json must be beside it, to say where "
-            "the drones start; or name a solution in its place"
+            f"{path}: a solution_*.json or <planner>/solution.json must be beside it, as it states "
+            "where the drones start; or name a solution instead of the scene"
         )
     return path, solutions
 
@@ -304,7 +306,7 @@ def _starts(path: Path, solution: _Solution, size: tuple[int, int]) -> list[Stat
     if solution.is_on_grid:
         return [states[0] for states in _paths(solution)]
     log.warning(
-        "%s: its states lie between the cells; plans start in the cells nearest to its starts",
+        "%s: its states lie between cells; plans start in the cells nearest to its starts",
         printable(str(path)),
     )
     return [entries[0].state.nearest(size) for _, entries in solution.elements]
@@ -338,8 +340,8 @@ def _areas() -> list[float]:
 def _paths(solution: _Solution) -> tuple[tuple[State, ...], ...]:
     if not solution.is_on_grid:
         raise ProblemError(
-            "elements: the states lie between the cells: `cocap-opt verify` can evaluate them, but "
-            "they cannot be flown"
+            "elements: must be states in the middles of cells; states between cells cannot be "
+            "flown, but `cocap-opt verify` evaluates them"
         )
     return tuple(
         tuple(

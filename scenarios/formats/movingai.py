@@ -230,21 +230,21 @@ class _Cast(NamedTuple):
         """Says whether starts or walks are too few, with the counts of the whole file."""
         starts = sum(1 for _ in _distinct_starts(trips, free))
         words = (
-            f"must give {self.robots} drones a free start of their own and {self.actors} people, "
-            f"from other rows, a path to their goal; {len(trips)} rows have {starts} such starts "
-            f"and {_paths(trips, graph)} such paths"
+            f"must have a different free start for each of {self.robots} drones and, in other "
+            f"rows, a path to the goal for each of {self.actors} people; its {len(trips)} rows "
+            f"have {starts} such starts and {_paths(trips, graph)} such paths"
         )
         if self.near is None:
             return (
-                f"{words}; drones take the first rows, and these and the rest give only "
-                f"{len(found.starts)} and {len(found.walks)}"
+                f"{words}; as drones take the first rows, only {len(found.starts)} starts and "
+                f"{len(found.walks)} paths remain"
             )
         if len(found.walks) < self.actors or found.others < self.robots:
             return words
         return (
-            f"{words}; only from {len(found.starts)} of the {found.others} free starts that people "
-            f"leave a drone comes within near = {self.near:g} m of somebody in sight in "
-            f"{self.steps} steps; fewer drones, another seed, more steps or a larger near may do"
+            f"{words}; people leave {found.others} free starts, and from only {len(found.starts)} "
+            f"of them a drone comes within near = {self.near:g} m of a person in sight in "
+            f"{self.steps} steps; try fewer drones, another seed, more steps or a larger near"
         )
 
     def _people_first(

@@ -38,6 +38,6 @@ def _require_own(text: str) -> None:
         return  # the reader of the scene reports where the text is damaged
     if not isinstance(content, dict) or "format" not in content:
         raise ProblemError(
-            "is JSON, but no scene: a scene of cocap-opt has the field format, as "
-            "`cocap-opt export` writes it, and one of Hughes et al. the field actor_positions"
+            "is JSON, but not a scene: scenes of cocap-opt, which `cocap-opt export` writes, have "
+            "the field format, and scenes of Hughes et al. the field actor_positions"
         )

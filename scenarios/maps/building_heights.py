@@ -75,8 +75,8 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
     bottom = bottom or 0.0
     if top is not None and not bottom < top:
         raise ProblemError(
-            f"{field}: its top, {top:g} m, must be above its bottom, {bottom:g} m, which is its "
-            "min_height or its lowest storeys"
+            f"{field}: the top, {top:g} m, must be above the bottom, {bottom:g} m, which is "
+            "min_height or comes from the number of lowest storeys"
         )
     return Extent(bottom, top, is_counted)
 
@@ -90,7 +90,9 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
             continue
         if key in found and not _is_same(found[key][1], value):
             first, other = found[key]
-            raise ProblemError(f"{field}: {first} is {other!r:.40}, but {name} {value!r:.40}")
+            raise ProblemError(
+                f"{field}: {first} and {name} must agree, but are {other!r:.40} and {value!r:.40}"
+            )
         found[key] = name, value
     return found
 
@@ -151,8 +153,8 @@ def _length(
     if not (metres <= LARGEST and (metres > 0 if least is None else metres >= least)):
         above = "above" if least is None else ">="
         raise ProblemError(
-            f'{field}.{name}: must be a number of metres {above} 0, or such as "12.5 m" or '
-            f'"40 ft", or left out, not {value!r:.40}'
+            f"{field}.{name}: must be a number of metres {above} 0, or a length such as "
+            f'"12.5 m" or "40 ft", or left out, not {value!r:.40}'
         )
     return metres
 

@@ -112,7 +112,7 @@ def _system(content: Any) -> Any:
         if member is not None and member.crs is not msgspec.UNSET
     ]
     if any(crs != stated[0] for crs in stated):
-        raise ProblemError("crs: must be the same in all of the file")
+        raise ProblemError("crs: must be the same throughout the file")
     return stated[0] if stated else msgspec.UNSET
 
 

@@ -76,7 +76,7 @@ def _read(
     metres = metres_of_heights(_stated_heights(dataset, band), unit, Path(dataset.name).name)
     layout = _layout(dataset)
     if not dataset.crs:
-        layout.refuse_degrees("state that with gdal_translate -a_srs EPSG:326ZZ")
+        layout.refuse_degrees("state their system with gdal_translate -a_srs EPSG:326ZZ")
     columns, rows = layout.met(window)
     a, e = dataset.transform.a, dataset.transform.e
     across = _in_file(columns, layout.cells[0], a > 0)
@@ -138,14 +138,14 @@ def _refuse_coordinates(crs: Any) -> None:
     if crs and crs.is_geographic:
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees; convert the map with "
-            "gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
+            "gdalwarp -t_srs EPSG:326ZZ, where ZZ is the UTM zone"
         )
     if crs:
         other, factor = crs.units_factor
         if factor != 1:
             raise ProblemError(
                 f"coordinates: must be metres, not {other} ({factor:.9g} m); convert the map with "
-                "gdalwarp -t_srs EPSG:326ZZ, ZZ being the UTM zone"
+                "gdalwarp -t_srs EPSG:326ZZ, where ZZ is the UTM zone"
             )
 
 
@@ -180,7 +180,7 @@ def _refuse_stretched(dataset: Any) -> None:
     title = f"web Mercator ({title})" if code == WEB_MERCATOR else title
     raise ProblemError(
         f"coordinates: must be true metres, but those of {title} are {lengths.min():.3g} m long "
-        f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs {zone} {name} "
+        f"at latitude {latitude:.1f}; convert the map with: gdalwarp -t_srs {zone} {name} "
         f"utm-{name}"
     )
 
@@ -209,7 +209,7 @@ def _layout(dataset: Any) -> Layout:
     turned = max(abs(transform.b) * dataset.height, abs(transform.d) * dataset.width)  # m
     if turned > SLIVER * min(abs(transform.a), abs(transform.e)):
         raise ProblemError(
-            "geotransform: must be neither rotated nor sheared; gdalwarp writes a copy that is not"
+            "geotransform: must not be rotated or sheared; write a north-up copy with gdalwarp"
         )
     if transform.a == 0 or transform.e == 0:
         raise ProblemError("geotransform: cells must have an area")
@@ -226,6 +226,6 @@ def _in_file(met: range, cells: int, increasing: bool) -> range:
 
 def _no_geotransform() -> ProblemError:
     return ProblemError(
-        "geotransform: must be given, to say where the raster lies and how large its cells are; "
-        "`gdal_translate -a_ullr WEST NORTH EAST SOUTH` writes a copy that has one"
+        "geotransform: must be given, as it states the position of the raster and the size of its "
+        "cells; add one with `gdal_translate -a_ullr WEST NORTH EAST SOUTH`"
     )

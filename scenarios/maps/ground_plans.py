@@ -55,9 +55,9 @@ class GroundPlan(NamedTuple):
     def told(self, k: int) -> str:
         """Explains why the obstacle or border with this number has no height of its own."""
         if k >= len(self.properties):
-            return "the file has none"
+            return "the file states none"
         listed = self.properties[k] or "none"
-        return f"polygon {k + 1} has no property `height` of metres, but {listed}"
+        return f"polygon {k + 1} has no property `height` in metres; its properties: {listed}"
 
 
 class _Plan(msgspec.Struct):
@@ -73,7 +73,7 @@ class _Plan(msgspec.Struct):
         if last and last[0] not in PER_METRE:
             raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
         if last and stated and last[0] != stated:
-            raise ProblemError(f"unit: is {last[0]!r} in the file, but {stated!r} in the recipe")
+            raise ProblemError(f"unit: must be {last[0]!r}, as in the file, not {stated!r}")
         return (last or [stated or "m"])[0]
 
 
@@ -105,8 +105,8 @@ def ground_plan(
     """
     if text.lstrip().startswith("<"):
         raise ProblemError(
-            "is XML, as JuPedSim keeps geometries; write the corners of its walkable area and "
-            f"obstacles as JSON: {_SCHEME}, in m"
+            "is XML, e.g. a geometry of JuPedSim; write the corners of its walkable area and of "
+            f"its obstacles as JSON, in m: {_SCHEME}"
         )
     kind = kind_of_text(text)
     if kind == CITYJSON:
@@ -115,7 +115,7 @@ def ground_plan(
         return _of_polygons(text, kind, name, unit, meaning, projection)
     plan = _named(text, name)
     if meaning is not None:
-        raise ProblemError("polygons: must be left out where the file says which are obstacles")
+        raise ProblemError("polygons: must be left out, as the file states which are obstacles")
     per_metre = PER_METRE[plan.settled_unit(unit)]
     obstacles = (
         sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
@@ -144,7 +144,7 @@ def sound(polygon: Polygon, field: str) -> BaseGeometry:
         where = f" at {pair(float(at[1]), float(at[2]))} m" if at else ""
         if "ntersection" in reason:
             raise ProblemError(f"{field}: must not cross itself, as it does{where}")
-        raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
+        raise ProblemError(f"{field}: must be a valid polygon: {reason.split('[')[0]}{where}")
     return mended
 
 
@@ -161,7 +161,7 @@ def _named(text: str, name: str | None) -> _Plan:
         words = in_words(error, text, dict[str, _Plan]).replace("[...].", "").replace("[...]: ", "")
         raise ProblemError(f"{words}; ground plans are {_SCHEME}") from error
     if not plans:
-        raise ProblemError("holds no ground plan")
+        raise ProblemError("contains no ground plan")
     if name is None and len(plans) != 1:
         raise ProblemError(f"name: must be given, one of {', '.join(plans)}")
     if name is not None and name not in plans:
@@ -189,7 +189,7 @@ def _of_polygons(
 ) -> GroundPlan:
     """Returns the ground plan in GeoJSON or WKT, all of whose polygons have the same meaning."""
     if name is not None:
-        raise ProblemError(f"name: must be left out where the file is {kind.name}")
+        raise ProblemError(f"name: must be left out, as the file is {kind.name}")
     if meaning is None:
         raise ProblemError(
             f'polygons: must be given for {kind.name}: write polygons = "obstacles" (houses), or '
@@ -218,7 +218,7 @@ def _of_polygons(
         extents = [extent(item.properties, f"{item.field}properties") for item, _ in kept]
         if counted := sum(item.is_counted for item in extents):
             notes.append(
-                f"{counted} of {len(extents)} heights are of storeys, {STOREY:g} m for each"
+                f"{counted} of {len(extents)} heights are computed from storeys of {STOREY:g} m"
             )
         shown = tuple(_shown(item.properties) for item, _ in kept) if kind == GEOJSON else ()
         return GroundPlan((), polygons, tuple(extents), shown, tuple(notes))

@@ -85,7 +85,7 @@ class LandCoverTable(Table):
             told = ", ".join(f"{word!r:.30} ({n})" for word, n in others.most_common(_MOST_TOLD))
             more = ", .." if len(others) > _MOST_TOLD else ""
             log.warning(
-                "%s: areas whose property %s is none of %s are drawn as other: %s%s; "
+                "%s: areas whose property %s is not one of %s are drawn as other: %s%s; "
                 "translate them with kinds = { WORD = \"green\" } in [[land_cover]]",
                 self.file, self.property, ", ".join(LANDS), told, more,
             )  # fmt: skip

@@ -102,7 +102,7 @@ class LayerTable(Table):
         share = float(np.isnan(above).mean())
         if share >= 0.005:
             log.warning(
-                "%s: has no data on %.0f %% of the map, where it adds nothing",
+                "%s: has no data on %.0f %% of the map, and adds nothing there",
                 self.file, 100 * share,
             )  # fmt: skip
 

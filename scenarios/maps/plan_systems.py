@@ -25,7 +25,7 @@ from cocap_opt.text import pair
 # names of systems of longitude and latitude that are converted to metres
 DEGREES = ("4326", "CRS84")
 MERCATOR = ("3857", "900913")
-SAYS_LENGTHS = 'unit = "m" in [[walls]] means that they are metres'
+SAYS_LENGTHS = 'if the coordinates are metres, set unit = "m" in [[walls]]'
 _DIGITS = 9  # of a code, more than any code has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
@@ -101,15 +101,15 @@ def in_metres(
     elif unit is None and kind == GEOJSON:
         if stated.is_null:
             raise ProblemError(
-                f"crs: is null, so the coordinate system is unknown; {SAYS_LENGTHS}, no "
-                "crs at all that they are degrees"
+                f"crs: is null, so the coordinate system is unknown; {SAYS_LENGTHS}; if they are "
+                "degrees, remove crs"
             )
         _require_degrees(polygons)
         return _of_degrees(polygons, projection, f"; {SAYS_LENGTHS}")
     elif unit is None and _may_be_degrees(polygons, projection):
         raise ProblemError(
-            'coordinates: are they degrees or metres? "SRID=4326;" before the WKT says that they '
-            f"are degrees, {SAYS_LENGTHS}"
+            'coordinates: are they degrees or metres? If degrees, write "SRID=4326;" before the '
+            f"WKT; {SAYS_LENGTHS}"
         )
     return list(shapely.transform(polygons, lambda points: points / PER_METRE[unit or "m"]))
 
@@ -121,8 +121,8 @@ def _require_degrees(polygons: Sequence[Polygon]) -> None:
     if wrong.any():
         x, y = points[np.argmax(wrong)]
         raise ProblemError(
-            "coordinates: must be longitudes and latitudes, as those of GeoJSON are by its "
-            f"standard, not {pair(x, y)}; {SAYS_LENGTHS}"
+            "coordinates: must be longitudes and latitudes, as the standard of GeoJSON requires, "
+            f"not {pair(x, y)}; {SAYS_LENGTHS}"
         )
 
 
@@ -210,8 +210,8 @@ def _require_system(
     way_out = _way_out(polygons, scene)
     if stated.is_one_of(MERCATOR):
         raise ProblemError(
-            f"{field}: must be of a projection in metres, or of 4326, not {code or stated.name}, "
-            f"web Mercator; {way_out}"
+            f"{field}: must be a projection in metres, or 4326, not {code or stated.name}, web "
+            f"Mercator; {way_out}"
         )
     if code is None:
         raise ProblemError("crs: must name an EPSG code, or be left out")
@@ -226,7 +226,7 @@ def _require_system(
         wrong = units.across.name if abs(units.across.metres / metres - 1) > _SAME_UNIT else None
     if wrong is not None:
         raise ProblemError(
-            f"{field}: must be of a projection in metres, or of 4326, not {code}, {wrong}; "
+            f"{field}: must be a projection in metres, or 4326, not {code}, which is in {wrong}; "
             f"{way_out}"
         )
     if scene is not None:
@@ -253,7 +253,7 @@ def _way_out(polygons: Sequence[Polygon], scene: str | None) -> str:
     system = scene
     if system is None and x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:
         system = utm((x0 + x1) / 2, (y0 + y1) / 2)
-    zone = "" if system else ", ZZ being the UTM zone (EPSG:327ZZ in the south)"
+    zone = "" if system else ", where ZZ is the UTM zone (EPSG:327ZZ in the south)"
     return (
         "convert it to metres with `ogr2ogr -t_srs "
         f"{short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson`{zone}"

@@ -105,7 +105,7 @@ class Layout(NamedTuple):
             raise ProblemError(
                 f"coordinates: must be metres of a projection, but cells of {max(self.cell):.6g} "
                 f"at x {x:.6g}..{upper_x:.6g} and y {y:.6g}..{upper_y:.6g} look like degrees; "
-                "convert the map with gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326ZZ, ZZ being the "
+                "convert the map with gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326ZZ, where ZZ is the "
                 f"UTM zone; if they are metres, {way_out}"
             )
 
@@ -167,7 +167,7 @@ class Layout(NamedTuple):
         for lower, upper, cell in zip(self.lower, self.upper, self.cell, strict=True):
             _require(cell >= LEAST_CELL, f"cell: must be >= {LEAST_CELL} m, not {cell:.9g}")
             inside = -LARGEST <= lower <= upper <= LARGEST
-            _require(inside, f"origin: must lie, as all of the raster, within +-{plain(LARGEST)} m")
+            _require(inside, f"origin: all of the raster must lie within +-{plain(LARGEST)} m")
 
     def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
         """Raises a ProblemError if values can only be an unstated mark of missing data."""
@@ -181,8 +181,8 @@ class Layout(NamedTuple):
         x, y = (a + (k + 0.5) * d for a, k, d in zip(self.lower, cells, self.cell, strict=True))
         raise ProblemError(
             f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster holds {value}, "
-            f"and the first such cell is at ({x:.3f}, {y:.3f}) m; nodata={value} says that it "
-            "means no data" + ("" if low < least else "; unit, that heights are not in metres")
+            f"and the first such cell is at ({x:.3f}, {y:.3f}) m; set nodata={value} if it "
+            "means no data" + ("" if low < least else ", or unit if heights are not in metres")
         )
 
 
@@ -276,7 +276,8 @@ class Grid(NamedTuple):
             )
             raise ProblemError(
                 f"{field}: must have a height everywhere, but {holes.sum()} of {holes.size} cells "
-                f"have no data, the first at ({x:.3f}, {y:.3f}) m; fill gives them one"
+                f"have no data, the first at ({x:.3f}, {y:.3f}) m; set fill to the height to use "
+                "there"
             )
         if not math.isfinite(fill):
             raise ProblemError(f"fill: must be finite, not {fill}")

@@ -120,7 +120,7 @@ def _read_esri_ascii(
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
         layout = Layout((x, y), (dx, dy), (width, height))
         if not in_metres:
-            layout.refuse_degrees("a .prj file beside it must say so")
+            layout.refuse_degrees("add a .prj file that states their system")
         columns, rows = layout.met(window)
         _require_rows(file, layout)
         values = _read_values(file, layout, columns, rows)
@@ -219,8 +219,8 @@ def _require_rows(file: BinaryIO, layout: Layout) -> None:
     counts = _values_per_line(file)
     if width != height and len(counts) == width and (counts == height).all():
         raise ProblemError(
-            f"ncols and nrows: must be {height} and {width}, the values of a row and the rows, not "
-            f"{width} and {height}"
+            f"ncols and nrows: must be {height} and {width}, the number of values in a row and the "
+            f"number of rows, not {width} and {height}"
         )
     wrong = np.flatnonzero(counts[:height] != width)
     if len(wrong) and (counts == width).any():
@@ -343,7 +343,7 @@ def _read_beside(path: Path) -> Iterator[_Said]:
         except (NeedsPyprojError, NotTrueError):
             raise
         except ProblemError as error:
-            raise ProblemError(f"{error}; without this file metres are taken") from error
+            raise ProblemError(f"{error}; without this file, metres are assumed") from error
         yield _of_system(text, units)
 
 
@@ -369,5 +369,5 @@ def _of_xml(content: bytes) -> Iterator[_Said]:
             case ("Scale" | "Offset") as tag if number(text, tag) != _PLAIN[tag]:
                 raise ProblemError(
                     f"{tag}: must be {_PLAIN[tag]} for a grid of text, not {text[:40]}; "
-                    "gdal_translate -unscale writes a map without"
+                    "remove it with gdal_translate -unscale"
                 )

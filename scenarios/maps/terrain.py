@@ -161,14 +161,14 @@ class MapTable(Table):
         if self.size is not None:
             return self._flat(self.size)
         if self.origin is not None:
-            raise ProblemError("origin: must be left out where the map has a file, which says it")
+            raise ProblemError("origin: must be left out, as the map's file states it")
         if self.heights == "absolute" and self.ground is None:
             raise ProblemError(
-                'ground: must be given where heights are absolute: a file, or "surface" if the '
-                "map is bare terrain"
+                'ground: must be given, as heights = "absolute": a file, or "surface" if the map '
+                "is bare terrain"
             )
         if self.heights == "above-ground" and self.ground == SURFACE:
-            raise ProblemError('heights: must be "absolute" where the ground is the surface')
+            raise ProblemError('heights: must be "absolute" if ground = "surface"')
         surface = self._surface(folder)
         bare = self._bare(folder, surface)
         highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
@@ -186,9 +186,7 @@ class MapTable(Table):
     def _flat(self, size: tuple[float, float]) -> Terrain:
         for field in ("heights", "unit", "ground", "window", "band", "nodata", "fill", "lowest"):
             if getattr(self, field) != _FLAT_HAS[field]:
-                raise ProblemError(
-                    f"{field}: must be left out where the map has a size and no file"
-                )
+                raise ProblemError(f"{field}: must be left out, as the map has a size and no file")
         resolution = self.resolution or 1.0
         refuse_too_many("size", "size", *size, resolution)
         cells = [max(math.ceil(length / resolution - 1e-9), 1) for length in size]
@@ -231,11 +229,13 @@ class MapTable(Table):
         lowest = float(np.nanmin(above, initial=np.inf))
         if lowest < -DEEP:
             log.warning(
-                "%s: is %.3g m below the ground somewhere; it counts as 0", self.file, -lowest
+                "%s: is up to %.3g m below the ground; heights below the ground count as 0",
+                self.file,
+                -lowest,
             )
         if self.heights == "above-ground" and DEEP < lowest < np.inf:
             log.warning(
-                '%s: is nowhere lower than %.3g m; if heights are above the sea, '
+                '%s: is nowhere lower than %.3g m; if its heights are above the sea, set '
                 'heights = "absolute"',
                 self.file, lowest,
             )  # fmt: skip

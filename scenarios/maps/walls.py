@@ -71,12 +71,13 @@ class WallsTable(Table):
             areas = list(plan.obstacles)
             if self.border > 0:
                 if not plan.walkable:
-                    raise ProblemError("border: must be left out where all polygons are obstacles")
+                    raise ProblemError("border: must be left out, as all polygons are obstacles")
                 inside = shapely.union_all(plan.walkable)
                 areas.append(inside.buffer(self.border, join_style="mitre").difference(inside))
             if not areas:
                 raise ProblemError(
-                    "it has no obstacles: border must say how thick its outer walls are"
+                    "border: must be given, as the file has no obstacles: thickness of the outer "
+                    "walls, m"
                 )
             extents = [*plan.extents, *[Extent()] * (len(areas) - len(plan.extents))]
             walls = [
@@ -94,11 +95,11 @@ class WallsTable(Table):
         if extent.top is not None:
             return extent.top
         if self.height is None:
-            raise ProblemError(f"height: must be given in [[walls]], for {plan.told(k)}")
+            raise ProblemError(f"height: must be given in [[walls]], as {plan.told(k)}")
         if not extent.bottom < self.height:
             raise ProblemError(
-                f"height: must be above {extent.bottom:g} m, where polygon {k + 1} begins, which "
-                f"has no top of its own, not {self.height:g}"
+                f"height: must be above {extent.bottom:g} m, the bottom of polygon {k + 1}, whose "
+                f"top the file does not state, not {self.height:g}"
             )
         return self.height
 

@@ -130,8 +130,8 @@ class Track(NamedTuple):
         longest = max(track.longest() for track in tracks)
         if gap is None and longest > MOST_GAP + SLACK:
             log.warning(
-                "%s: points are up to %.3g s apart, and people are taken to walk straight from one "
-                "to the next; with gap = 1 in [[tracks]] nobody is there in between",
+                "%s: points are up to %.3g s apart, and people are assumed to walk straight from "
+                "one to the next; if they are absent in between, set gap = 1 in [[tracks]]",
                 path, longest,
             )  # fmt: skip
         return tracks
@@ -290,7 +290,7 @@ def _require_distinct(table: TrackTable, order: IntArray) -> None:
         k = int(np.argmax(same))
         raise ProblemError(
             f"{table.where(int(order[k + 1]))}: must not be a second row for id {ids[k]} at "
-            f"{times[k]:.12g} s, which {table.where(int(order[k]))} has"
+            f"{times[k]:.12g} s; the first is {table.where(int(order[k]))}"
         )
 
 
@@ -375,8 +375,8 @@ def _require_comparable(clocks: dict[str, Epoch | None]) -> None:
     if len(kinds) > 1:
         said = " and ".join(f"{name} has {kind}" for kind, name in kinds.items())
         raise ProblemError(
-            f"file: must be files on one clock, but {said}: times must all be numbers, dates with "
-            "an offset such as Z, or dates without"
+            f"file: all files must use one clock, but {said}; times must all be numbers, or all "
+            "dates with an offset such as Z, or all dates without an offset"
         )
 
 

@@ -112,8 +112,8 @@ def _require_one_place_at_a_time(points: Iterable[_TrackPoint]) -> None:
         first, last = later[0], earlier[-1]
         if person == other and first.nanoseconds < last.nanoseconds:
             raise ProblemError(
-                f"{first.place}: is earlier than {last.place}, so that two segments of {person} "
-                "were recorded at once; keep one of them, or name a track each"
+                f"{first.place}: must not be earlier than {last.place}: two segments of {person} "
+                "overlap in time; keep one of them, or put each in a track with its own name"
             )
 
 

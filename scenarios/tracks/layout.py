@@ -140,11 +140,11 @@ class TextLayout(NamedTuple):
         if named is None and count == _ANNOTATIONS and not is_number(self.row[-1]):
             raise ProblemError(
                 "looks like the annotations.txt of the Stanford drone dataset, boxes in pixels: "
-                "write the middles of the boxes in m, with the columns id frame x y"
+                "write the centres of the boxes in m, with the columns id frame x y"
             )
         if named is None and count not in (len(_ORDER) - 1, len(_ORDER)):
             raise ProblemError(
-                f"columns: must be given where nothing names them and rows have {count} values"
+                f"columns: must be given, as the file has no header and rows of {count} values"
             )
         return [*(named or _ORDER)[:count], *["-"] * (count - len(named or _ORDER))]
 
@@ -219,7 +219,7 @@ def require_values(line: int, count: int, row: list[str], delimiter: str | None)
         cut = delimiter == "," and len(row) - count in (2, 3)
         raise ProblemError(
             f"line {line}: must have {count} values, not {len(row)}"
-            + ("; are commas decimal? Decimals must have points" if cut else "")
+            + ("; are the commas decimal commas? Numbers must have decimal points" if cut else "")
         )
 
 
@@ -372,14 +372,14 @@ def _refuse_boxes(names: Sequence[str], field: str) -> None:
     used = ["-" if name in (*widths, *heights) else Name.of(name).role or "-" for name in names]
     listed = ", ".join(f'"{role}"' for role in used)
     way_out = (
-        f"if x and y are where the person stands, columns = [{listed}] in [[tracks]] leaves the "
-        'box out ("z" in place of "-" would be the height of a head)'
+        f"if x and y are where the person stands, set columns = [{listed}] in [[tracks]] to ignore "
+        'the box ("z" in place of "-" is the height of a head)'
         if _names_people(used)
-        else "write where each person stands as x and y"
+        else "write the place where each person stands as x and y"
     )
     raise ProblemError(
-        f"{field}: {widths[0]} and {heights[0]} are those of a box, and {heights[0]} is not the "
-        f"height of a head above the floor; {way_out}"
+        f"{field}: {widths[0]} and {heights[0]} are the width and height of a box, but a height "
+        f"must be that of a head above the floor; {way_out}"
     )
 
 
@@ -389,8 +389,8 @@ def _about_corners(names: Sequence[str]) -> str:
     if len(edges) < _EDGES:
         return ""
     return (
-        f"; {', '.join(edges)} are edges of boxes: write where each person stands, in metres, as "
-        "x and y"
+        f"; {', '.join(edges)} are edges of boxes: write the place where each person stands as x "
+        "and y, in metres"
     )
 
 

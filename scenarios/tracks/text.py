@@ -145,9 +145,9 @@ def _require_heads(table: TrackTable, names: Sequence[str]) -> None:
         f'"{"-" if Name.of(name).role == "z" else Name.of(name).role or "-"}"' for name in names
     )
     raise ProblemError(
-        f"height: must be that of heads above the floor, {HEADS[0]:g}..{HEADS[1]:g} m, not "
-        f"{median:.3g} m, its median: is it that of boxes, or is the unit {table.unit} right? "
-        f"columns = [{kept}] in [[tracks]] leaves it out"
+        f"height: must be the height of heads above the floor, {HEADS[0]:g}..{HEADS[1]:g} m, but "
+        f"its median is {median:.3g} m: is it the height of boxes, or is the unit {table.unit} "
+        f"right? To leave it out, set columns = [{kept}] in [[tracks]]"
     )
 
 
@@ -160,8 +160,8 @@ def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
         if not is_guessed or str(error).startswith("columns"):
             raise
         raise ProblemError(
-            f"{error}; the file has no header, so that its columns are read as id, frame, x, y: "
-            'columns = ["id", "time", "x", "y"] would have times there'
+            f"{error}; the file has no header, so its columns are read as id, frame, x, y; if the "
+            'second column contains times, set columns = ["id", "time", "x", "y"]'
         ) from error
 
 
@@ -257,11 +257,11 @@ def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
     if usual * _FAR_CLEARER <= other or speed * fps <= _FASTEST < swapped * fps:
         return values
     if other * _FAR_CLEARER <= usual or swapped * fps <= _FASTEST < speed * fps:
-        log.warning("nothing names its columns; by how people move they are frame id x y")
+        log.warning("the file has no header; judging by how people move, columns are frame id x y")
         return values | {"id": values["frame"], "frame": values["id"]}
     raise ProblemError(
-        "columns: must be given, as nothing names them and the rows fit both readings: "
-        'columns = ["id", "frame", "x", "y"] or ["frame", "id", "x", "y"], with "z" if it is there'
+        "columns: must be given, as the file has no header and its rows fit two orders: set "
+        'columns = ["id", "frame", "x", "y"] or ["frame", "id", "x", "y"], with "z" if present'
     )
 
 

@@ -143,7 +143,7 @@ def _about_room(table: TrackTable) -> Iterator[str]:
         yield (
             f"all points lie within {extent:.3g} m, at {pair(x, y)}: are they "
             "degrees? "
-            "Columns named longitude and latitude become metres, by [earth] of the recipe"
+            "If so, name the columns longitude and latitude, and add [earth] to the recipe"
         )
     elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # a standing person has extent 0
         yield f"all points lie within {distance(extent)}: is the unit {table.unit} right?"

@@ -52,7 +52,7 @@ def test_a_report_needs_only_its_folder(
     copy = shutil.copytree(results, tmp_path / "copy")
     monkeypatch.setattr("cocap_opt.scenarios.SCENES", {})
     assert report(copy, tmp_path / "report.html") == 0
-    assert "What the gaps are made of" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Parts of the gaps" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def played(page: str) -> list[dict[str, Any]]:

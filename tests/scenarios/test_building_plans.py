@@ -177,7 +177,7 @@ def test_geojson_is_in_degrees_whatever_its_extent(
     assert boxes(walls(tmp_path, collection(paris, house(10, 10, height=12)))) == ONE
     assert "plan: 1 of 2 polygons are more than 50 km from the map, and left out" in caplog.text
     with pytest.raises(
-        ProblemError, match=r'must be near the map, .*; unit = "m" in \[\[walls\]\]'
+        ProblemError, match=r'must be near the map, .* set unit = "m" in \[\[walls\]\]'
     ):
         walls(tmp_path, collection(paris))
 
@@ -204,17 +204,20 @@ def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
     assert boxes(walls(tmp_path, plan, nowhere, unit="cm"))[0][3] == 0.2
     assert boxes(walls(tmp_path, plan, nowhere, unit="us-ft"))[0][3] == 6.096
     for at, words in ((nowhere, r"need \[earth\]"), (HERE, "must be near the map")):
-        with pytest.raises(ProblemError, match=rf'{words}.*; unit = "m" in \[\[walls\]\] means'):
+        with pytest.raises(
+            ProblemError, match=rf'{words}.*; if the coordinates are metres, set unit = "m"'
+        ):
             walls(tmp_path, plan, at)
     large = {"type": "Polygon", "coordinates": [[[x + 400_000, y] for x, y in square]]}
-    with pytest.raises(ProblemError, match=r"longitudes and latitudes, .* \(400010, 10\); unit = "):
+    words = r"longitudes and latitudes, .* \(400010, 10\); .* set unit = "
+    with pytest.raises(ProblemError, match=words):
         walls(tmp_path, large, HERE)
     named = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
     assert boxes(walls(tmp_path, plan | {"crs": named}, nowhere))[0][3] == 20
     assert boxes(walls(tmp_path, collection(feature(plan | {"crs": named})), nowhere))[0][3] == 20
-    with pytest.raises(ProblemError, match="crs: must be the same in all of the file"):
+    with pytest.raises(ProblemError, match="crs: must be the same throughout the file"):
         walls(tmp_path, collection(feature(plan | {"crs": named}), crs="EPSG:4326"), nowhere)
-    with pytest.raises(ProblemError, match=r'crs: is null, .*; unit = "m" in'):
+    with pytest.raises(ProblemError, match=r'crs: is null, .* set unit = "m" in'):
         walls(tmp_path, plan | {"crs": None}, nowhere)
     for degrees in ("urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326"):
         system = {"type": "name", "properties": {"name": degrees}}
@@ -242,7 +245,9 @@ def test_systems_of_plans_in_feet_are_not_taken_for_metres(
     text = "POLYGON ((2000000 500000, 2000010 500000, 2000010 500010, 2000000 500000))"
     feet, metres = f"SRID=2238;{text}", f"SRID=25833;{text}"
     for unit in (None, "m", "cm"):
-        with pytest.raises(ProblemError, match=r"SRID: must be of .* not 2238, US survey foot"):
+        with pytest.raises(
+            ProblemError, match=r"SRID: must be .* not 2238, which is in US survey foot"
+        ):
             walls(tmp_path, feet, MapProjection(), unit=unit)
     high = boxes(walls(tmp_path, feet, MapProjection(), unit="us-ft"))[0][3]
     assert high == pytest.approx(2000010 * 1200 / 3937, abs=1e-3)
@@ -264,7 +269,7 @@ def test_wkt_that_may_be_degrees_is_asked_about(tmp_path: Path) -> None:
     plan = "((10 10, 20 10, 20 20, 10 10))"
     own = text(ring(10, 10))
     assert boxes(walls(tmp_path, f"POLYGON {plan}"))[0][3] == 20
-    question = 'are they degrees or metres. "SRID=4326;" before .*, unit = "m" in'
+    question = 'are they degrees or metres. If degrees, write "SRID=4326;" .* set unit = "m" in'
     for odd in (f"POLYGON {own}", f"MULTIPOLYGON ({plan}, {own})",
                 "POLYGON ((12 52, 14 52, 14 53, 12 52))"):  # fmt: skip
         with pytest.raises(ProblemError, match=question):
@@ -394,10 +399,10 @@ def test_properties_say_from_where_to_where_a_building_reaches(
         ({"building:levels": -1}, "p.building:levels: must be a number of storeys"),
         ({"tags": "height 9"}, "p.tags: must be an object, or text such as"),
         ({"tags": [{"height": 9}]}, 'p.tags: must be an object such as {"height": "12"}'),
-        ({"height": 3, "min_height": 3}, "p: its top, 3 m, must be above its bottom, 3 m"),
-        ({"building:levels": 0}, "p: its top, 0 m, must be above"),
-        ({"height": 3, "HEIGHT": 4}, "p: height is 3, but HEIGHT 4"),
-        ({"height": 3, "tags": {"height": "4"}}, "p: height is 3, but height '4'"),
+        ({"height": 3, "min_height": 3}, "p: the top, 3 m, must be above the bottom, 3 m"),
+        ({"building:levels": 0}, "p: the top, 0 m, must be above"),
+        ({"height": 3, "HEIGHT": 4}, "p: height and HEIGHT must agree, but are 3 and 4"),
+        ({"height": 3, "tags": {"height": "4"}}, "p: height and height must agree, but are 3 and"),
     ],
 )  # fmt: skip
 def test_heights_that_are_none_are_refused(properties: dict[str, Any], words: str) -> None:
@@ -411,7 +416,7 @@ def test_storeys_are_counted_with_a_word(tmp_path: Path, caplog: pytest.LogCaptu
     """What is taken for granted is said."""
     plan = collection(house(10, 10, **{"building:levels": "4"}), house(30, 10, height=3))
     assert [box[5] for box in boxes(walls(tmp_path, plan))] == [12, 3]
-    assert "plan: 1 of 2 heights are of storeys, 3 m for each" in caplog.text
+    assert "plan: 1 of 2 heights are computed from storeys of 3 m" in caplog.text
 
 
 def test_a_block_with_a_bottom_begins_there(tmp_path: Path) -> None:
@@ -422,7 +427,7 @@ def test_a_block_with_a_bottom_begins_there(tmp_path: Path) -> None:
     ]
     shelter = house(10, 10, min_height=3)
     assert boxes(walls(tmp_path, collection(shelter)))[0][2::3] == [3, 8]
-    with pytest.raises(ProblemError, match="height: must be above 3 m, where polygon 1 begins"):
+    with pytest.raises(ProblemError, match="height: must be above 3 m, the bottom of polygon 1,"):
         walls(tmp_path, collection(shelter), height=2.0)
 
 

@@ -127,9 +127,12 @@ def test_an_origin_is_where_it_is_said_to_be(tmp_path: Path) -> None:
         ({"more": '[earth]\ncrs = "EPSG:3034"\nlatitude = 50\nlongitude = 10'}, "1.04 m long"),
         ({"more": '[earth]\ncrs = "EPSG:2053"'}, "axes to the east and to the north"),
         ({"more": "[earth]\nlatitude = 48.0\nlongitude = 2.0"}, "crs: must be given"),
-        ({"more": '[earth]\ncrs = "EPSG:2154"\nlatitude = 48.0'}, "must be given both"),
-        ({"more": '[earth]\ncrs = "EPSG:2154"\nheight = 3.0'}, "must be given both"),
-        ({"crs": "EPSG:25830", "more": '[earth]\ncrs = "EPSG:2154"'}, "left out, or that of"),
+        ({"more": '[earth]\ncrs = "EPSG:2154"\nlatitude = 48.0'}, "both must be given"),
+        ({"more": '[earth]\ncrs = "EPSG:2154"\nheight = 3.0'}, "both must be given"),
+        (
+            {"crs": "EPSG:25830", "more": '[earth]\ncrs = "EPSG:2154"'},
+            "left out, or the same as in",
+        ),
         ({"crs": "EPSG:25830", "more": "[earth]\nlatitude = 43\nlongitude = -3"}, "left out"),
         (
             {"more": '[earth]\ncrs = "EPSG:27700"\nlatitude = 51.5\nlongitude = -0.1'},
@@ -195,7 +198,7 @@ def test_files_in_degrees_are_read_in_metres(tmp_path: Path) -> None:
         recipe(tmp_path, more=files)
     swapped = {"type": "Polygon", "coordinates": [[place[::-1] for place in degrees]]}
     (tmp_path / "walls.geojson").write_text(json.dumps(swapped))
-    with pytest.raises(ProblemError, match=r"are they swapped\? They must be near the map, at"):
+    with pytest.raises(ProblemError, match=r"are they swapped\? They must be near the map, which"):
         recipe(tmp_path, more=files + place)
 
 
@@ -210,7 +213,9 @@ def test_a_map_at_the_origin_of_its_system_is_in_none(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Coordinates of the scene's own would lie at latitude 0; a map there is doubted at least."""
-    with pytest.raises(ProblemError, match=r"must be given, or origin of \[map\] .*latitude 0\.0"):
+    with pytest.raises(
+        ProblemError, match=r"must be given, unless origin of \[map\] .*latitude 0\.0"
+    ):
         recipe(tmp_path, more='[earth]\ncrs = "EPSG:32633"')
     assert not caplog.text
     recipe(tmp_path, more='[earth]\ncrs = "EPSG:32633"', corner=(5e5, 9.0))

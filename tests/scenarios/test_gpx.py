@@ -133,7 +133,7 @@ def test_a_segment_ends_a_stay_and_a_point_left_out_does_not(
     text = gpx(walk([0, 1, 4]) + walk([8, 9]) + walk([9, 10, 21]))
     (ada,) = read(tmp_path, text)
     assert ada.spans() == [(0.0, 4.0), (8.0, 10.0), (21.0, 21.0)]
-    assert "points are up to 3 s apart, and people are taken to walk straight" in caplog.text
+    assert "points are up to 3 s apart, and people are assumed to walk straight" in caplog.text
     assert ada.is_there(0.0, 1.0, 4) and not ada.is_there(0.0, 1.0, 5)
     assert close(ada.at_steps(1.0, 1.0, 3), [(1.5, 2), (3, 2), (4.5, 2), (6, 2)])
     for gap, spans in ((1.0, 4), (2.0, 4), (12.0, 2)):
@@ -185,8 +185,8 @@ NO_TIME = segment([("2026-05-01T10:00:00Z", 0.0, 0.0), ("", 1.0, 0.0)])
         (gpx(walk([0]))[:-20], "must be GPX; it is damaged or cut off"),
         (gpx(walk([0]).replace('lat="52', 'lat="42')), "latitude, longitude: must be near the map"),
         (gpx(walk([0]) + walk([0], y=3.0)), "track 1, segment 2, point 1: must not be a secon"),
-        (gpx(walk([0, 4]) + walk([2.5, 6], y=5.0)), "track 1, segment 2, point 1: is earlier than "
-         "track 1, segment 1, point 2, so that two segments of ada were recorded at once"),
+        (gpx(walk([0, 4]) + walk([2.5, 6], y=5.0)), "track 1, segment 2, point 1: must not be "
+         "earlier than track 1, segment 1, point 2: two segments of ada overlap in time"),
     ],
 )  # fmt: skip
 def test_what_is_no_recorded_way_is_told(tmp_path: Path, text: str, words: str) -> None:
@@ -262,7 +262,7 @@ def test_tables_at_other_moments_are_warned_of(
     [
         ("id,t,x,y\n1,0,0,0\n", "id,t,x,y\n1,0,3,0\n2,0,4,0\n", "file: 1 must not be in two files"),
         ("id,t,x,y\n1,0,0,0\n", "id,t,x,y\n2,2026-05-01T10:00:00Z,3,0\n", "a.csv has numbers and "
-         "b.csv has dates: times must all be"),
+         "b.csv has dates; times must all be"),
         ("id,t,x,y\n1,2026-05-01T10:00:00,0,0\n", "id,t,x,y\n2,2026-05-01T10:00:00Z,3,0\n",
          "a.csv has dates without an offset and b.csv has dates"),
     ],

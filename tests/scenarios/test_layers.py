@@ -165,7 +165,7 @@ def test_what_a_layer_does_not_know_is_left_as_it_is(
     heights = problem.height_map.heights
     assert (heights[:6] == 0).all() and heights[6, 0] == 0 and heights[7, 1] == 0
     assert (heights[8:] == 3).all()
-    assert "part.asc: has no data on 51 % of the map, where it adds nothing" in caplog.text
+    assert "part.asc: has no data on 51 % of the map, and adds nothing there" in caplog.text
 
 
 def write_tif(path: Path, crs: str, x: float = 0.0) -> str:

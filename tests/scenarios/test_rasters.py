@@ -165,7 +165,10 @@ def test_spellings_of_one_grid(grid: Callable[[str], Path], text: str) -> None:
         (HEADER + "1 2 3.5 4 5", "values: must be 3 x 2 = 6, not 5"),
         (HEADER + NUMBERS[:-2], "row 2 from the north: must have ncols = 3 values, not 2"),
         (HEADER + "1 2\n3.5 4 5\n6", "row 1 from the north: must have ncols = 3 values, not 2"),
-        (HEADER + "1 2\n3 4\n5 6", "ncols and nrows: must be 2 and 3, the values of a row and the"),
+        (
+            HEADER + "1 2\n3 4\n5 6",
+            "ncols and nrows: must be 2 and 3, the number of values in a row ",
+        ),
         (HEADER + "1 2 3,5\n4 5 6", "row 1, column 3 .* must be a number, not '3,5'"),
         (HEADER + "1 2 3.5\n4 five 6", "row 2, column 2 .* must be a number, not 'five'"),
         (HEADER + "1 2 3.5\n4 1_0 6", "row 2, column 2 .* must be a number, not '1_0'"),
@@ -338,7 +341,7 @@ def test_tiff_scale_and_offset(tiff: Write) -> None:
         dataset.scales, dataset.offsets = [0.25], [100.0]
 
     path = tiff([[0, 4], [-32768, 8]], "int16", change=scale)
-    refused(path, r"holds -32768, .*\(500001.500, 4800001.750\) m; nodata=-32768 says")
+    refused(path, r"holds -32768, .*\(500001.500, 4800001.750\) m; set nodata=-32768 if")
     assert_array_equal(read_raster(path, nodata=-32768).values, [[math.nan, 100], [102, 101]])
 
 
@@ -380,7 +383,7 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
             {"crs": "EPSG:3395"},
             r"EPSG:3395 are 0.7.* m long at latitude 39",
         ),
-        ({"transform": (2, 0.1, 0, 0.1, -2, 0)}, "neither rotated nor sheared"),
+        ({"transform": (2, 0.1, 0, 0.1, -2, 0)}, "must not be rotated or sheared"),
         ({"dtype": "complex64"}, "band 1: must hold real numbers, not complex64"),
         ({"crs": "EPSG:4326"}, "metres of a projection, not degrees"),
         ({"crs": "EPSG:2263"}, r"metres, not US survey foot \(0.30480061 m\)"),
@@ -389,7 +392,7 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
             "coordinates: .* look like degrees; .* gdalwarp .* if they are metres, .* gdal_tr",
         ),
         ({"transform": (1e-4, 0, 5e5, 0, -1e-4, 4.3e6)}, "cell: must be >= 0.01 m"),
-        ({"transform": (2, 0, 1e12, 0, -2, 0)}, "origin: must lie"),
+        ({"transform": (2, 0, 1e12, 0, -2, 0)}, "origin: all of the raster must lie"),
     ],
 )
 def test_tiffs_that_are_no_maps_in_metres(
@@ -418,8 +421,10 @@ def test_heights_may_be_centimetres(tiff: Write, grid: Callable[[str], Path]) ->
     stored = [[120, 65535], [300, 25000]]
     raster = read_raster(tiff(stored, "uint16", nodata=65535), unit="cm")
     assert_array_equal(raster.values, [[3, 1.2], [250, math.nan]])
-    refused(tiff(stored, "uint16", nodata=65535), "holds 25000.*; unit, that heights are not in m")
-    refused(tiff(crs="EPSG:25830+5703"), "must be cm, as the field unit says, not metre", unit="cm")
+    refused(tiff(stored, "uint16", nodata=65535), "holds 25000.*, or unit if heights are not in m")
+    refused(
+        tiff(crs="EPSG:25830+5703"), "must be cm, the value of the field unit, not metre", unit="cm"
+    )
     feet = tiff([[10.0, 20.0]], crs="EPSG:25830+8228")
     assert read_raster(feet, unit="ft").values.max() == 6.096
     refused(feet, 'heights: must be metres, not foot; set unit = "ft"', unit="m")

@@ -216,7 +216,7 @@ def test_map_is_found_at_the_stated_path(sequence: Path) -> None:
         ("tilt: 1.2", "tilt: 1e400", ("camera.tilt",)),
         ("tilt: 1.2", "tilt: -.inf", ("camera.tilt",)),
         ("tilt: 1.2", "tilt: .NaN", ("camera.tilt",)),
-        ("tilt: 1.2", "<<: {tilt: 1.2}", ("line 16", "no merge key <<")),
+        ("tilt: 1.2", "<<: {tilt: 1.2}", ("line 16", "must not have a merge key <<")),
         ("4000, 3000]", f"{10**9}, 3000]", ("width", "1..100000 px")),
         ("planner:", "run: !!python/object/apply:os.getcwd []\nplanner:", ("tag",)),
         (SEQUENCE, "", ("is empty",)),
@@ -487,7 +487,11 @@ def test_seed_permutes_the_rows(scenario: Path) -> None:
         ("\t3\t0\t0\t0\t9", "\t3\t0\tx\t0\t9", ("line 5", "'x'")),
         ("\t3\t0\t0\t0\t9", "\t3\t0\t0\t0\tnan", ("line 5", "'nan'")),
         ("tiny.map\t4\t3\t3", "other.map\t4\t3\t3", ("map", "all rows", "2 maps")),
-        ("0\t0\t2\t0\t4\n", "0\t0\t1\t0\t4\n", ("2 people", "7 rows have 3 ", "only 2 and 1")),
+        (
+            "0\t0\t2\t0\t4\n",
+            "0\t0\t1\t0\t4\n",
+            ("2 people", "7 rows have 3 ", "only 2 starts and 1 path"),
+        ),
         (SCENARIO, "version 1\n", ("rows", "at least one")),
         (SCENARIO, "", ("line 1",)),
     ],
@@ -516,8 +520,8 @@ def test_near_is_named_where_it_leaves_no_starts(tmp_path: Path) -> None:
     for near in ("15", "1"):
         options = {"near": near, "people": "1", "drones": "4"}
         words = (
-            "only from 1 of the 4 free starts that people leave a drone comes within near = "
-            f"{near} m of somebody"
+            "people leave 4 free starts, and from only 1 of them a drone comes within near = "
+            f"{near} m of a person"
         )
         _one_line(lambda: movingai.read(path, 0, options), "long.scen: rows: ", words)  # noqa: B023
     with pytest.raises(ProblemError) as error:
@@ -538,8 +542,8 @@ def test_near_is_named_where_it_leaves_no_starts(tmp_path: Path) -> None:
          "3 rows have 3 such starts and 1 such paths"),
         # More drones than starts, with people and without.
         (["....."], [(0, 0, 1, 0), (2, 0, 3, 0), (4, 0, 3, 0)], {"drones": "3", "people": "1"},
-         "must give 3 drones a free start of their own and 1 people, from other rows, a path to "
-         "their goal; 3 rows have 3 such starts and 3 such paths"),
+         "must have a different free start for each of 3 drones and, in other rows, a path to the "
+         "goal for each of 1 people; its 3 rows have 3 such starts and 3 such paths"),
         (["....."], [(0, 0, 1, 0), (2, 0, 3, 0)], {"drones": "3", "people": "0"},
          "2 rows have 2 such starts and 2 such paths"),
         # A map of one cell.

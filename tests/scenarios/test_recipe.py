@@ -376,7 +376,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
          r"mesh\[0\].up: must be one of y, z, not 'x'"),
         (("[[walk]]", "[[tracks]]\nfile = 'a.txt'\nunit = 'yd'\n[[walk]]"),
          r"tracks\[0\].unit: must be one of cm, ft, m, mm, us-ft, not 'yd'"),
-        (("[20, 12]", "[20, 12]\nfill = 1"), "map.fill: must be left out where the map has a s"),
+        (("[20, 12]", "[20, 12]\nfill = 1"), "map.fill: must be left out, as the map has a s"),
         (("[20, 12]", "[1e6, 1e6]"), "map.size: must have at most 1000000 cells, not 1000000"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0..tilts: must be within .-90 degrees"),
         (("starts = [{ x = 2.5, y = 6.5, heading = 0 }]", "count = 9\nnear = 0.8"),
@@ -385,7 +385,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("size = [20, 12]", "file = 'a.tif'"), r"map: .*a\.tif: no such file"),
         (("size = [20, 12]", "file = 'a.tif'\norigin = [1, 2]"), "map.origin: must be left out"),
         (("size = [20, 12]", "size = [20, 12]\nheights = 'absolute'"),
-         "map.heights: must be left out where the map has a size and no file"),
+         "map.heights: must be left out, as the map has a size and no file"),
         (("size = [20, 12]", "size = [20, 12]\nlowest = 1"), "map.lowest: must be left out"),
         (("size = [20, 12]", "file = 'a.tif'\nheights = 'absolute'"), "map.ground: must be given"),
         (("x = 2.5", "x = 25"),
@@ -891,14 +891,14 @@ def test_numbers_of_too_many_digits_are_refused(tmp_path: Path) -> None:
         (
             4674,
             40,
-            "SRID: must be of a projection in metres, or of 4326, not 4674, degrees; .*`ogr2",
+            "SRID: must be a projection in metres, or 4326, not 4674, which is in degrees; .*`ogr2",
         ),
         (
             6318,
             40,
-            "SRID: must be of a projection in metres, or of 4326, not 6318, degrees; .*`ogr2",
+            "SRID: must be a projection in metres, or 4326, not 6318, which is in degrees; .*`ogr2",
         ),
-        (3857, 4e5, "SRID: must be of a projection in metres, or of 4326, not 3857, web Mercator"),
+        (3857, 4e5, "SRID: must be a projection in metres, or 4326, not 3857, web Mercator"),
         (4647, 4e5, None),  # UTM, with the zone before the easting
         (25830, 40, None),
     ],
@@ -926,7 +926,7 @@ def test_systems_of_geojson_are_in_metres(tmp_path: Path, system: str) -> None:
     plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
     (tmp_path / "walls.geojson").write_text(json.dumps(plan))
     table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
-    with pytest.raises(ProblemError, match=r"crs: must be of a projection in metres, .* not 7844"):
+    with pytest.raises(ProblemError, match=r"crs: must be a projection in metres, .* not 7844"):
         table.meshes(tmp_path, 0.0)
 
 
@@ -982,7 +982,7 @@ def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:
     assert top("ft") == pytest.approx(300 * 0.3048)
     with pytest.raises(ProblemError, match="unit: must be m, cm, mm, ft, us-ft, not 'px'"):
         top("px")
-    with pytest.raises(ProblemError, match="unit: is 'cm' in the file, but 'm' in the recipe"):
+    with pytest.raises(ProblemError, match="unit: must be 'cm', as in the file, not 'm'"):
         top("cm", unit="m")
 
 
@@ -1075,11 +1075,11 @@ def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -
         (tmp_path / "houses.geojson").write_text(json.dumps(content))
         if count == 1:
             assert table.meshes(tmp_path, lowest=0.0)[0].vertices[:, 2].max() == 3
-    words = "height: must be given .* polygon 2 has no property `height` .* 'inn', storeys = 2$"
+    words = "height: must be given .* polygon 2 has no property `height` .*: .*'inn', storeys = 2$"
     with pytest.raises(ProblemError, match=words):
         table.meshes(tmp_path, lowest=0.0)
     (tmp_path / "houses.geojson").write_text("POLYGON ((0 0, 2 0, 2 2, 0 0))")
-    with pytest.raises(ProblemError, match=r"height: must be given .* the file has none"):
+    with pytest.raises(ProblemError, match=r"height: must be given .* the file states none"):
         table.meshes(tmp_path, lowest=0.0)
 
 
@@ -1087,7 +1087,7 @@ def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -
     ("text", "words"),
     [
         ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
-        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "degrees or metres. .SRID=4326;. "),
+        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "If degrees, write .SRID=4326;. "),
         ("SRID=4326;POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "latitude = 48.1000 and"),
         ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "at least one polygon"),
         ('{"type": "Polygon", "coordinates": [], "type": "Polygon"}', "type: must be given once"),
@@ -1098,7 +1098,7 @@ def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -
         ("POLYGON ((0 0, 5 5)", "WKT: rings must end at the point where they begin"),
         ("POINT (1 1)", "must hold at least one polygon, but has 1 Point"),
         ("CURVEPOLYGON ((0 0, 1 1, 2 2, 0 0))", "cannot be read as WKT"),
-        ("POLYGON ((0 0, 9 0, 9 9, 0 0), (20 0, 21 0, 21 1, 20 0))", "must be sound, but has: Hol"),
+        ("POLYGON ((0 0, 9 0, 9 9, 0 0), (20 0, 21 0, 21 1, 20 0))", "be a valid polygon: Hole"),
         ("POLYGON ((0 0, 1e400 0, 5 5, 0 0))", "must be finite numbers within"),
         ("POLYGON EMPTY", "must hold at least one polygon"),
         ("POLYGON ((0 0, 5 inf, 5 5, 0 0))", "finite numbers|cannot be read"),
@@ -1153,7 +1153,7 @@ def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
     np.testing.assert_array_equal(solid, expected)
     with pytest.raises(ProblemError, match="name: must be given, one of room, bare"):
         walls_of(height=2.0)
-    with pytest.raises(ProblemError, match="border must say"):
+    with pytest.raises(ProblemError, match="border: must be given, as the file has no obs"):
         walls_of(name="bare", height=2.0)
     with pytest.raises(ProblemError, match="height: must be above 0 m"):
         walls_of(name="room", height=0.0)

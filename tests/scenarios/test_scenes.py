@@ -501,8 +501,8 @@ def test_what_cannot_be_loaded_is_said_in_one_line(
         ("geometry.json", '{"a": {"walkable": []}}', "is a ground plan in JSON, .* [[walls]]"),
         ("empty.json", " \n", "is empty"),
         ("empty.toml", "", "is empty"),
-        ("other.json", "[1]", "is JSON, but no scene: .* `cocap-opt export`"),
-        ("other.json", '{"x": 1}', "is JSON, but no scene"),
+        ("other.json", "[1]", "is JSON, but not a scene: .* `cocap-opt export`"),
+        ("other.json", '{"x": 1}', "is JSON, but not a scene"),
         (
             "people.sqlite",
             "SQLite format 3\0",

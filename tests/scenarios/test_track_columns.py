@@ -288,17 +288,21 @@ def test_a_row_of_units_that_contradicts_is_refused(
     [
         (
             "frame,trackId,x,y,width,height",
-            'header: width and height are those of a box, .* = ["frame", "id", "x", "y", "-", "-"]',
+            "header: width and height are the width and height of a box, .* = "
+            '["frame", "id", "x", "y", "-", "-"]',
         ),
-        ("frame,id,x,y,w,h", "header: w and h are those of a box"),
+        ("frame,id,x,y,w,h", "header: w and h are the width and height of a box"),
         ("frame,id,x [m],y [m],bb_width [m],bb_height [m]", "header: bb_width .* of a box"),
-        ("frame,id,bb_left,bb_top,bb_width,bb_height", "write where each person stands as x and y"),
-        ("frame,id,left,top,width,height", "write where each person stands as x and y"),
+        (
+            "frame,id,bb_left,bb_top,bb_width,bb_height",
+            "write the place where each person stands as x and y",
+        ),
+        ("frame,id,left,top,width,height", "write the place where each person stands as x and y"),
         ("frame,id,xmin,ymin,xmax,ymax", "xmin, ymin, xmax, ymax are edges of boxes"),
         (
             "frame,id,x,y,length,height",
-            "height: must be that of heads above the floor, 0.9..2.5 m, "
-            'not 0.62 m, its median: .* columns = ["frame", "id", "x", "y", "-", "-"]',
+            "height: must be the height of heads above the floor, 0.9..2.5 m, "
+            'but its median is 0.62 m: .* columns = ["frame", "id", "x", "y", "-", "-"]',
         ),
     ],
 )

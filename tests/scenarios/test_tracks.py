@@ -194,7 +194,11 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1;0;1,5;2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("1 0 1,5 2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("1\t0\t1,5\t2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
-        ("id,frame,x,y\n1,0,1,5,2,5\n", {}, "line 2: must have 4 values, not 6; are commas dec"),
+        (
+            "id,frame,x,y\n1,0,1,5,2,5\n",
+            {},
+            "line 2: must have 4 values, not 6; are the commas dec",
+        ),
         (
             "1 0 1 2\n\n1 1 nan 2\n",
             {},
@@ -218,7 +222,7 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
             "id,t,lat,lon\n1,0,-34.6,-58.4\n",
             {"fps": None},
             "latitude, longitude: need [earth] in the recipe to be converted to metres: "
-            'crs = "EPSG:32721", latitude = -34.6000 and longitude = -58.4000',
+            'set crs = "EPSG:32721", latitude = -34.6000 and longitude = -58.4000',
         ),
         (
             "id,time,x,y\n1,2026-05-01T10:00,1,1\n1,1,1,1\n",
@@ -230,8 +234,8 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
             {"fps": None},
             "fps: must be given, as the file does "
             "not state it: write fps = 25 (its frames per second) in [[tracks]]; the file has no "
-            "header, so that its columns are read as id, frame, x, y: columns = "
-            '["id", "time", "x", "y"]',
+            "header, so its columns are read as id, frame, x, y; if the second column contains "
+            'times, set columns = ["id", "time", "x", "y"]',
         ),
         ("id,t,x,y\n1,0,1,1\n", {}, "fps: must be left out"),
         (HEADED, {"columns": ("id", "x", "y")}, "line 2: must have 3 values, not 4"),
@@ -779,7 +783,7 @@ def test_databases_of_jupedsim_are_read(tmp_path: Path) -> None:
         ((TRAJECTORIES, PEOPLE.replace("(1, 7", "(0.5, 7"), METADATA, RATE),
          "trajectory_data, row 2, frame: must be a whole number"),
         ((TRAJECTORIES, PEOPLE.replace("(1, 7", "(0, 7"), METADATA, RATE),
-         "row 2: must not be a second row for id 7 at 0 s, which trajectory_data, row 1 has"),
+         "row 2: must not be a second row for id 7 at 0 s; the first is trajectory_data, row 1"),
         ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("10.0", "ten")), "fps: must be a number, n"),
         ((TRAJECTORIES, PEOPLE, METADATA, RATE.replace("'2'", "'3'")),
          r"metadata, version: must be 1\.\.2, .*, not 3; write its people as a table"),

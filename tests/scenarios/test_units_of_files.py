@@ -224,7 +224,7 @@ def test_a_projection_beside_a_grid_counts_by_any_name(beside: Beside, name: str
         read_raster(beside(**{name: utm(US_SURVEY)}))
     raster = read_raster(beside(**{name: utm(METRE)}))
     assert raster.crs == utm(METRE) and raster.values.max() == 20
-    with pytest.raises(ProblemError, match="is empty; without this file metres are taken"):
+    with pytest.raises(ProblemError, match="is empty; without this file, metres are assumed"):
         read_raster(beside(**{name: ""}))
 
 
@@ -358,13 +358,13 @@ def test_names_of_lengths(text: str, metres: float | None) -> None:
         (
             "dm",
             "cm",
-            "must be cm, as the field unit says, not dm; leave unit out to use the file's",
+            "must be cm, the value of the field unit, not dm; leave unit out to use the file's",
         ),
         ("  ", "cm", 0.01),
         (None, "us-ft", US_FOOT),
         (None, None, 1.0),
         ("us-ft", "m", 'heights: must be metres, not us-ft; set unit = "us-ft"'),
-        ("m", "ft", 'must be ft, as the field unit says, not m; set unit = "m"'),
+        ("m", "ft", 'must be ft, the value of the field unit, not m; set unit = "m"'),
         ("paces", None, "must be in m, cm, mm, ft, us-ft, or .* not in 'paces'; .* gdal_edit.py"),
         ("paces", "m", "not in 'paces'"),
     ],
