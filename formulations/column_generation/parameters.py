@@ -251,9 +251,9 @@ class EnvelopeParameters(Section):
     Attributes
     ----------
     few_states_left : states of all steps
-        largest number at which all states have prices; with more, lists close more in the same time
+        largest number at which all states have prices at once
     most_states_left : states of all steps
-        the same limit once lists have stalled; 400,000 states take 3 GB of memory
+        the same limit once lists have stalled; 400,000 take 3 GB
     most_states_of_few : states of all steps
         the same limit for few robots, whose searches take a tenth of a millisecond per state
     few_robots : robots
@@ -294,7 +294,7 @@ class EnvelopeParameters(Section):
     most_corrections : times
         most corrections of a bundle by joint states that only the exact search finds
     least_round : share
-        smallest share of the remaining gap that a round must close for another round to follow
+        smallest share of the remaining gap that a round must close to be followed by another
     wide : times the first slack
         slack from which lists are wide; their rounds take as long as trials for higher targets,
         which close more

@@ -234,7 +234,7 @@ def test_the_published_layout_is_read(planner: str) -> None:
     rewards = FORMATS["hughes"].rewards_between_cells(solution, problem)
     if planner == "formation":
         assert rewards == pytest.approx(theirs, rel=1e-12)
-        with pytest.raises(FileError, match="between the cells"):
+        with pytest.raises(FileError, match="between cells"):
             read_foreign_plan(solution, problem)
         return
     assert rewards is None
