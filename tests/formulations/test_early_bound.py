@@ -185,4 +185,4 @@ def test_planners_use_the_coverage_that_is_there(
     assert result.plan is not None and not result.plan.stays
     assert result.value == pytest.approx(check(problem, result.plan).reward, rel=1e-9)
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
-    assert f"for {part.covered_steps} of 12 steps" in result.message
+    assert f"for only {part.covered_steps} of 12 steps" in result.message
