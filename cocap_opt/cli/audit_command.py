@@ -127,8 +127,12 @@ def _audit(
 
 def _is_open(audit: Audit) -> bool:
     """Returns True if something is undecided: it is too close to a limit, or time ran out."""
-    coverage = audit.coverage
-    return bool(audit.unsure or (coverage and (coverage.undecided or coverage.left)))
+    return _has_close_calls(audit) or bool(audit.coverage and audit.coverage.left)
+
+
+def _has_close_calls(audit: Audit) -> bool:
+    """Returns True if something is too close to a limit to be decided."""
+    return bool(audit.unsure or (audit.coverage and audit.coverage.undecided))
 
 
 def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> Iterator[str]:
@@ -184,7 +188,7 @@ def _told(audit: Audit) -> Record:
         }
     found["agrees"] = not audit.differences and not (coverage and coverage.differences)
     words = ["coverage was left out"] if coverage is None else []
-    if audit.unsure or (coverage and coverage.undecided):
+    if _has_close_calls(audit):
         words.append("undecided numbers may be right or wrong")
     if words:
         found["message"] = "; ".join(words)

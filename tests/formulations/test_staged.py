@@ -1043,7 +1043,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
         if prices is not None:
             bound = sum(self.constants.values()) + self.rest
             bound += self.best_paths(prices, self.constants)[0]
-            assert bound == pytest.approx(self._best, rel=1e-12)
+            assert bound == pytest.approx(self.best, rel=1e-12)
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
         return prices
 

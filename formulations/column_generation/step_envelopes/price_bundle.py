@@ -94,6 +94,7 @@ class PriceBundle:
     joints : the joint states of each step
     centre : [n] the initial prices of all their states, step by step
     rest : the part of the bound besides the steps' constants and the paths
+    best : the bound that the best prices prove, as far as local search can tell
     constants : the constants intended for the best prices, by step; with short lists, lower
         constants prove less, since they raise the prices of unlisted states
     """
@@ -139,7 +140,7 @@ class PriceBundle:
                     self._starts[number, 0, int(starts[0])] += len(robots)
                 else:
                     self._start_sets[number, k] = set(starts.tolist()), len(robots)
-        self._best, self._prices = np.inf, self.centre
+        self.best, self._prices = np.inf, self.centre
         self.constants: Mapping[int, float] = {}
         self.flow: dict[Arc, float] = {}
         self._weight = self._parameters.first_weight / max(float(np.abs(self.centre).mean()), 1e-9)
@@ -150,11 +151,6 @@ class PriceBundle:
     def span(self, t: int) -> slice:
         """Returns the positions of a step's prices."""
         return self._spans[t]
-
-    @property
-    def best(self) -> float:
-        """The bound that the best prices so far prove, as far as local search can tell."""
-        return self._best
 
     @property
     def has_lists(self) -> bool:
@@ -192,24 +188,24 @@ class PriceBundle:
                 for (tail, head), amount in zip(arcs, solved.flow.tolist(), strict=True)
             }
             value, constants, new = self._judged(solved)
-            promised = self._best - solved.value - self.rest
-            gained = self._best - value
+            promised = self.best - solved.value - self.rest
+            gained = self.best - value
             if gained > CLEARLY * abs(value) and (
                 promised == np.inf or gained >= self._parameters.serious * promised
             ):
                 self._weight /= (
                     3 if promised < np.inf and gained > self._parameters.good * promised else 1
                 )
-                self._best, self._prices = value, solved.prices
+                self.best, self._prices = value, solved.prices
                 self.constants = constants
             elif gained < -promised or iteration % 4 == 3:
                 self._weight *= 1.5
-            if not new or self._best - cutoff() < least_gain:
+            if not new or self.best - cutoff() < least_gain:
                 break
-            if self._best - solved.value - self.rest < least_gain:
+            if self.best - solved.value - self.rest < least_gain:
                 break
             report()
-        return self._prices if self._best < self._narrowing.bound - least_gain else None
+        return self._prices if self.best < self._narrowing.bound - least_gain else None
 
     def _solved_master(self, arcs: _Gains, heights: Sequence[_Height]) -> _StepSolution:
         """Returns the solution of a master problem centred at the best prices so far.
@@ -331,7 +327,7 @@ class PriceBundle:
         """Records the bound that the latest prices prove, if the estimate by local search was
         lower.
         """
-        self._best = max(value, self._best)
+        self.best = max(value, self.best)
 
     def _judged(self, solved: _StepSolution) -> tuple[float, dict[int, float], int]:
         """Returns the bound that prices prove according to local search, and its findings.
