@@ -7,15 +7,20 @@ For staged files, the searches have to be trusted, too. After the lower storey
    of a step.
 2. `conflicts`, `joint_states`, `relaxation`, `search`: the search for the most profitable joint
    state of a step.
-3. `joint_paths`: the final exploration of the remaining joint paths of all robots.
+3. `team_moves`, `joint_paths`, `middle_paths`: the final exploration of the remaining joint paths
+   of all robots, from the start or from a step in the middle.
 4. `stages`: the effect of a file's stages, in order, and the checks of its numbers.
 5. `search_kernel` (with `relaxation_kernel`, `kernel_arrays`) is a faster version of the searches
-   of `search` and `joint_paths`; tests compare their results. `compiled_search` compiles it with
+   of `search` and `team_moves`; tests compare their results. `compiled_search` compiles it with
    numba. Plain verification needs neither.
 """
 
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
+from cocap_opt.formulations.certificates.staged.middle_paths import (
+    best_plan_through,
+    may_begin_later,
+)
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.formulations.certificates.staged.stages import price_staged
@@ -25,7 +30,9 @@ __all__ = [
     "Narrowing",
     "NotEndedError",
     "best_plan",
+    "best_plan_through",
     "may_be_used",
+    "may_begin_later",
     "most_profitable",
     "price_staged",
 ]

@@ -213,6 +213,11 @@ class Narrowing:
         return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
 
     @property
+    def worth(self) -> float:
+        """The sum of the values of all robots' best paths, in units of J."""
+        return self._sweeps.worth
+
+    @property
     def rounding(self) -> float:
         """The largest effect of rounding on B, in units of J."""
         return self._rounding(float(np.abs(self.constants).sum()))
@@ -414,6 +419,15 @@ class Narrowing:
         limit = self.ceiling_of(constant + self._rounding(abs(constant)), np.concatenate(slack))
         floor = float(self._closing.floors[t])
         return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
+
+    def counting(self, t: int) -> JointStates:
+        """Returns the remaining joint states of a step with their charges as prices, to collect
+        those that count: a joint state counts if its profit reaches the floor.
+        """
+        joint = self.joint_states(t)
+        more = joint.charge - joint.price
+        limits = [self.ceiling_of(profit, raised + more) for profit, raised in joint.ceilings]
+        return replace(joint, price=joint.charge, ceilings=(), limits=(*limits, *joint.limits))
 
     def ceiling(self, t: int) -> float:
         """Returns the ceiling that the current constant of a step sets for later prices."""

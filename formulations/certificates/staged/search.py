@@ -87,6 +87,9 @@ def all_that_count(
     """Returns the positions of all joint states that count, and the number of nodes of the plain
     search.
 
+    The prices of the joint states must be their charges, without ceilings: then a joint state
+    counts if its profit reaches the floor.
+
     Raises
     ------
     NotEndedError
@@ -94,7 +97,7 @@ def all_that_count(
     LimitReached
         If a limit is reached.
     """
-    search = _PlainSearch(joint, -np.inf, most_nodes, collects=True)
+    search = _PlainSearch(joint, joint.floor - joint.margin, most_nodes, collects=True)
     search.run(stop)
     return search.found, search.nodes
 
@@ -221,7 +224,7 @@ class _PlainSearch:
             return
         counts = tuple(n - (c == robot_class) for c, n in enumerate(node.counts))
         found = self._children(node, robot_class)
-        if found.of_class and not self._collects and sum(node.counts) >= ROBOTS:
+        if found.of_class and sum(node.counts) >= ROBOTS:
             node, found = self._relaxed(node, found)
         for k in range(found.of_class):
             # Later robots of this class take no state before this one.

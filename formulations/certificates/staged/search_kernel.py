@@ -274,9 +274,8 @@ def _end_with_two(data: Inputs, memory: Memory, depth: int, best: float, floor: 
 
 @partial(compiled, forceinline=True)
 def _advance(
-    data: Inputs, memory: Memory, relaxed: Relaxed, is_relaxed: bool, best: float,
-    floor: float, nodes: int,
-) -> float:  # fmt: skip
+    data: Inputs, memory: Memory, relaxed: Relaxed, best: float, floor: float, nodes: int
+) -> float:
     """Continues a search for a number of nodes; returns the largest profit so far."""
     depth, last_two = memory.progress[DEPTH], len(data.classes) - 2
     if last_two < 0 or data.classes[-2] != data.classes[-1] or len(memory.collected):
@@ -293,7 +292,7 @@ def _advance(
             _keep_within_bounds(data, memory, depth, best, floor)
             _gain(data, memory, relaxed, depth)
             _keep_high(data, memory, depth, best, floor)
-            if is_relaxed and memory.numbers[depth, 1] and len(data.classes) - depth >= ROBOTS:
+            if memory.numbers[depth, 1] and len(data.classes) - depth >= ROBOTS:
                 relax(data, memory, relaxed, depth, best, floor)
             _begin_with_highest(memory, depth)
             if depth == last_two:
@@ -347,7 +346,8 @@ def _follow(
             _begin_with_choices(memory, choices, tail)
         before = memory.progress[FOUND]
         nodes_left = nodes - memory.progress[NODES]
-        _advance(data, memory, relaxed, False, -np.inf, choices.floors[tail], nodes_left)
+        floor = choices.floors[tail]
+        _advance(data, memory, relaxed, floor, floor, nodes_left)
         for k in range(before, memory.progress[FOUND]):
             tails[k] = tail
         if not memory.progress[IS_DONE]:
@@ -419,7 +419,7 @@ class CompiledSearch:
     def advance(self, nodes: int) -> bool:
         """Continues for a number of nodes; returns True if the search has ended."""
         arrays = self.data, self.memory, self.relaxed
-        self.best = float(_advance(*arrays, True, self.best, self.floor, nodes))
+        self.best = float(_advance(*arrays, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
 
     def follow(

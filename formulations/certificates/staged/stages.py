@@ -2,7 +2,7 @@
 
 A stage replaces prices and constants, and then closes states (see the inequalities in `narrowing`).
 At the end, the remaining joint paths of all robots may be explored (`joint_paths`): those of plans
-above the target, or above a higher value.
+above the target, or above a higher value; in whole, or from a later step on.
 """
 
 from collections.abc import Callable
@@ -17,8 +17,15 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import Visit
-from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
+from cocap_opt.formulations.certificates.staged.joint_paths import (
+    best_plan,
+    may_be_used,
+)
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
+from cocap_opt.formulations.certificates.staged.middle_paths import (
+    best_plan_through,
+    may_begin_later,
+)
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.model import Model
@@ -61,6 +68,8 @@ def price_staged(
         narrowing = searches.after(stage, narrowing, f"certificate.stages[{n}]")
     nodes = MOST_NODES - searches.nodes_left
     if certificate.paths_above is None:
+        if certificate.paths_from is not None:
+            raise CertificateError("certificate.paths_from: not allowed without paths_above")
         return narrowing.pricing._replace(nodes=nodes)
     if not may_be_used(model):
         raise CertificateError(
@@ -68,8 +77,16 @@ def price_staged(
             "count at step 1"
         )
     higher = narrowing.above(certificate.paths_above)
+    first, last = certificate.paths_from, model.problem.horizon
+    if first is not None and not may_begin_later(model):
+        raise CertificateError("certificate.paths_from: not allowed if starts are free")
+    if first is not None and not 1 <= first <= last:
+        raise CertificateError(f"certificate.paths_from: must be 1..{last}, not {first}")
     try:
-        best = best_plan(higher, searches.nodes_left, stop, plain)
+        if first is None:
+            best = best_plan(higher, searches.nodes_left, stop, plain)
+        else:
+            best = best_plan_through(higher, first, searches.nodes_left, stop, plain)
         return best.pricing._replace(nodes=nodes + best.nodes)
     except NotEndedError as error:
         raise UnfinishedError(
