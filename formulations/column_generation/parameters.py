@@ -427,6 +427,15 @@ class TrialParameters(Section):
         largest trial for a higher target
     first_times : times `fewest_nodes`
         largest size of the first trial for a higher target
+    probed_less : share
+        reduction of the target for which the step at which paths begin is chosen
+    probed_share : share
+        largest size of a search for that step, relative to the trial that follows
+    most_probed : steps
+        number of steps that are tried at first; then those next to the best are
+    least_probed : share
+        if the smallest of these searches is smaller than this, relative to the trial that follows,
+        a lower target is tried
     """
 
     fewest_nodes: int = 100_000
@@ -439,6 +448,10 @@ class TrialParameters(Section):
     aimed_times: float = 4.0
     next_times: int = 8
     most_nodes: int = 300_000_000
+    probed_less: Share = 0.1
+    probed_share: Share = 0.05
+    most_probed: int = 20
+    least_probed: Share = 0.005
     first_times: int = 10
 
 

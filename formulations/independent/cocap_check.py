@@ -68,7 +68,7 @@ DAMAGED = (
 MOST_CORNERS = 1_000_000  # limit on corners of a cut that are examined
 # limit on branches of the searches of a file; tries of prices at a branch
 MOST_BRANCHES, TRIES = 1_000_000, 40
-MOST_FOUND = 500_000  # limit on the ways that a search keeps, of some hundred bytes each
+MOST_FOUND = 1_000_000  # limit on the ways that a search keeps, of some hundred bytes each
 
 Number = int | Fraction
 Ints = tuple[int, ...]
@@ -77,6 +77,11 @@ Spec = dict[str, Any]  # an object of a JSON file
 Flown = tuple[Ints, Ints, list[Fraction], list[Fraction]]
 Decisions = tuple[tuple[Spec, int, int], ...]  # resource, 1 for "at most" or -1 for "at least", n
 Gains = dict[int, list[tuple[int, int, int, float, float]]]  # the views of each state
+Condition = tuple[int, bool, list[int]]  # constant, whether worth is added, payments of states
+# What other steps add, and what they add for the state of a drone.
+Rest = tuple[int, Callable[[int, Ints], int]]
+# Joint states with their values, and, for each of those before, what the joint states add.
+Reached = tuple[dict[Any, int], dict[Any, dict[Any, int]]]
 # Charges of a class's drones for places, moves and states at a step; None: closed.
 Charged = tuple[dict[Ints, int | None], dict[Ints, int | None], dict[Ints, int | None]]
 
@@ -1023,7 +1028,7 @@ class Search:
         self.tries = 0  # tries of prices at a branch; 0 if all placements are to be found
 
     def run(
-        self, conditions: list[tuple[int, bool, list[int]]], left: int, tries: int = 0,
+        self, conditions: list[Condition], left: int, tries: int = 0,
         among: list[int] | None = None,
     ) -> int:  # fmt: skip
         """Finds all placements that meet the conditions; returns how many of the allowed branches
@@ -1292,13 +1297,14 @@ class Staged:
 
     A stage sets new prices and constants: a search shows that no joint state of remaining states
     that is free of conflicts and obeys (*) has more than K_t. At the end, all remaining joint
-    states may be explored, step by step, above a higher target.
+    states may be explored, step by step, above a higher target: from the start, or from a step in
+    the middle on to the end and then back to the start.
     """
 
     def __init__(self, bound: Bound, numbers: Spec, budget: int) -> None:
         self.bound, self.instance, self.left = bound, bound.instance, budget
         i, horizon = self.instance, self.instance.horizon
-        only(numbers, {"multipliers", "target", "stages", "paths_above"})
+        only(numbers, {"multipliers", "target", "stages", "paths_above", "paths_from"})
         require(i.rows > 1, "staged: not allowed if pixels add up over time")
         bound.take(numbers["multipliers"])
         self.target = up(number_of(numbers["target"], "target: "))
@@ -1327,9 +1333,10 @@ class Staged:
             with within(f"stages[{number}]"):
                 self._stage(stage)
         self.value = max(self.target, self.total)
-        above = numbers.get("paths_above")
+        above, middle = numbers.get("paths_above"), numbers.get("paths_from")
+        require(above is not None or middle is None, "paths_from: not allowed without paths_above")
         if above is not None:
-            self._explore(up(number_of(above, "paths_above: ")))
+            self._explore(up(number_of(above, "paths_above: ")), middle)
 
     # -- closing ----------------------------------------------------------------------------
 
@@ -1465,17 +1472,11 @@ class Staged:
         """Returns a constant that no joint state exceeds: the claim, or a larger one if the claim
         is too low.
         """
-        states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
-        search = self._search(t, states, [len(drones) for drones in self.bound.members])
-        constant, prices = self.closed[t]
+        states, search, obeyed = self._counting(t)
         now = [self.prices[k][t][s] for k, s in states]
-        slack = [self.slack[k][t][s] for k, s in states]
-        before = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
-        # Joint states above the claim that obey (*), and that slacks and earlier constants alone do
-        # not rule out.
-        conditions = [
-            (-claim, True, now), (self.room - constant, True, before), (self.room, False, slack),
-        ]  # fmt: skip
+        # Joint states above the claim that obey (*), and that earlier constants alone do not rule
+        # out.
+        conditions = [(-claim, True, now), *obeyed]
         for high, paid in self.earlier[t]:
             raised = [price - paid[k][s] for (k, s), price in zip(states, now, strict=True)]
             conditions.append((high - claim, False, raised))
@@ -1483,6 +1484,17 @@ class Staged:
         for found in search.found:
             claim = max(claim, search.worth(found) - sum(now[x] for x in found))
         return claim
+
+    def _counting(self, t: int) -> tuple[list[tuple[int, Ints]], Search, list[Condition]]:
+        """Returns the states of a step, class by class, a search over them, and the conditions that
+        joint states obey (*), and that slacks alone do not rule them out.
+        """
+        states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
+        search = self._search(t, states, [len(drones) for drones in self.bound.members])
+        constant, prices = self.closed[t]
+        slack = [self.slack[k][t][s] for k, s in states]
+        paid = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
+        return states, search, [(self.room - constant, True, paid), (self.room, False, slack)]
 
     def _search(
         self, t: int, states: list[tuple[int, Ints]], counts: list[int], of: list[int] | None = None
@@ -1512,13 +1524,11 @@ class Staged:
 
     # -- paths ------------------------------------------------------------------------------
 
-    def _explore(self, above: int) -> None:
+    def _explore(self, above: int, middle: Any) -> None:
         """Explores all remaining plans above a target, from joint state to joint state.
 
         A plan that has collected F up to step t is worth at most the sum of F, the later constants
-        and rows, and the value that each drone's state can still bring at the current prices. If
-        starts are free and nothing is seen from them, the joint states of step 1 come first, and
-        then any starts that lead to them.
+        and rows, and the value that each drone's state can still bring at the current prices.
         """
         i = self.instance
         require(above >= self.target, "paths_above: must not be below the target")
@@ -1531,55 +1541,161 @@ class Staged:
             {s: 0 for s in i.starts[drone] if s in self.to_go[number][0]}
             for number, drone in zip(of, drones, strict=True)
         ]
+        if middle is None:
+            best = self._explore_onward(of, above, starts)
+        else:
+            ok = 1 <= whole(middle, "paths_from: ") <= i.horizon
+            require(ok, "paths_from: must be a step after the start")
+            ok = all(len(i.starts[drone]) == 1 for drone in drones)
+            require(ok, "paths_from: not allowed if starts are free")
+            best = self._explore_from(middle, of, above, starts) if all(starts) else above
+        self.value = min(self.value, max(above, min(before, best)))
+
+    def _explore_onward(self, of: list[int], above: int, starts: list[dict[Ints, int]]) -> int:
+        """Returns the largest value of a plan above the target, or the target.
+
+        If starts are free and nothing is seen from them, the joint states of step 1 come first, and
+        then any starts that lead to them.
+        """
         seen = any(not t and views for sees in self.bound.views for (t, *_), views in sees.items())
         first = int(not seen and any(len(states) > 1 for states in starts))
+        choices = starts
         if first:
-            heads = [
+            choices = [
                 {head: 0 for s in states for head in self.moves[number][0].get(s, {})}
                 for number, states in zip(of, starts, strict=True)
             ]
-            reached = self._step(1, of, above, {(): (0, heads)}, starts)
-        else:
-            reached = self._step(0, of, above, {(): (0, starts)})
-        for t in range(first + 1, i.horizon + 1):
-            ways = {
-                team: (
-                    value,
-                    [
-                        self.moves[number][t - 1].get(s, {})
-                        for number, s in zip(of, team, strict=True)
-                    ],
-                )
-                for team, value in reached.items()
+        reached, _ = self._step(
+            first, of, above, {(): (0, choices)}, self._later(first, of),
+            lambda _, team: not first or self._has_start(of, starts, team),
+        )  # fmt: skip
+        for t in range(first + 1, self.instance.horizon + 1):
+            reached, _ = self._onward(t, of, above, reached)
+        return max(reached.values(), default=above)
+
+    def _explore_from(
+        self, middle: int, of: list[int], above: int, starts: list[dict[Ints, int]]
+    ) -> int:
+        """Returns the largest value of a plan above the target, or the target.
+
+        First come the joint states of the middle step that obey (*). The way to each of them is
+        worth at most the earlier constants and rows, and the best paths to its states. From there
+        on joint states are explored to the end. Then it is known what each brings, and those that
+        reach the end above the target are explored back to the start.
+        """
+        rest, brought = self._sooner(middle, of)
+        worth = self._obeying(middle)
+        reached = most = {
+            team: gain + rest + sum(brought(robot, s) for robot, s in enumerate(team))
+            for team, gain in worth.items()
+        }
+        moves = []
+        for t in range(middle + 1, self.instance.horizon + 1):
+            reached, links = self._onward(t, of, above, reached)
+            moves.append(links)
+        gains = dict.fromkeys(reached, 0)  # what a joint state brings later
+        for links in reversed(moves):
+            onward = {
+                team: [gain + gains[head] for head, gain in heads.items() if head in gains]
+                for team, heads in links.items()
             }
-            reached = self._step(t, of, above, ways)
-        best = max(reached.values(), default=above)
-        self.value = min(self.value, max(above, min(before, best)))
+            gains = {team: max(values) for team, values in onward.items() if values}
+        reached = {
+            team: worth[team] + gain for team, gain in gains.items() if most[team] + gain > above
+        }
+        for t in range(middle - 1, -1, -1):
+            reached = self._back(t, of, above, reached)
+        begun = sorted(zip(of, (s for states in starts for s in states), strict=True))
+        return reached.get(tuple(s for _, s in begun), above)
+
+    def _obeying(self, t: int) -> dict[Any, int]:
+        """Returns the joint states of a step that obey (*), and their worth."""
+        states, search, conditions = self._counting(t)
+        space, _, paid = conditions[0]
+        for high, prices in self.earlier[t]:
+            raised = [pay - prices[k][s] for (k, s), pay in zip(states, paid, strict=True)]
+            conditions.append((high + space, False, raised))
+        self.left = search.run(conditions, self.left, TRIES)
+        return {
+            tuple(s for _, s in sorted(states[x] for x in found)): search.worth(found)
+            for found in search.found
+        }
+
+    def _onward(self, t: int, of: list[int], above: int, before: dict[Any, int]) -> Reached:
+        """Returns the joint states of a step that are reached from those of the step before."""
+        ways = {
+            team: (
+                value,
+                [self.moves[number][t - 1].get(s, {}) for number, s in zip(of, team, strict=True)],
+            )
+            for team, value in before.items()
+        }
+        return self._step(
+            t, of, above, ways, self._later(t, of),
+            lambda tails, heads: not self._is_forbidden(of, tails, heads),
+        )  # fmt: skip
+
+    def _back(self, t: int, of: list[int], above: int, later: dict[Any, int]) -> dict[Any, int]:
+        """Returns the joint states of a step that lead to those of the next step."""
+        tails: list[dict[Ints, dict[Ints, int]]] = []
+        for moves in self.moves:
+            tails.append({})
+            for tail, heads in moves[t].items():
+                for head in heads:
+                    tails[-1].setdefault(head, {})[tail] = 0
+        ways = {
+            team: (value, [tails[number].get(s, {}) for number, s in zip(of, team, strict=True)])
+            for team, value in later.items()
+        }
+        return self._step(
+            t, of, above, ways, self._sooner(t, of),
+            lambda heads, tails: not self._is_forbidden(of, tails, heads),
+        )[0]  # fmt: skip
+
+    def _later(self, t: int, of: list[int]) -> Rest:
+        """Returns what later constants and rows add, and what a drone's state brings later."""
+
+        def brings(robot: int, s: Ints) -> int:
+            return self.to_go[of[robot]][t][s] - self.prices[of[robot]][t][s]
+
+        return sum(self.constants[t + 1 :]) + self._rows_from(t), brings
+
+    def _sooner(self, t: int, of: list[int]) -> Rest:
+        """Returns what earlier constants and rows and all best paths add, and what a drone's way to
+        a state brings, less its best path.
+        """
+
+        def brought(robot: int, s: Ints) -> int:
+            return -self.slack[of[robot]][t][s] - self.to_go[of[robot]][t][s]
+
+        return self.total - sum(self.constants[t:]) - self._rows_from(t), brought
+
+    def _rows_from(self, t: int) -> int:
+        """Returns the sum of the multipliers of the rows of a step and of later ones."""
+        return sum(value for step, value in self.bound.row_constants if step >= t)
 
     def _step(
-        self, t: int, of: list[int], above: int, ways: dict[Any, Any],
-        starts: list[dict[Ints, int]] | None = None,
-    ) -> dict[Any, int]:  # fmt: skip
-        """Returns the joint states that are reached at a step, each with the largest value of a way
-        to it.
+        self, t: int, of: list[int], above: int, ways: dict[Any, Any], other: Rest,
+        may_move: Callable[[Any, Any], bool],
+    ) -> Reached:  # fmt: skip
+        """Returns the joint states of a step that are reached, each with the largest value of a way
+        to it; and, for each joint state that leads to them, what they add.
 
-        If `starts` are given, the step is 1, and only joint states that some starts lead to are
-        returned.
+        Parameters
+        ----------
+        ways : for each joint state, its value, and the states to which each drone can move
+        other : what the steps add that are not explored yet
+        may_move : called with a joint state and one to which it leads
         """
         reached: dict[Any, int] = {}
-        rest = sum(self.constants[t + 1 :]) + sum(
-            v for step, v in self.bound.row_constants if step >= t
-        )
+        links: dict[Any, dict[Any, int]] = {}
+        rest, adds = other
         states = [(robot, s) for robot, number in enumerate(of) for s in self.to_go[number][t]]
         at = {key: x for x, key in enumerate(states)}
         search = self._search(t, states, [1] * len(of), of)
+        away = [-adds(robot, s) for robot, s in states]
         prices = [self.prices[of[robot]][t][s] for robot, s in states]
-        later = [
-            self.to_go[of[robot]][t][s] - price
-            for (robot, s), price in zip(states, prices, strict=True)
-        ]
-        away = [-v for v in later]
-        limit = [-v - price for v, price in zip(later, prices, strict=True)]
+        limit = [pay - price for pay, price in zip(away, prices, strict=True)]
         for team, (value, moves) in ways.items():
             among = [
                 at[robot, s]
@@ -1596,17 +1712,15 @@ class Staged:
             )
             for found in search.found:
                 heads = tuple(states[x][1] for x in found)
-                if starts is not None:
-                    if not self._has_start(of, starts, heads):
-                        continue
-                elif t and self._is_forbidden(of, team, heads):
+                if not may_move(team, heads):
                     continue
-                worth = value + search.worth(found)
+                gain = search.worth(found)
                 # Drones of one class may be exchanged.
                 order = sorted(zip(of, heads, strict=True))
                 key = tuple(s for _, s in order)
-                reached[key] = max(worth, reached.get(key, worth))
-        return reached
+                reached[key] = max(value + gain, reached.get(key, value + gain))
+                links.setdefault(team, {})[key] = gain
+        return reached, links
 
     def _has_start(
         self, of: list[int], starts: list[dict[Ints, int]], heads: Any, before: Any = ()

@@ -28,7 +28,7 @@ from cocap_opt.formulations.certificates.staged.team_moves import (
     Reached,
     Team,
 )
-from cocap_opt.model import Model, Path
+from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 
@@ -37,8 +37,7 @@ def best_plan_through(
 ) -> BestPlan:
     """Returns the best plan above the target among the remaining joint states.
 
-    The result is that of `best_plan`; only the number of nodes differs. If starts are distinguished
-    by no rule, the value may be above that of any plan; there are no paths then.
+    The result is that of `best_plan`; only the number of nodes differs.
 
     Parameters
     ----------
@@ -69,10 +68,16 @@ def best_plan_through(
         back.append(team.best(_few(team, team.moves_before(t, back[-1], following, stop))))
     nodes = most_nodes - following.nodes_left
     numbers = tuple(len(step.values) for step in (*back[::-1], *onward.steps[1:]))
-    if not (back[-1].values > team.matters).any():
+    starts = _starts(narrowing.model)
+    begins = (team.in_order(back[-1].placed) == team.in_order(starts)).all(axis=1)
+    able = np.flatnonzero(begins & (back[-1].values > team.matters))
+    if not len(able):
         return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
-    paths = _paths(narrowing.model, team, back, onward, gains)
-    return BestPlan(narrowing, float(back[-1].values[0]), paths, nodes, numbers)
+    best = int(able[0])  # the best comes first
+    along = _along(team, best, back, onward, gains)
+    robots = _matched(team.numbers, starts[0], along[0])
+    paths = tuple(tuple(path) for path in along[:, robots].T.tolist())
+    return BestPlan(narrowing, float(back[-1].values[best]), paths, nodes, numbers)
 
 
 def may_begin_later(model: Model) -> bool:
@@ -139,11 +144,22 @@ class _Onward:
         return gains[::-1]
 
 
-def _paths(
-    model: Model, team: Team, back: list[Reached], onward: _Onward, gains: list[FloatArray]
-) -> tuple[Path, ...]:
-    """Returns the paths of all robots along the best way; empty if no robots have these starts."""
-    along, number = [], 0
+def _starts(model: Model) -> IntArray:
+    """Returns the only start of each robot [1, R]."""
+    return np.array([[int(model.starts(k)[0]) for k in range(len(model.problem.robots))]])
+
+
+def _along(
+    team: Team, number: int, back: list[Reached], onward: _Onward, gains: list[FloatArray]
+) -> IntArray:
+    """Returns the states [T+1, R] along the best way, in the order of robots at step 0.
+
+    Parameters
+    ----------
+    number : number of the joint state at step 0
+    back : joint states of the steps from the middle to step 0
+    """
+    along = []
     for step in back[::-1]:
         along.append(step.placed[number])
         number = int(step.before[number])
@@ -154,11 +170,7 @@ def _paths(
         along.append(moves.placed[which][order])
         number = int(moves.heads[which])
         order = _matched(team.numbers, moves.placed[which], step.placed[number])[order]
-    starts = np.array([model.starts(robot)[0] for robot in range(len(team.numbers))])
-    if (team.in_order(starts[None]) != team.in_order(along[0][None])).any():
-        return ()
-    robots = _matched(team.numbers, starts, along[0])
-    return tuple(tuple(path) for path in np.array(along)[:, robots].T.tolist())
+    return np.array(along)
 
 
 def _matched(numbers: IntArray, placed: IntArray, other: IntArray) -> IntArray:

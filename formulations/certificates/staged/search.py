@@ -34,7 +34,7 @@ PLAIN_NODES = 300  # nodes after which the compiled search takes over, if it is 
 _LARGE, _FEW_NODES = 5, 30
 # Limit on collected joint states per search: each would be followed by as many at the next step, so
 # a search that exceeds it would not end soon.
-MOST_FOUND = 200_000
+MOST_FOUND = 1_000_000
 AT_ONCE = 20_000  # nodes of the compiled search between two checks of the stopping criterion
 
 
