@@ -20,20 +20,21 @@ from damaged_files import document
 from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from random_certificates import random_staged
 from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS
-from cocap_opt.formulations.certificates import CertificateFile
-from cocap_opt.formulations.certificates.staged import price_staged
+from cocap_opt.formulations.certificates import CertificateFile, Staged
+from cocap_opt.formulations.certificates.staged import may_begin_later, price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import searchless
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.formulations.independent.cocap_check import ONE, Instance, Refused
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem, State
+from cocap_opt.problem import COVERAGE_VERSION, Objective, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene
@@ -120,6 +121,17 @@ def test_proofs_without_a_search(folder: Path, problem: Problem) -> None:
         assert best - 1e-12 * abs(best) <= bound / ONE <= result.certificate.proved
 
 
+def staged_bound(problem: Problem, staged: Staged, bound: float, folder: Path) -> float:
+    """What the checker finds that a staged certificate proves."""
+    file = CertificateFile(
+        scene=problem.name, digest=problem_digest(problem), method="test", classes="alike",
+        coverage_version=COVERAGE_VERSION, bound=max(bound, 0.0), certificate=staged,
+    )  # fmt: skip
+    found, is_part = cocap_check.bound_of_file(instance(problem), document(file, folder))
+    assert found is not None and not is_part
+    return found / ONE
+
+
 @examples(60)
 @given(problems, st.integers(0, 10**9))
 def test_staged_certificates(folder: Path, problem: Problem, seed: int) -> None:
@@ -131,15 +143,31 @@ def test_staged_certificates(folder: Path, problem: Problem, seed: int) -> None:
     target = float(rng.choice([value * 0.999 - 1e-3, value, rng.uniform(0, 1.2) * value, -1.0]))
     staged = random_staged(model, target, rng)
     pricing = price_staged(model, staged)
-    file = CertificateFile(
-        scene=problem.name, digest=problem_digest(problem), method="test", classes="alike",
-        coverage_version=COVERAGE_VERSION, bound=max(pricing.bound, 0.0), certificate=staged,
-    )  # fmt: skip
-    bound, is_part = cocap_check.bound_of_file(instance(problem), document(file, folder))
-    assert not is_part
-    assert bound is not None
-    assert bound / ONE >= max(target, best) - 1e-12 * abs(best)
-    assert bound / ONE <= pricing.bound + 1e-9 * (1 + abs(pricing.bound))
+    bound = staged_bound(problem, staged, pricing.bound, folder)
+    assert bound >= max(target, best) - 1e-12 * abs(best)
+    assert bound <= pricing.bound + 1e-9 * (1 + abs(pricing.bound))
+
+
+@examples(20)
+@given(st.one_of(either(drawn_problems()), drawn_meetings(3)), st.integers(0, 10**9))
+def test_paths_from_any_step_prove_what_whole_paths_prove(
+    folder: Path, problem: Problem, seed: int
+) -> None:
+    """The best plan above the target, wherever the exploration begins; `verify` agrees."""
+    objective = Objective(pixels=problem.objective.pixels, views=problem.objective.views)
+    problem = problem.replace(objective=objective)
+    rng, best = np.random.default_rng(seed), optimum(problem).value
+    model = compiled(problem)
+    assume(np.isfinite(best) and may_begin_later(model))
+    target = best - float(rng.choice([0.0, 0.1])) * (1 + abs(best))
+    staged = random_staged(model, target, rng)
+    whole = replace(staged, paths_above=staged.target, paths_from=None)
+    expected = staged_bound(problem, whole, best, folder)
+    for middle in range(1, problem.horizon + 1):
+        part = replace(whole, paths_from=middle)
+        bound = staged_bound(problem, part, best, folder)
+        assert bound == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert bound <= price_staged(model, part).bound + 1e-9 * (1 + abs(best))
 
 
 @pytest.mark.slow

@@ -903,6 +903,9 @@ def test_staged_files_are_read_back_and_verified(counted: bool) -> None:
         ({"stages": 1, "constants": []}, "a step has payments but no constant"),
         ({"paths_above": -1e9}, "paths_above: must be finite, and not below"),
         ({"paths_above": math.nan}, "paths_above: must be finite, and not below"),
+        ({"paths_from": 0}, r"paths_from: must be 1\.\."),
+        ({"paths_from": 99}, r"paths_from: must be 1\.\."),
+        ({"paths_from": 1, "paths_above": None}, "paths_from: not allowed without paths_above"),
     ],
 )
 def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> None:

@@ -19,7 +19,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPrices
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
-from cocap_opt.formulations.certificates.staged import Narrowing, may_be_used
+from cocap_opt.formulations.certificates.staged import Narrowing, may_be_used, may_begin_later
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Problem
 
@@ -221,4 +221,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
         stages.append(Stage(random_prices(model, rng) if k else (), constants))
     higher = target + float(rng.choice([0.0, 0.0, 0.05, 0.5])) * abs(target)
     above = higher if may_be_used(model) and rng.integers(2) else None
-    return Staged(random_multipliers(model, rng), target, tuple(stages), above)
+    begun = None
+    if above is not None and may_begin_later(model) and rng.integers(2):
+        begun = int(rng.integers(1, problem.horizon + 1))
+    return Staged(random_multipliers(model, rng), target, tuple(stages), above, begun)
