@@ -427,15 +427,8 @@ class TrialParameters(Section):
         largest trial for a higher target
     first_times : times `fewest_nodes`
         largest size of the first trial for a higher target
-    probed_less : share
-        reduction of the target for which the step at which paths begin is chosen
-    probed_share : share
-        largest size of a search for that step, relative to the trial that follows
-    most_probed : steps
-        number of steps that are tried at first; then those next to the best are
-    least_probed : share
-        if the smallest of these searches is smaller than this, relative to the trial that follows,
-        a lower target is tried
+    time_kept : share
+        time kept for trials for higher targets, of what a limit leaves before the first stage
     """
 
     fewest_nodes: int = 100_000
@@ -448,11 +441,39 @@ class TrialParameters(Section):
     aimed_times: float = 4.0
     next_times: int = 8
     most_nodes: int = 300_000_000
-    probed_less: Share = 0.1
-    probed_share: Share = 0.05
-    most_probed: int = 20
-    least_probed: Share = 0.005
     first_times: int = 10
+    time_kept: Share = 0.15
+
+
+@dataclass(frozen=True)
+class MiddleParameters(Section):
+    """The choice of the step at which large trials of paths begin.
+
+    Attributes
+    ----------
+    first_less : share
+        first reduction of the target; it is doubled from one comparison of steps to the next
+    few : share
+        size of the best exploration, relative to the trial that follows, at which comparisons end
+    many : share
+        largest size of an exploration, relative to the trial that follows
+    times : times
+        largest size of an exploration, relative to the best one of the same comparison
+    least_nodes : nodes
+        size that is always allowed
+    most_steps : steps
+        steps that are compared at first, as far apart from each other; then those next to the best
+    most_kept : steps
+        best steps of a comparison that are compared again
+    """
+
+    first_less: Share = 0.05
+    few: Share = 0.003
+    many: Share = 0.03
+    times: int = 3
+    least_nodes: int = 1_000
+    most_steps: int = 20
+    most_kept: int = 3
 
 
 @dataclass(frozen=True)
@@ -655,6 +676,7 @@ class Parameters:
     envelopes: EnvelopeParameters = EnvelopeParameters()
     lists: ListParameters = ListParameters()
     trials: TrialParameters = TrialParameters()
+    middle: MiddleParameters = MiddleParameters()
     bundle: BundleParameters = BundleParameters()
     recombination: RecombinationParameters = RecombinationParameters()
     ruled_ascent: RuledAscentParameters = RuledAscentParameters()

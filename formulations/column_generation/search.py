@@ -89,6 +89,22 @@ class Search:
         self.scale = bound if 0 < bound < np.inf else 1.0
         self.offer(Incumbent.of_plan(self.model, Plan.hovering(self.model.problem)))
 
+    @contextmanager
+    def ending_before(self, seconds: float) -> Iterator[None]:
+        """Inside, stops so many seconds before the time limit; raises LimitReached there.
+
+        Parameters
+        ----------
+        seconds : 0 and infinity change nothing
+        """
+        stop = self.stop
+        if 0 < seconds < np.inf:
+            self.stop = stop.before(seconds)
+        try:
+            yield
+        finally:
+            self.stop = stop
+
     @property
     def value(self) -> float:
         """J of the incumbent; -inf if there is none."""

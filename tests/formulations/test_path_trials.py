@@ -1,5 +1,6 @@
 """Trials of the paths of all robots together: when they are made, and what they prove."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from cocap_opt.formulations.certificates import Staged, verify
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
-from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, best_plan
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
     EnvelopeParameters,
@@ -18,6 +19,10 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
 from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
+from cocap_opt.formulations.column_generation.step_envelopes.middle_step import (
+    MiddleStep,
+    explored,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.tree.root import Root
@@ -64,8 +69,9 @@ class Ending:
         self.least, self.doubling = least, doubling
         self.allowed, self.targets = list[int](), list[float]()
 
-    def __call__(self, narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
-        """Ends, or not, and takes down what was asked for."""
+    def __call__(self, narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
+        """Ends, or not, and takes down what was asked for; paths begin at the start."""
+        assert begun == 0
         self.allowed.append(most_nodes)
         self.targets.append(narrowing.target)
         if narrowing.target < self.least:
@@ -74,12 +80,18 @@ class Ending:
         return BestPlan(narrowing, -np.inf, nodes=int(1000 * 2**lower))
 
 
+def replace_trials(monkeypatch: pytest.MonkeyPatch, explored: Callable[..., BestPlan]) -> None:
+    """Replaces the explorations of all trials; no step in the middle is looked for."""
+    monkeypatch.setattr(path_trials, "explored", explored)
+    monkeypatch.setattr(MiddleStep, "choose", lambda *_: None)
+
+
 def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not otherwise, as they would fail again."""
     ending = Ending(np.inf)
-    monkeypatch.setattr(path_trials, "best_plan", ending)
+    replace_trials(monkeypatch, ending)
     fewest = trials._fewest_nodes()
     assert not trials.after_stages(narrowing, 0, 0)
     assert ending.allowed == [fewest]
@@ -101,7 +113,7 @@ def test_trials_are_short_where_there_is_no_time_to_compile(
 ) -> None:
     """Plain searches of as many nodes as compiled ones would take all of a short limit."""
     ending = Ending(np.inf)
-    monkeypatch.setattr(path_trials, "best_plan", ending)
+    replace_trials(monkeypatch, ending)
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: False)
     trials.search.stop = TimeLimit(1.0)
     assert not trials.after_stages(narrowing, 0, 0)
@@ -114,7 +126,7 @@ def test_higher_targets_come_down_until_a_trial_fails(
     """The bound is the last target for which one has ended."""
     value, bound = trials.search.value, narrowing.bound
     ending = Ending(value + 0.4 * (bound - value))
-    monkeypatch.setattr(path_trials, "best_plan", ending)
+    replace_trials(monkeypatch, ending)
     told: list[float] = []
     trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
@@ -134,7 +146,7 @@ def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
     """Each takes about as many times the nodes as is aimed at; a step too far is halved."""
     value, bound = trials.search.value, narrowing.bound
     ending = Ending(value + 0.3 * (bound - value), doubling=0.08 * (bound - value))
-    monkeypatch.setattr(path_trials, "best_plan", ending)
+    replace_trials(monkeypatch, ending)
     trials.for_higher_targets(narrowing, 0, 10, lambda: None)
     shares = [(target - value) / (bound - value) for target in ending.targets]
     times = DEFAULTS.trials.aimed_times
@@ -153,21 +165,21 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
     """The bound of the targets before stays."""
     ending = Ending(-np.inf)
 
-    def limited(narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+    def limited(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
         if len(ending.targets) == 2:
             raise LimitReached(Limit.TIME)
-        return ending(narrowing, most_nodes, stop)
+        return ending(narrowing, begun, most_nodes, stop)
 
-    monkeypatch.setattr(path_trials, "best_plan", limited)
+    replace_trials(monkeypatch, limited)
     with pytest.raises(LimitReached):
         trials.for_higher_targets(narrowing, 0, 0, lambda: None)
     assert trials.above == ending.targets[1]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.75, 0.25])
+@pytest.mark.parametrize(("share", "middle"), [(0.75, 0), (0.25, 0), (0.25, 4)])
 def test_what_trials_for_higher_targets_prove_is_verified(
-    share: float, monkeypatch: pytest.MonkeyPatch
+    share: float, middle: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The file says above which J plans were tried, and its bound is that."""
     root = solved_root()
@@ -177,17 +189,19 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     bound = root.relaxation.best.bound
     above = root.search.value + share * (bound - root.search.value)
 
-    def only_first(narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+    def only_first(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
         if narrowing.target < above * (1 - 1e-12):
             raise NotEndedError
-        return best_plan(narrowing, most_nodes, stop)
+        return explored(narrowing, middle, most_nodes, stop)
 
-    monkeypatch.setattr(path_trials, "best_plan", only_first)
+    replace_trials(monkeypatch, only_first)
+    monkeypatch.setattr(MiddleStep, "choose", lambda self, *_: setattr(self, "begun", middle))
     monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
     file = root.search.spare
     assert file is not None and root.search.value < file.proved < bound
     assert file.certificate.paths_above == pytest.approx(above, rel=1e-9)
+    assert file.certificate.paths_from == (middle or None)
     assert file.proved == pytest.approx(above, rel=1e-9)
     assert verify(root.search.model.problem, file).bound == file.proved
 

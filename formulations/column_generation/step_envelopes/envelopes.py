@@ -53,6 +53,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.step_searches impor
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.problem import COVERAGE_VERSION
+from cocap_opt.stop import LimitReached
 
 METHOD = "step-envelopes"
 # relative: reduction of the bound that stages must achieve; excess of J at which a plan is better
@@ -135,7 +136,7 @@ class _Envelopes:
     def __post_init__(self) -> None:
         """Sets the initial number of responses from the parameters."""
         self.responses = self._parameters.responses
-        self.searches = StepSearches(self.known, self.search.stop, self._parameters)
+        self.searches = StepSearches(self.known, self.search)
 
     @property
     def _parameters(self) -> EnvelopeParameters:
@@ -152,6 +153,31 @@ class _Envelopes:
         return min(self.narrowing.pricing.bound, self.trials.bound)
 
     def run(self, cutoff: Callable[[], float]) -> None:
+        """Adds stages as long as they close states or lower the bound, then explores the paths of
+        plans above higher targets; raises LimitReached.
+
+        Part of a time limit is kept for the paths: at the end, they lower the bound by more than
+        one more stage.
+        """
+        kept = self.search.parameters.trials.time_kept * self.search.stop.seconds_left
+        try:
+            with self.search.ending_before(kept if self.trials.is_possible else 0.0):
+                self._add_stages(cutoff)
+        except LimitReached:
+            self.search.stop.check()
+            self._explore_paths(cutoff)
+            self._add_stages(cutoff)
+        self._explore_paths(cutoff)
+
+    def _explore_paths(self, cutoff: Callable[[], float]) -> None:
+        """Explores the paths of plans above ever lower targets; raises LimitReached."""
+        self._raise_target()
+        if self.bound > cutoff():
+            self.trials.for_higher_targets(
+                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer
+            )
+
+    def _add_stages(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close states or lower the bound; raises LimitReached."""
         for _ in range(self._parameters.most_rounds):
             self._raise_target()
@@ -183,11 +209,6 @@ class _Envelopes:
                 break
             if closed < self._parameters.least_round and not may_grow:
                 break
-        self._raise_target()
-        if self.bound > cutoff():
-            self.trials.for_higher_targets(
-                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer
-            )
 
     def _has_better_plan(self) -> bool:
         """Returns True if a plan is clearly above the target of the stages."""

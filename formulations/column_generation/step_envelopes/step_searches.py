@@ -11,8 +11,8 @@ from cocap_opt.formulations.certificates.staged import (
 )
 from cocap_opt.formulations.certificates.staged.search import MostProfitable
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
+from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
-from cocap_opt.stop import Stop
 
 
 @dataclass
@@ -22,15 +22,18 @@ class StepSearches:
     Attributes
     ----------
     known : the joint states that are known
-    stop : stopping criterion of all searches
-    parameters : limits on the nodes of a search
+    search : its stopping criterion ends all searches for joint states
     nodes : total nodes of all searches so far
     """
 
     known: Known
-    stop: Stop
-    parameters: EnvelopeParameters
+    search: Search
     nodes: int = 0
+
+    @property
+    def parameters(self) -> EnvelopeParameters:
+        """Limits on the nodes of a search."""
+        return self.search.parameters.envelopes
 
     def highest(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
         """Returns the joint state of largest profit; None if the search takes too many nodes.
@@ -43,10 +46,10 @@ class StepSearches:
         """
         found, nodes = None, most_nodes
         with suppress(NotEndedError):
-            found = most_profitable(joint, least, most_nodes, self.stop)
+            found = most_profitable(joint, least, most_nodes, self.search.stop)
             nodes = found.nodes
             self.known.add(joint, found.positions)
-        self.known.note(nodes, joint, self.stop)
+        self.known.note(nodes, joint, self.search.stop)
         self.nodes += nodes
         return found
 

@@ -1,0 +1,105 @@
+"""Chooses the step at which the exploration of joint paths begins.
+
+From some steps it takes far fewer nodes than from others, and that is known only after trying. So
+the plans above a very high target are explored from many steps, and those above ever lower targets
+from the best of these steps.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from cocap_opt.formulations.certificates.staged import (
+    Narrowing,
+    NotEndedError,
+    best_plan,
+    best_plan_through,
+    may_begin_later,
+)
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
+from cocap_opt.formulations.column_generation.parameters import MiddleParameters
+from cocap_opt.stop import Stop
+
+
+def explored(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
+    """Explores the plans above a target, from a step on; 0: from the start.
+
+    Raises
+    ------
+    NotEndedError, LimitReached
+        As in `best_plan`.
+    """
+    if begun:
+        return best_plan_through(narrowing, begun, most_nodes, stop)
+    return best_plan(narrowing, most_nodes, stop)
+
+
+@dataclass
+class MiddleStep:
+    """The step at which paths begin.
+
+    Attributes
+    ----------
+    begun : the step; 0: paths begin at the start
+    nodes : total nodes of the explorations by which it was chosen
+    """
+
+    parameters: MiddleParameters
+    begun: int = 0
+    nodes: int = 0
+
+    def choose(self, narrowing: Narrowing, value: float, most_nodes: int, stop: Stop) -> None:
+        """Chooses the step from which the plans above a high target take the fewest nodes.
+
+        Parameters
+        ----------
+        value : J of the best plan
+        most_nodes : largest number of nodes of the trial that follows
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached.
+        """
+        if not may_begin_later(narrowing.model):
+            return
+        horizon, parameters = narrowing.model.problem.horizon, self.parameters
+        room, less = max(narrowing.bound - value, 0.0), parameters.first_less
+        few, many = int(parameters.few * most_nodes), int(parameters.many * most_nodes)
+        apart = -(-horizon // parameters.most_steps)
+        steps = [*dict.fromkeys((self.begun, *range(0, horizon + 1, apart)))]
+        while steps and less <= 1:
+            higher = narrowing.above(narrowing.bound - less * room)
+            ranked = self._ranked(higher, steps, many, stop)
+            if less == parameters.first_less and apart > 1:
+                near = {s + k for _, s in ranked[:1] for k in range(1 - apart, apart)}
+                near &= {*range(horizon + 1)} - {*steps}
+                ranked = sorted(ranked + self._ranked(higher, sorted(near), many, stop))
+            if not ranked:
+                return
+            least, self.begun = ranked[0]
+            if least >= few:
+                return
+            steps = [begun for _, begun in ranked[: parameters.most_kept]]
+            less *= 2
+
+    def _ranked(
+        self, narrowing: Narrowing, steps: Iterable[int], most_nodes: int, stop: Stop
+    ) -> list[tuple[int, int]]:
+        """Explores all plans above the target from some steps; returns pairs of a number of nodes
+        and a step, fewest nodes first.
+
+        Explorations that take too many nodes, also in comparison with the best one before, do not
+        count.
+        """
+        ranked = list[tuple[int, int]]()
+        for begun in steps:
+            most = self.parameters.times * ranked[0][0] if ranked else most_nodes
+            most = min(max(most, self.parameters.least_nodes), most_nodes)
+            try:
+                found = explored(narrowing, begun, most, stop)
+            except NotEndedError:
+                self.nodes += most
+                continue
+            self.nodes += found.nodes
+            ranked = sorted([*ranked, (found.nodes, begun)])
+        return ranked
