@@ -451,6 +451,8 @@ class MiddleParameters(Section):
 
     Attributes
     ----------
+    least_trial : nodes
+        smaller trials begin at the start: a choice would take longer
     first_less : share
         first reduction of the target; it is doubled from one comparison of steps to the next
     few : share
@@ -467,6 +469,7 @@ class MiddleParameters(Section):
         best steps of a comparison that are compared again
     """
 
+    least_trial: int = 1_000_000
     first_less: Share = 0.05
     few: Share = 0.003
     many: Share = 0.03

@@ -23,13 +23,14 @@ from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, may
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError
 from cocap_opt.formulations.certificates.staged.team_moves import (
-    MOST_REACHED,
     Following,
     Reached,
     Team,
 )
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
+
+MOST_PLACED = 20_000_000  # states of the robots at the ends of all moves to a step, 8 bytes each
 
 
 def best_plan_through(
@@ -92,8 +93,8 @@ def _few(team: Team, parts: Iterable[Reached]) -> list[Reached]:
     found, n = [Reached.empty(len(team.numbers))], 0
     for part in parts:
         found.append(part)
-        n += len(part.values)
-        if n > MOST_REACHED:
+        n += part.placed.size
+        if n > MOST_PLACED:
             raise NotEndedError
     return found
 

@@ -318,8 +318,10 @@ class Team:
     def moves_before(
         self, t: int, later: Reached, following: Following, stop: Stop
     ) -> Iterator[Reached]:
-        """Yields the moves from the joint states of a step to those of the step after it, in
-        blocks, as `moves_after` does; `before` holds the numbers of the later joint states.
+        """Yields the moves from the joint states of a step to given ones of the next step, in blocks.
+
+        Here `before` holds the number of the joint state to which a move leads. Errors are those of
+        `after`.
         """
         classes = range(len(self._model.classes))
         direction = _Direction(

@@ -69,7 +69,7 @@ class PathTrials:
         is_easier = room <= self.search.parameters.recombination.less_room * self._failed_room
         if not is_easier and allowed < self._parameters.more_nodes * self._failed_nodes:
             return False
-        begun = self._middle_step(narrowing, allowed) if allowed > self._fewest_nodes() else 0
+        begun = self._middle_step(narrowing, allowed)
         if self._has_ended(narrowing, begun, 0.0, allowed, stages):
             return True
         self._failed_room, self._failed_nodes = room, allowed
@@ -103,12 +103,14 @@ class PathTrials:
                 return
 
     def _middle_step(self, narrowing: Narrowing, most_nodes: int) -> int:
-        """Returns the step at which the paths of a trial begin.
+        """Returns the step at which the paths of a trial begin; 0: at the start.
 
         Parameters
         ----------
         most_nodes : largest number of nodes of the trial
         """
+        if most_nodes < self.search.parameters.middle.least_trial:
+            return 0
         if self.is_possible:
             before = self._middle.nodes
             self._middle.choose(narrowing, self.search.value, most_nodes, self.search.stop)
