@@ -318,7 +318,7 @@ class Team:
     def moves_before(
         self, t: int, later: Reached, following: Following, stop: Stop
     ) -> Iterator[Reached]:
-        """Yields the moves from the joint states of a step to given ones of the next step, in blocks.
+        """Yields the moves from joint states of a step to given ones of the next step, in blocks.
 
         Here `before` holds the number of the joint state to which a move leads. Errors are those of
         `after`.
