@@ -176,6 +176,55 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
     assert trials.above == ending.targets[1]
 
 
+class Countdown(Stop):
+    """A limit whose time passes only when it is told."""
+
+    def __init__(self, seconds: float) -> None:
+        self.left = seconds
+
+    def reached(self) -> Limit | None:
+        """The limit, once no time is left."""
+        return None if self.left > 0 else Limit.TIME
+
+    @property
+    def seconds_left(self) -> float:
+        """What is left."""
+        return self.left
+
+
+@pytest.mark.parametrize("seconds", [100.0, np.inf])
+@pytest.mark.parametrize("tries_paths", [True, False])
+def test_part_of_a_time_limit_is_kept_for_paths(
+    seconds: float, tries_paths: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stages end before the limit, and go on if paths leave time; nothing is kept in vain."""
+    root, told = solved_root(), list[tuple[str, float]]()
+    root.search.stop = stop = Countdown(seconds)
+
+    def add_stages(self: envelopes._Envelopes, cutoff: object) -> None:
+        told.append(("stages", self.search.stop.seconds_left))
+        stop.left = min(stop.left, 10.0)
+        self.search.stop.check()
+
+    def explore_paths(self: envelopes._Envelopes, cutoff: object) -> None:
+        told.append(("paths", self.search.stop.seconds_left))
+
+    monkeypatch.setattr(envelopes._Envelopes, "_add_stages", add_stages)
+    monkeypatch.setattr(envelopes._Envelopes, "_explore_paths", explore_paths)
+    monkeypatch.setattr(envelopes._Envelopes, "try_paths", lambda _: False)
+    duals = root.relaxation.best.duals
+    envelopes.step_envelopes(root.search, duals, root.cutoff, tries_paths=tries_paths)
+    kept = DEFAULTS.trials.time_kept * seconds
+    if tries_paths and seconds < np.inf:
+        assert told == [("stages", seconds - kept), ("paths", 10.0)] + [
+            ("stages", 10.0),
+            ("paths", 10.0),
+        ]
+    else:
+        assert told == [("stages", seconds), ("paths", 10.0)]
+    assert root.search.stop is stop
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "middle"), [(0.75, 0), (0.25, 0), (0.25, 4)])
 def test_what_trials_for_higher_targets_prove_is_verified(
