@@ -216,10 +216,8 @@ def test_part_of_a_time_limit_is_kept_for_paths(
     envelopes.step_envelopes(root.search, duals, root.cutoff, tries_paths=tries_paths)
     kept = DEFAULTS.trials.time_kept * seconds
     if tries_paths and seconds < np.inf:
-        assert told == [("stages", seconds - kept), ("paths", 10.0)] + [
-            ("stages", 10.0),
-            ("paths", 10.0),
-        ]
+        before = [("stages", seconds - kept), ("paths", 10.0)]
+        assert told == [*before, ("stages", 10.0), ("paths", 10.0)]
     else:
         assert told == [("stages", seconds), ("paths", 10.0)]
     assert root.search.stop is stop
