@@ -134,7 +134,7 @@ FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
         lambda f: f.update(objective={"pixels": 0.5}),
         "objective: must be that of trap-0",
     ),
-    "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "is of no instance"),
+    "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "does not match any instance"),
     "version": (
         GOOD[1],
         lambda f: f.update(version=99),
@@ -211,7 +211,7 @@ def test_a_claim_that_rests_on_a_search_is_refused(
     says = "no plan has more than 1.000000, by its multipliers; .."
     checker.write_text(f"import sys; print('instance'); print(f'{{sys.argv[4]}}: {says}'); exit(3)")
     monkeypatch.setattr("cocap_opt.experiments.library.judge._CHECKER", checker)
-    with pytest.raises(FileError, match="rests on a search"):
+    with pytest.raises(FileError, match="needs a search that is too large"):
         empty.submit(empty.folder / GOOD[1])
 
 

@@ -97,7 +97,7 @@ def _without_rows(folder: Path) -> str:
 def _of_another_run(folder: Path) -> str:
     name = folder / "plans" / "bottleneck-0-greedy.json"
     shutil.copy(folder / "plans" / "bottleneck-0-sequential.json", name)
-    return "is of another run"
+    return "belongs to another run"
 
 
 @pytest.mark.slow
