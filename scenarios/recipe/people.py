@@ -156,7 +156,7 @@ class TracksTable(Table):
         who = "; ".join(f"id {track.id} is there {track.presence()}" for track in shown[:4])
         self._require_lasting(candidates, wanted, step, steps, wished, who)
         raise ProblemError(
-            f"begin: must be a time from which {wanted} people are there for {steps * step:g} s, "
+            f"begin: must be the start of {steps * step:g} s in which {wanted} people are there, "
             f"but {when} only {most} are; {who}"
         )
 
@@ -218,8 +218,8 @@ class TracksTable(Table):
             raise ProblemError(f"file: {words}; {self._way_out(apart)}")
         frames = round(apart * self.fps)
         raise ProblemError(
-            f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
-            f"for they go in steps of {frames}; at {self.fps:g} frames/s {words}"
+            f"fps: must be the rate of frame numbers, {frames} times the rate of rows, as frame "
+            f"numbers increase by {frames} per row; at {self.fps:g} frames/s {words}"
         )
 
     def _way_out(self, apart: float) -> str:
@@ -227,10 +227,10 @@ class TracksTable(Table):
         unit = likely_unit(apart) if self.time_unit is None and self.fps is None else None
         ways = []
         if unit not in (None, "s"):
-            ways.append(f'time_unit = "{unit}" says that they are in {unit}')
+            ways.append(f'if they are in {unit}, set time_unit = "{unit}"')
         if not ways or apart <= _LONGEST:
-            ways.append(f"gap = {math.ceil(apart)} lets people walk straight so long")
-        return f"are its times right? {', '.join(ways)}"
+            ways.append(f"gap = {math.ceil(apart)} lets people walk straight for that long")
+        return f"are its times right? {'; '.join(ways)}"
 
 
 class WalkTable(Table):
