@@ -47,7 +47,7 @@ class TeamRow:
     seen: Annotated[
         float | None,
         TableColumn(
-            "Share of person-steps that at least `cameras` drones see, in the plan of largest J.",
+            "Share of person-steps at which the person counts as seen, in the plan of largest J.",
             **_PART,
         ),
     ] = None
