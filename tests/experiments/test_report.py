@@ -178,7 +178,7 @@ def test_limitations_say_which_crossings_are_conflicts() -> None:
     assert "vertex+swap" in told["In a, c,"] and "are not in conflict" in told["In a, c,"]
     assert "separation 2 m at every moment" in told["In b, dr"]
     assert "not in conflict" not in told["In b, dr"]
-    assert "no rule" in told["In d no "]
+    assert "no rule" in told["In d, no"]
     only = "\n".join(limitations([row("cocap", 0, 99.0)], run, {"b": apart}))
     assert "diagonally" not in only and "are in conflict, too" in only
 

@@ -338,8 +338,8 @@ def test_rows_in_any_order_and_among_words(
     [
         ([(0, 0, 170), (130, 0, 170)], "cm", []),
         ([(0, 0, 170), (130, 0, 170)], "m", ["130 m/s: is the unit cm, or is fps = 1 right?",
-                                             "height of 1 of 1 people outside 0.4..2.6 m, 170 m "
-                                             "of id 1: is the unit cm?"]),
+                                             "height of 1 of 1 people is outside 0.4..2.6 m, 170 m "
+                                             "for id 1: is the unit cm?"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
         ([(0, 0, 1.7), (0, 0, 1.7)], "m", []),  # somebody stands
@@ -348,7 +348,7 @@ def test_rows_in_any_order_and_among_words(
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
         ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 500 km"]),
         ([(13.059, 52.4, 1.7), (13.06, 52.4, 1.7)], "m", ["are they degrees?"]),
-        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["1 people is below 0, -1.7 m of id 1: does z"]),
+        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["below 0 for 1 of 1 people, -1.7 m for id 1: does z"]),
     ],
 )  # fmt: skip
 def test_odd_tracks_are_warned_of(
@@ -417,7 +417,7 @@ def test_people_in_one_place_raise_warnings(
     read(tmp_path, text, unit="m", fps=25)
     assert not caplog.messages
     read(tmp_path, text, unit="cm", fps=25)
-    assert "people are 0.022 m from the next, on the median: is the unit m?" in caplog.text
+    assert "to the nearest person is 0.022 m: is the unit m?" in caplog.text
 
 
 # -- at steps -----------------------------------------------------------------------------
@@ -821,5 +821,5 @@ def test_frames_that_last_otherwise_than_times_are_told(
     rows = "".join(f"1,{k},{t},{0.1 * k:.1f},0\n" for k, t in enumerate(["0", "0.1", last]))
     (found,) = read(tmp_path, f"id,frame,time,x,y\n{rows}", unit="m", fps=fps)
     assert found.times[-1] == 2 / fps
-    words = "the column frame lasts 0.4 s at fps = 5, the column time 0.2 s: frames count"
+    words = "the column frame lasts 0.4 s at fps = 5, the column time 0.2 s: frames are used"
     assert (words in caplog.text) == warned
