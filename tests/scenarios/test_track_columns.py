@@ -333,7 +333,7 @@ def test_a_height_that_is_one_is_taken(tmp_path: Path, caplog: pytest.LogCapture
     flat = "id,frame,x,y,z\n1,0,1,2,0.02\n2,0,3,4,1.8\n"
     assert [one.height for one in read(tmp_path, flat, unit="m", fps=1)] == [None, 1.8]
     assert (
-        "0.02 m for id 1: is z a height above the floor? People who are lower get the" in caplog.text
+        "0.02 m for id 1: is z a height above the floor? People who are lower get" in caplog.text
     )
 
 
