@@ -103,7 +103,7 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
     steps = [np.abs(np.diff(ground, axis=axis)).ravel() for axis in (0, 1)]
     slope = float(np.median(np.concatenate([*steps, [0.0]]))) / height_map.resolution
     what = (
-        f"has obstacles of {highest:.4g} m" if highest > _TALLEST
+        f"has obstacles up to {highest:.4g} m high" if highest > _TALLEST
         else f"has obstacles with a median height of {usual:.4g} m" if usual > _USUAL
         else f"rises by {slope:.3g} m per metre or more at half of its cells" if slope > _STEEPEST
         else ""
