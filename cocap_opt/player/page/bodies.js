@@ -9,7 +9,8 @@ import { groundAt } from "./rays.js";
 
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
-const RING = 0.3, RING_SIDES = 12; // of a disc: radius as a share of a person's height, and corners
+// Of a disc: radius as a share of a person's height, and corners
+const RING = 0.3, RING_SIDES = 12;
 const TRAIL = 5; // number of steps of a track that are drawn in a crowd
 const FINE_BODY = 38; // px; bodies of at least this size are drawn in detail
 

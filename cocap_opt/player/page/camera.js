@@ -5,14 +5,17 @@ import { DEGREE, dot, minus, triples } from "./geometry.js";
 import { groundAt } from "./rays.js";
 
 const AROUND = [62, 118]; // degrees, allowed first directions; north is at the far side
-const FAVOUR = 1.06; // factor by which a direction must be better than those tried before it
+// Factor by which a direction must be better than those tried before it
+const FAVOUR = 1.06;
 const TILTS = [46, 38, 32, 54]; // degrees, allowed first tilts downwards
-const MOST_RAYS = 300, LOOK = 60; // number, and length (m), of rays that test how much is hidden
+// Number, and length (m), of rays that test how much is hidden
+const MOST_RAYS = 300, LOOK = 60;
 const FOCAL = 1.3; // focal length, as a multiple of the picture's diagonal
-const STEEP = 60, FLAT = 60; // degrees; above this tilt it moves away, up to so many times as far
+// Degrees; above this tilt it moves away, up to so many times as far
+const STEEP = 60, FLAT = 60;
 const LEAST = 5; // m, smallest extent of the picture along each axis
 const PADDING = { side: 34, top: 46, bottom: 40 }; // px around the action; less above and below in low pictures
-const LOW = 500; // px, height below which a picture is low
+const LOW = 500; // px, largest height of a low picture
 const ROUNDS = 8; // of moving and zooming until the action just fits
 
 export class Camera {

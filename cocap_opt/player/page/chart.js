@@ -7,7 +7,8 @@ import { MOST_WORDS, percent, rounded, several, short } from "./numbers.js";
 import { colourOf } from "./plans.js";
 
 export const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
-const LEFT = [46, 150, 0.22]; // margin: smallest and largest px, and largest share of the window
+// Margin: smallest and largest px, and largest share of the window
+const LEFT = [46, 150, 0.22];
 const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
 const TOUCH = 9; // px around a mark
 const TICK = 14; // px between two numbers

@@ -5,8 +5,10 @@ import { dot, minus } from "./geometry.js";
 import { between } from "./plans.js";
 
 const POSE = 5; // numbers of a pose: x, y, z, yaw and tilt
-const MOST = 6; // largest number of lines for the curve of a step
-const NEAR = 0.02; // m, largest distance of the lines from the curve
+// Largest number of lines for the curve of a step
+const MOST = 6;
+// m, largest distance of the lines from the curve
+const NEAR = 0.02;
 
 export class Flight {
   constructor({ paths, knots }, drone) {

@@ -5,7 +5,8 @@ import { WALL } from "./light.js";
 import { LINE, lineOf } from "./raster.js";
 
 const PLAIN = 0, LIT = 1, WALLED = 2; // kinds of light
-const CLOSER = 1e-6; // share of all depths by which a backdrop is in front of the empty background
+// Share of all depths by which a backdrop is in front of the empty background
+const CLOSER = 1e-6;
 
 export class GpuRaster {
   // `through`: how visible moving things are through solid ones.

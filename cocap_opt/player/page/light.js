@@ -7,8 +7,10 @@ import { groundAt } from "./rays.js";
 
 export const SUN = unit([0.42, -0.5, 0.85]); // direction of the sun
 const MOST_TEXELS = 700; // along an edge of the lit part of the map
-const BEYOND = 0.8; // how far the lit part extends beyond the action, as a share of its size
-const SHADE = 0.07, CORNER = 0.32, GRID = 0.07; // shares of light that shadows, corners and the grid remove
+// How far the lit part extends beyond the action, as a share of its size
+const BEYOND = 0.8;
+// Shares of light that shadows, corners and the grid remove
+const SHADE = 0.07, CORNER = 0.32, GRID = 0.07;
 const FADE = 0.06; // width of the faded edges, as a share of the lit part
 const NOOK = 0.8; // m, width of dark corners beside walls
 

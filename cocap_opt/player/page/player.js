@@ -21,7 +21,8 @@ import { World } from "./world.js";
 
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
-const SLOW = 20, FAST = 7; // ms; slower pictures become coarse while something moves; faster ones become fine again
+// ms; slower pictures become coarse while something moves; faster ones become fine again
+const SLOW = 20, FAST = 7;
 const ZOOM = 1.25; // factor of a key
 const USUAL = data.steps > 24 ? 4 : 2; // steps per second
 const SAID = 4000; // ms that a message stays

@@ -199,7 +199,8 @@ export function filmedWords(row, step, atLeast) {
 // States that no camera sees enough, and what the best one sees.
 function noneWords(drone, share, atLeast) {
   if (!share) return "no camera sees them";
-  const seen = share < 0.01 ? "less than 1 %" : `${Math.floor(100 * share + 1e-6)} %`; // rounded down, so that it never looks like enough
+  // Rounded down, so that it never looks like enough
+  const seen = share < 0.01 ? "less than 1 %" : `${Math.floor(100 * share + 1e-6)} %`;
   return `no camera sees as much as ${percent(atLeast)}; drone ${drone} sees the most, ${seen}`;
 }
 

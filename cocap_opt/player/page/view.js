@@ -13,9 +13,11 @@ import { Sights } from "./sights.js";
 const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how visible moving things are through solid ones
 const SMALLEST_DRONE = 8; // px, smallest radius of a drone as drawn
-const UNCROWDED = 60; // px between people and drones if they were spread evenly; with less, they are drawn smaller
+// px between people and drones if they were spread evenly; with less, they are drawn smaller
+const UNCROWDED = 60;
 const HATCH = 9; // px between lines
-const CLOSEST = 0.02; // share of the camera's distance to the middle; nothing nearer is drawn
+// Share of the camera's distance to the middle; nothing nearer is drawn
+const CLOSEST = 0.02;
 const FARTHEST = 1.01; // times the largest depth, the end of the range of depths
 const OUTLINE = 0.55; // opacity of the outlines of cut blocks
 const LAYERS = 256; // of polygons, from near to far

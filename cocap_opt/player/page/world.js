@@ -4,10 +4,12 @@ import { CLOSED, landed, mixed, palette, shaded, startable } from "./colours.js"
 import { dot } from "./geometry.js";
 import { brightness, GroundLight, SUN } from "./light.js";
 
-const LEAST_EDGE = 0.8; // in cells; steps of the terrain of at least this height get a line
+// In cells; steps of the terrain of at least this height get a line
+const LEAST_EDGE = 0.8;
 const SLOPE = 1.2; // weight of the light from above on the sides of the ground's steps
 const MOST_EDGES = 6000;
-const STRAIGHT = Math.cos(Math.PI / 7); // between triangles with a smaller angle, there is no line
+// Between triangles with a smaller angle, there is no line
+const STRAIGHT = Math.cos(Math.PI / 7);
 
 const lit = (colour, normal) => shaded(colour, 256 * brightness(dot(normal, SUN)));
 

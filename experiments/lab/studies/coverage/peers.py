@@ -53,8 +53,7 @@ def peers(
                 for word, q in _QUANTILES.items()
             }
             rows.append({"coverage": what, "faces": part, "count": len(values), **quantiles})
-    Listing(f"{problem.name}: differences from theirs that so many faces are below, in quanta",
-            rows).print()  # fmt: skip
+    Listing(f"{problem.name}: quantiles of the differences from theirs, in quanta", rows).print()
     Listing("sums over all these faces, relative to theirs", [
         {"coverage": what, "difference (%)": 100 * (ours / totals["theirs"] - 1)}
         for what, ours in totals.items() if what != "theirs"

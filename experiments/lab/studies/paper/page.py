@@ -155,12 +155,11 @@ class Page(NamedTuple):
         return [
             *(f"![{words}]({name})\n" for name, words in _FIGURES.items() if name in self.figures),
             Tables({title: table for title, table in tables.items() if table}).markdown(),
-            f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; its "
-            "rewards are of scenes that were not published. Intervals: 95 %, bootstrap over seeds. "
-            "Seconds are of the search, of the processor where it takes less than ten; coverage is "
-            "apart but for planners that evaluate views one by one. cocap-polished is "
-            "CoCap's plan after rounds, cocap-vs-dive is "
-            "cocap-vs with gamma 1.\n",
+            f"Published seconds: {SOURCE}, for its corridor of 8 steps on the authors' machine; "
+            "its rewards are for scenes that were not published. Intervals: 95 %, bootstrap over "
+            "seeds. Seconds: time of the search, as CPU time if it is below ten seconds, excluding "
+            "coverage except for planners that evaluate views one by one. cocap-polished: CoCap's "
+            "plan after rounds; cocap-vs-dive: cocap-vs with gamma 1.\n",
         ]
 
     def _others(self) -> list[str]:
