@@ -356,7 +356,7 @@ class Library:
         except CertificateError:
             alike = False
         if not alike:
-            raise FileError(f"{path}: refused: objective: must be that of {entry.name}")
+            raise FileError(f"{path}: refused: objective: must be the objective of {entry.name}")
 
     def _require_better(self, entry: Entry, found: Proved, path: Path) -> None:
         standing = self.standing(entry.name)

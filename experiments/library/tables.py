@@ -74,7 +74,7 @@ def history_rows(records: Sequence[Record]) -> list[Row]:
 
 
 def in_words(standings: Sequence[Standing]) -> str:
-    """Says how many instances there are, and how many of them are solved."""
+    """States how many instances there are, and how many of them are solved."""
     states, splits = (
         Counter(found.state for found in standings),
         Counter(found.entry.split for found in standings),
@@ -111,7 +111,7 @@ def library_in_markdown() -> str:
 
 
 def library_in_words() -> str:
-    """Says how many instances the library has, and how many of them are solved."""
+    """States how many instances the library has, and how many of them are solved."""
     return in_words(Library().standings())
 
 

@@ -101,7 +101,7 @@ def _of_plans(rows: Sequence[GapRow]) -> Iterator[str]:
 
 
 def _of_rules(rules: Mapping[str, CollisionRules]) -> Iterator[str]:
-    """Yields, for each collision rule, if drones can be in conflict between steps."""
+    """Yields, for each collision rule, whether drones can be in conflict between steps."""
     for rule in dict.fromkeys(rules.values()):
         scenes = ", ".join(scene for scene in rules if rules[scene] == rule)
         if rule.none:

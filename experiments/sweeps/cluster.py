@@ -215,7 +215,7 @@ def _run_task(task: Task) -> CellFile:
 
 def _silence_dask() -> None:
     """Silences dask, as this project reports errors itself."""
-    for name in ("distributed", "distributed.client"):  # the latter has a level of its own
+    for name in ("distributed", "distributed.client"):  # the latter has its own level
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
 

@@ -29,7 +29,7 @@ GAP_FREE = "gap without\nrules"
 # Headings of columns that differ from their keys; JSON and results.csv have the keys.
 _LABELS = {"reward": "J", "reward_rendered": "J rendered", "gap_free": GAP_FREE}
 _GAPS = (
-    "Gap: the plan's J is at most this percentage below that of the best plan under the scene's "
+    "Gap: the plan's J is at most this percentage below the J of the best plan under the scene's "
     "rules. Gap without rules: the same for the best plan of drones that may collide."
 )
 # Columns that a narrow terminal omits, the least useful first.

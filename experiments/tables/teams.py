@@ -43,11 +43,13 @@ class TeamRow:
         TableColumn("Limit on that gain: bound minus J of the best plan with one drone fewer.",
                     **_REWARD),
     ] = None  # fmt: skip
-    cameras: Annotated[int, TableColumn("Number of drones from which a person counts as seen.")] = 2
+    cameras: Annotated[
+        int, TableColumn("Number of drones that must see a person, so that the person counts.")
+    ] = 2
     seen: Annotated[
         float | None,
         TableColumn(
-            "Share of person-steps at which the person counts as seen, in the plan of largest J.",
+            "Share of person-steps at which the person counts, in the plan of largest J.",
             **_PART,
         ),
     ] = None

@@ -132,7 +132,7 @@ FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
     "objective": (
         GOOD[1],
         lambda f: f.update(objective={"pixels": 0.5}),
-        "objective: must be that of trap-0",
+        "objective: must be the objective of trap-0",
     ),
     "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "does not match any instance"),
     "version": (

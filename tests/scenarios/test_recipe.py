@@ -611,9 +611,9 @@ def test_people_who_are_not_there_are_named(parts: Path) -> None:
         ("count = 3\nbegin = 70", "from 70 s on only 0 are"),
         (
             "",
-            r"who is filmed: write ids = \[12, 15\] or count = 2 in .*; all are there for 4 s f",
+            r"who is filmed: write ids = \[12, 15\] or count = 2 in .*; all are present for 4 s f",
         ),
-        ("begin = 70", r"who is filmed: write .*; nobody is there for 4 s from 70 s on"),
+        ("begin = 70", r"who is filmed: write .*; nobody is present for 4 s from 70 s on"),
     ):
         with pytest.raises(ProblemError, match=message):
             read(write(parts, FLAT + table + more + DRONE))
@@ -627,7 +627,7 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     path.write_text("id frame x y\n1 0 5 5\n2 0 6 5\n")
     with pytest.raises(
         ProblemError,
-        match=r"for 4 steps of 1 s, 4 s, but the tracks of 2 last 0 s .*walk.*; id 1 is there",
+        match=r"for 4 steps of 1 s, 4 s, but the tracks of 2 last 0 s .*walk.*; id 1 is present",
     ):
         read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
@@ -643,11 +643,11 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     kept = [row for row in rows if row[0] != 2 or not 10 < row[1] < 25]
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in kept))
     with pytest.raises(
-        ProblemError, match=r"only 0 are; id 2 is there from 0 to 1 s and from 2.5 "
+        ProblemError, match=r"only 0 are; id 2 is present from 0 to 1 s and from 2.5 "
     ):
         read(write(tmp_path, FLAT + table + "fps = 10\ncount = 3\nbegin = -1\n" + DRONE))
     with pytest.raises(
-        ProblemError, match=r"3 people .*; 2 \(1, 3\) are there for 3.6 s from 0 s "
+        ProblemError, match=r"3 people .*; 2 \(1, 3\) are present for 3.6 s from 0 s "
     ):
         read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
 

@@ -381,8 +381,8 @@ def test_when_step_0_is_is_said_if_tracks_begin_before(
         actors, _ = table.actors(tmp_path, terrain, 1.0, steps, NOWHERE)
         assert [actor.begin for actor in actors] == [begin, begin]
         assert actors[0].poses[0, 0] == begin
-        assert ("step 0 is 7 s into the tracks, because only then 2 people are there for 9 s; id "
-                "bob is there from 0 to 3 s and from 7 to 19 s; set begin" in caplog.text) == (
+        assert ("step 0 is 7 s into the tracks, because only then are 2 people present for 9 s; id "
+                "bob is present from 0 to 3 s and from 7 to 19 s; set begin" in caplog.text) == (
             steps == 9
         )  # fmt: skip
     words = r"last 3 s at most from begin = 0 s on; set steps = 3, or another begin"
@@ -473,14 +473,16 @@ def test_rounding_takes_nobody_away() -> None:
 def test_absence_is_said() -> None:
     """Before the first frame, after the last, and when there are spans between."""
     tracked = track([1.0, 2.0, 5.0, 5.5], [(0, 0)] * 4)
-    words = r"^track 7: must be there at step 2 \(3 s\), but is there from 1 to 2 s and from 5 to"
+    words = (
+        r"^track 7: must be present at step 2 \(3 s\), but is present from 1 to 2 s and from 5 to"
+    )
     with pytest.raises(ProblemError, match=words):
         tracked.at_steps(1.0, 1.0, 4)
     rare = track([60.0 * k for k in range(9)], [(0, 0)] * 9)
     with pytest.raises(ProblemError, match=r"from 120 to 120 s and at 6 more times$"):
         rare.at_steps(0.0, 1.0, 1)
     for begin, step in ((0.5, 0.5), (5.25, 0.5)):
-        with pytest.raises(ProblemError, match="must be there"):
+        with pytest.raises(ProblemError, match="must be present"):
             tracked.at_steps(begin, step, 1)
 
 
@@ -489,7 +491,7 @@ def test_gaps_are_not_walked_over() -> None:
     points = [(0.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
     short, long = track([0.0, 1.0, 2.0], points), track([0.0, 1.1, 2.0], points)
     assert short.at_steps(0.0, 0.5, 4)[1].tolist() == [2.0, 0.0]
-    with pytest.raises(ProblemError, match="must be there at step 1"):
+    with pytest.raises(ProblemError, match="must be present at step 1"):
         long.at_steps(0.0, 0.5, 4)
     assert long.at_steps(0.0, 1.1, 1).tolist() == [[0.0, 0.0], [4.0, 0.0]]
     assert track([0.0, 60.0], points[:2]).at_steps(0.0, 60.0, 1).tolist() == [[0, 0], [4, 0]]

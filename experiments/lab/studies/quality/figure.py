@@ -22,7 +22,7 @@ from cocap_opt.pictures.style import (
     set_plain_log,
 )  # fmt: skip
 
-_MOST_MM = 1e4  # beyond it nobody triangulates
+_MOST_MM = 1e4  # larger errors are too large for triangulation
 _COARSE = "tiny-"
 
 

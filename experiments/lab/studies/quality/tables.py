@@ -18,7 +18,7 @@ _NEAR = 0.1  # by which the median of measured over predicted may differ from 1
 _ANGLES = (0, 10, 30, 90)  # degrees
 _COARSE = "tiny-"  # scenes whose cameras have 60 px of focal length
 _LARGE = 100.0  # ratios above it say no more than that
-_FEWEST = 5  # different plans of which ranks are compared
+_FEWEST = 5  # smallest number of different plans for a rank correlation
 
 _Instance = tuple[str, int]
 
