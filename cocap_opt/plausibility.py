@@ -27,7 +27,7 @@ _TALLEST = 830.0  # m, of buildings
 _USUAL = 150.0  # m, median height of built-up cells; no city of towers exceeds it
 _STEEPEST = 2.0  # median slope of land; only cliffs are steeper
 _SMALLEST = 0.1  # m, smallest size of an obstacle that hides a person
-_NOTHING = "has no triangle that is no line or point, so that nothing is there"
+_NOTHING = "has no triangle with an area, so it has no effect"
 _WANTED = "cells near people at the last step"
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _LEVEL = math.pi / 2  # deg; tilts that are in radians by mistake are at most that
@@ -51,7 +51,7 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
         if not (mesh.is_solid and len(mesh.surface))
     ]
     found += [
-        f"meshes[{k}] is wholly below the ground: its top is at {mesh.corners[..., 2].max():.4g} m"
+        f"meshes[{k}] is all below the ground: its top is at {mesh.corners[..., 2].max():.4g} m"
         for k, mesh in enumerate(problem.meshes)
         if _below_ground(problem, mesh)
     ]
@@ -61,7 +61,7 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
         for warning in _about_mesh(problem, mesh)
     ]
     if not problem.actors:
-        found.append("there are no people to film, so that every view reward is 0")
+        found.append("there are no people to film, so every view reward is 0")
     for j, actor in _distinct_people(problem):
         about = (*_about(problem, actor), *_misplaced(problem, actor))
         found += [f"{problem.person(j)} {warning}" for warning in about]
@@ -103,14 +103,15 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
     steps = [np.abs(np.diff(ground, axis=axis)).ravel() for axis in (0, 1)]
     slope = float(np.median(np.concatenate([*steps, [0.0]]))) / height_map.resolution
     what = (
-        f"has obstacles of {highest:.4g} m" if highest > _TALLEST
-        else f"has obstacles that are {usual:.4g} m high on the median" if usual > _USUAL
-        else f"rises by {slope:.3g} m a metre at half of its cells" if slope > _STEEPEST
+        f"has obstacles up to {highest:.4g} m high" if highest > _TALLEST
+        else f"has obstacles with a median height of {usual:.4g} m" if usual > _USUAL
+        else f"rises by {slope:.3g} m per metre or more at half of its cells" if slope > _STEEPEST
         else ""
     )  # fmt: skip
     if what:
         yield (
-            f"the map {what}: are its heights in centimetres? In a recipe `unit` of [map] says so"
+            f"the map {what}: are its heights in centimetres? If so, set `unit` in the recipe's "
+            "[map]"
         )
 
 
@@ -120,12 +121,12 @@ def _about_cameras(problem: SceneData) -> Iterator[str]:
     for k, robot in enumerate(problem.robots):
         if max(robot.camera.tilts) < 0 and robot.camera.tilts not in seen:
             yield (
-                f"drones[{k}] look up at all their tilts, as these are degrees below the horizon: "
-                "should they be above 0?"
+                f"drones[{k}] look up at all their tilts, which are degrees below the horizon: "
+                "should they be positive?"
             )
         most = math.degrees(max(abs(tilt) for tilt in robot.camera.tilts))
         if 0 < most < _LEVEL and robot.camera.tilts not in seen:
-            yield f"drones[{k}] look {most:.3g} deg down at the most: are their tilts in degrees?"
+            yield f"drones[{k}] look down by at most {most:.3g} deg: are their tilts in degrees?"
         seen.add(robot.camera.tilts)
 
 
@@ -137,12 +138,12 @@ def _about_mesh(problem: SceneData, mesh: Mesh) -> Iterator[str]:
     low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
     above = low - float(problem.height_map.heights.max())
     if above > _HOVERING:
-        yield f"is {above:.4g} m above all of the map: is its altitude right?"
+        yield f"is {above:.4g} m above the top of the map: is its altitude right?"
     if high - low > _TALLEST:
         yield f"is {high - low:.4g} m high: is its unit or height right?"
     largest = float(np.ptp(corners, axis=0).max())
     if largest < _SMALLEST:
-        yield f"is {largest:.2g} m long, wide and high: is its unit right?"
+        yield f"is no more than {largest:.2g} m in size: is its unit right?"
 
 
 def _not_closed(mesh: Mesh) -> str:
@@ -153,7 +154,7 @@ def _not_closed(mesh: Mesh) -> str:
     lowest, highest = (float(end(mesh.corners[..., 2])) for end in (np.min, np.max))
     if len(ends) and float(ends.max()) - lowest <= _SUNK < highest - lowest:
         return "has no floor: only its surface is solid, and drones may fly inside"
-    return "is not closed, so that only its surface is solid"
+    return "is not closed, so only its surface is solid"
 
 
 def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:
@@ -175,16 +176,16 @@ def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[s
 
 
 def _first_starts(problem: SceneData) -> list[tuple[Robot, State]]:
-    """Returns each robot with a start; if it may choose, the first start that is possible."""
+    """Returns each robot with its start, or with the first of several possible starts."""
     return list(zip(problem.robots, problem.first_starts, strict=True))
 
 
 def _around_robots(problem: SceneData) -> dict[Motion, Encounters]:
-    """Returns the places near people around the starts of the robots of each motion."""
+    """Returns, for the robots of each motion, the places near people around their starts."""
     found = {}
     for motion in dict.fromkeys(robot.motion for robot in problem.robots):
         starts = [(s.x, s.y) for robot, s in _first_starts(problem) if robot.motion == motion]
-        # One step more, as it must show if there is a way on from the end of the last step.
+        # One step more than the horizon, to see if there is a way on from the last step's places.
         reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
         window = Window.around(starts, reach, problem.workspace)
         found[motion] = Encounters(
@@ -194,7 +195,7 @@ def _around_robots(problem: SceneData) -> dict[Motion, Encounters]:
 
 
 def _below_ground(problem: SceneData, mesh: Mesh) -> bool:
-    """Returns True if the part of a mesh that is over the map is wholly below the ground."""
+    """Returns True if all of a mesh's parts within the map's edges are below the ground."""
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
@@ -210,7 +211,7 @@ def _in_the_way(problem: SceneData) -> Iterator[str]:
             if height is not None:
                 yield (
                     f"drone {i} can fly into {problem.person(j)}, {height:.3g} m above the feet; "
-                    "nothing keeps them apart"
+                    "no rule keeps them apart"
                 )
                 break
 
@@ -254,12 +255,12 @@ def _misplaced(problem: SceneData, actor: Actor) -> Iterator[str]:
         yield words
     high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}
     if high:
-        words = f"their feet are {next(iter(high.values())):.3g} m above the nearest matter below"
+        words = f"their feet are {next(iter(high.values())):.3g} m above the nearest surface below"
         yield _at(list(high), steps, "floats", words)
 
 
 def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
-    """Says when an actor is inside an obstacle, and how deep; empty if it never is."""
+    """Describes when an actor is inside an obstacle, and how deep; empty if it never is."""
     steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in actor.poses[: horizon + 1].tolist()]
     depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(workspace, actor, pose))}
     if not depths:
@@ -269,7 +270,7 @@ def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
 
 
 def _distinct_people(problem: SceneData) -> Iterator[tuple[int, Actor]]:
-    """Yields people and their numbers; of those who walk alike in several takes, only the first."""
+    """Yields people with their numbers; a person who walks alike in several takes occurs once."""
     distinct = set(map(id, problem.distinct_people))
     yield from ((j, actor) for j, actor in enumerate(problem.actors) if id(actor) in distinct)
 
@@ -311,7 +312,7 @@ def _mesh_spans(meshes: tuple[Mesh, ...], x: float, y: float) -> list[tuple[floa
 
 
 def _floats(problem: SceneData, actor: Actor, pose: _Pose) -> float:
-    """Returns the height (m) of an actor's feet above all matter below; 0 if it stands on it."""
+    """Returns the height (m) of an actor's feet above the nearest surface below; 0 if plausible."""
     x, y, z, _ = pose
     if not _on_map(problem.height_map, x, y):
         return 0.0

@@ -62,8 +62,8 @@ class _Format(NamedTuple):
     options: Options = Options()
     # Options that select the starts in the scene's own file; None: it always has these.
     own_starts: Mapping[str, str] | None = None
-    is_evaluated: bool = False  # True: its plans may be between the cells
-    is_seeded: bool = True  # True: the seed chooses one of several scenes in a file
+    is_evaluated: bool = False  # True: states of its plans may lie between cells
+    is_seeded: bool = True  # True: the seed selects one of several scenes in a file
 
     def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
         """Reads a scene file; `options` gives words by name, for options of the format."""
@@ -72,7 +72,7 @@ class _Format(NamedTuple):
         return problem
 
     def rewards_between_cells(self, path: Path, problem: Problem) -> tuple[float, ...] | None:
-        """Evaluates a plan between the cells, step by step; None for any other plan."""
+        """Returns a plan's rewards, step by step, if its states lie between cells; else None."""
         if not self.is_evaluated or not self.plans.has(path):
             return None
         rewards: tuple[float, ...] | None = self._module().rewards_between_cells(path, problem)
@@ -152,16 +152,16 @@ _WAYS_OUT = {  # remedies for a part of a scene that is named as a scene
 def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Problem:
     """Builds a built-in scene, or reads a scene file or a folder that contains a seq.yaml.
 
-    To name a file that has the name of a built-in scene, write ./NAME.
+    To read a file that has the name of a built-in scene, write ./NAME.
 
     Parameters
     ----------
     name_or_path
         One of `SCENES`, or a file of one of `FORMATS`.
     seed
-        Chooses one of the scenes of this name; `FORMATS` says what it chooses in a file.
+        Selects one of the scenes of this name; `FORMATS` explains what it selects in a file.
     options
-        Words by name that choose how the file is understood, of those that its format has.
+        Options of the file's format, and a word for each, that select how the file is interpreted.
 
     Raises
     ------
@@ -184,12 +184,12 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
 
 
 def load_site(name_or_path: str, seed: int = 0) -> Site | None:
-    """Reads a recipe to examine, whose drones need not have places; None for any other scene.
+    """Reads a recipe whose drones need not have places yet; None for any other scene.
 
     Raises
     ------
     FileError
-        If it cannot be used; the message is one line.
+        If the recipe cannot be used; the message is one line.
     """
     if name_or_path in SCENES:
         return None
@@ -216,15 +216,15 @@ def files_of(name_or_path: str) -> list[Path]:
 
 
 def has_seed(name_or_path: str) -> bool:
-    """Returns False for a file that holds one scene, whatever the seed."""
+    """Returns False for a file that contains the same scene for every seed."""
     return name_or_path in SCENES or _find_file(name_or_path)[1].is_seeded
 
 
 def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
     """Finds the variant of a scene for which a foreign plan was made, by the plan's starts.
 
-    Plans of other projects do not say to which start set they belong: it is either the one that the
-    seed chose (`problem`), or the one in the scene's own file.
+    Plans of other projects do not name their start set: it is either the one that the seed selected
+    (`problem`), or the one in the scene's own file.
     """
     starts = [path[0] if path else None for path in plan.paths]
     if name_or_path in SCENES or starts == _starts(problem):
@@ -277,7 +277,7 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
     path = Path(name_or_path)
     if os.path.isdir(path):
         if not os.path.exists(path / "seq.yaml"):
-            raise FileError(f"{path}: must be a file, or a folder that holds a seq.yaml")
+            raise FileError(f"{path}: must be a file, or a folder that contains a seq.yaml")
         path = path / "seq.yaml"
     # Unlike Path.exists, os.path.exists is also False for names that no file can have.
     if not os.path.exists(path):

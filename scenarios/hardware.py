@@ -1,6 +1,6 @@
 """Real cameras by name, as pinhole cameras, and limits of real airframes by name.
 
-The numbers of cameras come from the makers, or from others who calibrated the cameras. Lens
+The cameras' numbers come from their manufacturers, or from third parties' calibrations. Lens
 distortion is ignored, and the principal point is at the centre of the image. A name that ends with
 -4k is the camera in its film mode; the name without it is the camera in its photo mode, whose
 images are higher.
@@ -22,7 +22,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.text import meant
 
-# The sizes of the photos of drones that film. Their film mode is below.
+# Drones' cameras in their photo mode; their film modes are below.
 _PHOTOS: dict[str, Camera] = {
     # Theta DroneModels (Apache-2.0): pixel pitch, with f = 8.8 mm, 4.7 mm, and 12.29 mm, 24 mm on
     # 35 mm film, for the Mavic 3
@@ -151,9 +151,9 @@ def _tilted(robot: Robot, degrees: tuple[float, ...]) -> Robot:
 
 # -- limits of airframes by name, each with its source
 #
-# What a source does not say is None, and is not checked. Most makers' figures are of the fastest
-# mode, without wind. Of the cameras' airframes those of the Spark and of AirSim are missing, for
-# want of a source; the recipe's `limits` states any.
+# Values that a source does not give are None, and are not checked. Most manufacturers' figures are
+# for the fastest mode, without wind. The airframes of two cameras are missing, the Spark's and
+# AirSim's, as there is no source; set the recipe's `limits` for them.
 
 AIRFRAMES: dict[str, Limits] = {
     # PX4-Autopilot (BSD-3), src/modules/mc_pos_control, 2025: defaults of MPC_XY_VEL_MAX,
@@ -161,7 +161,7 @@ AIRFRAMES: dict[str, Limits] = {
     "px4": Limits(
         speed=12.0, climb=3.0, descent=1.5, acceleration=3.0, yaw_rate=math.radians(60.0)
     ),
-    # Makers' figures as the wiki of the Zephyr simulator has them: Little-Arms-Studios/
+    # Manufacturers' figures, from the wiki of the Zephyr simulator: Little-Arms-Studios/
     # zephyr-wiki, getting-started/drones/: mavic-pro.md, phantom-3.md, phantom-4.md, skydio-2.md
     "dji-mavic-pro": Limits(speed=18.0, climb=5.0, descent=3.0, endurance=27 * 60.0),
     "dji-phantom-3": Limits(
@@ -173,8 +173,8 @@ AIRFRAMES: dict[str, Limits] = {
         gimbal_rate=math.radians(90.0), endurance=28 * 60.0,
     ),
     "skydio-2": Limits(speed=16.1, endurance=23 * 60.0),
-    # The maker's figures for mode P (with the sensors on), and for turns those for mode S, as a
-    # laboratory of Embrapa has them for the aircraft that it flies:
+    # The manufacturer's figures for mode P (with the sensors on), and for turns those for mode S,
+    # published by a laboratory of Embrapa for the aircraft that it flies:
     # project.cnpgc.embrapa.br/fenotipagem/docs/hardware
     "dji-phantom-4-pro": Limits(
         speed=13.9, climb=5.0, descent=3.0, yaw_rate=math.radians(250.0),

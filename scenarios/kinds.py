@@ -163,7 +163,7 @@ _BINARY: Marks = {
     (8, b".FIT"): Kind("FIT, from a sports watch", _GPSBABEL),
 }  # fmt: skip
 
-_TEXTS: Marks = {  # beginnings of texts, with as many letters as no other text has
+_TEXTS: Marks = {  # beginnings of texts, long enough that no other text begins with them
     b"-- PostgreSQL database dump": _POSTGRES,
     b"--\n-- PostgreSQL database dump": _POSTGRES,
     b"-- MySQL dump": Kind("a MySQL dump", f"restore it, and {_PEOPLE}"),
@@ -237,8 +237,8 @@ _GRID = re.compile(rb"\s*ncols\s+\d", re.IGNORECASE)
 def kind_of(path: Path) -> Kind | None:
     """Returns the kind of a file by its first bytes; None if it is not a known kind.
 
-    A file that cannot be opened has no kind, and its reader reports why; nor has a pipe, whose
-    writer might never write.
+    A file that cannot be opened has no kind, and its reader reports why. Nor has a pipe, as reading
+    it might never end.
     """
     if not os.path.isfile(path):  # unlike Path.is_file, also False for an impossible name
         return None
@@ -286,7 +286,7 @@ def _by_bytes(begin: bytes) -> Kind | None:
         at, magic = (0, mark) if isinstance(mark, bytes) else mark
         if begin[at : at + len(magic)] == magic:
             return _closer(kind, begin)
-    if begin[:1] < b"\t" and begin[1:2] == b"P":  # its parameters' block, and 80
+    if begin[:1] < b"\t" and begin[1:2] == b"P":  # the number of its parameter block, then 80
         return Kind("C3D, motion capture", f"{_PEOPLE}, from one marker per person, as by ezc3d")
     if begin[:2] == b"BM" and begin[14:18] in (b"\x28\0\0\0", b"\x7c\0\0\0", b"\x6c\0\0\0"):
         return Kind("a BMP", _PICTURE)
@@ -296,7 +296,7 @@ def _by_bytes(begin: bytes) -> Kind | None:
 def _closer(kind: Kind, begin: bytes) -> Kind:
     """Returns the more specific kind of a database or an archive, by its first bytes."""
     if kind is SQLITE:
-        if begin[68:70] == b"GP":  # its application number: GPKG, GP10
+        if begin[68:70] == b"GP":  # application id in the header: GPKG, GP10
             return _GEOPACKAGE
         return _ROS_2 if re.search(rb"CREATE TABLE\s+topics\b", begin) else SQLITE
     if kind is not _ZIP:

@@ -8,17 +8,16 @@ from cocap_opt.problem.scene import SceneData
 
 
 class Site(NamedTuple):
-    """A recipe to examine before its drones have places: its content, and the drones without a
-    place.
+    """A recipe that is examined before all of its drones have places.
 
     Attributes
     ----------
     problem : None if drones are missing, or have no place
     scene : the unchecked scene, with the drones whose places are known
     motions : motions of the drones; the default motion if there are none
-    refusals : starts in which drones may not be, in the recipe's words
+    refusals : rejected starts, named as in the recipe
     starts : the recipe's field of each drone's start
-    notes : for tables whose drones have no place, the reason in words
+    notes : why the drones of some tables have no place, in words
     """
 
     problem: Problem | None

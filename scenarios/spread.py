@@ -25,7 +25,7 @@ AS_GIVEN = "as given"  # name of the first take, in which everybody walks as giv
 MOST_TAKES = 100  # takes that are drawn; each adds a copy of the people
 _TRIES = 50  # draws per person
 _MOST_DELAY, _MOST_ASIDE = 3600.0, 100.0  # s, m: standard deviations
-_SLOWEST = 0.1  # of the track's speed, at least, however large the spread
+_SLOWEST = 0.1  # smallest speed that is drawn, as a share of the track's speed
 
 
 class Spread(NamedTuple):
@@ -54,7 +54,7 @@ class Spread(NamedTuple):
         within(self.delay, 0, _MOST_DELAY, "delay", "s")
         within(self.aside, 0, _MOST_ASIDE, "aside", "m")
         within(self.speed, 0, 1, "speed")
-        require(any(self), "delay", "or aside or speed must be more than 0, or all takes are alike")
+        require(any(self), "delay", "must be more than 0 if aside and speed are 0")
         if self.delay and step is None:
             raise ProblemError("delay: must be 0 s, as the scene defines no step length")
 
@@ -124,11 +124,11 @@ def drawn_takes(
     within(count, 2, MOST_TAKES, "count", "takes")
     spread.require_for(step)
     chosen = range(len(actors)) if varied is None else varied
-    require(varied is None or len(chosen) > 0, "people", "must be somebody, or left out for all")
+    require(varied is None or len(chosen) > 0, "people", "must name a person, or be left out")
     for j in chosen:
         whole(j, "people")
         within(j, 0, len(actors) - 1, "people")
-    require(len(set(chosen)) == len(chosen), "people", "must be numbers that differ")
+    require(len(set(chosen)) == len(chosen), "people", "must be different numbers")
     names = [AS_GIVEN, *(f"take {k}" for k in range(1, count))]
     fixed = [(j, actor) for j, actor in enumerate(actors) if j not in chosen]
     people = [(j, actors[j].replace(take=AS_GIVEN)) for j in chosen]
@@ -157,7 +157,7 @@ def _drawn(
     spread: Spread, rng: np.random.Generator, barred: Callable[[Actor], bool],
 ) -> Actor | None:  # fmt: skip
     """Returns a person with a drawn walk, clear of those present; None if all draws fail."""
-    may_be_inside = bool(buried(workspace, actor, horizon))  # as is the given walk
+    may_be_inside = bool(buried(workspace, actor, horizon))  # the given walk is inside, too
     for _ in range(_TRIES):
         late, left, faster = rng.standard_normal(3) * spread
         walk = _Walk(late / (step or 1.0), left, max(1.0 + faster, _SLOWEST))
@@ -194,10 +194,10 @@ def _on_map(workspace: Workspace, actor: Actor) -> bool:
 
 
 def _ground(workspace: Workspace, poses: FloatArray) -> FloatArray:
-    """Returns the altitude of the ground [n] at poses [n, 4]; at the edge of the map beyond it.
+    """Returns the altitude of the ground [n] at poses [n, 4]; off the map, at its edge.
 
-    If a map does not separate ground from obstacles, it is 0, so that nobody is lifted onto an
-    obstacle.
+    If a map does not separate ground from obstacles, all altitudes are 0, so that nobody is lifted
+    onto an obstacle.
     """
     height_map = workspace.height_map
     if not height_map.knows_ground:

@@ -60,14 +60,14 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     Parameters
     ----------
     takes
-        The kinds of files that the caller reads, of those that have first bytes of their own; any
-        other is refused.
+        Kinds of files, among those that are recognised by their content, that the caller reads; all
+        others are rejected.
 
     Raises
     ------
     ProblemError
-        If the file cannot be opened, is a pipe or a device, is not text, or of a kind that the
-        caller does not read; of known kinds the message names the way out.
+        If the file cannot be opened, is a pipe or a device, is not text, or is of a kind that the
+        caller does not read; for known kinds, the message explains how to use the file.
     """
     _require_regular(path)
     require(path, takes)
@@ -79,9 +79,9 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
     if content in _UTF_16:
-        raise ProblemError("must be a text file in UTF-8; it has nothing but a mark of UTF-16")
+        raise ProblemError("must be a text file in UTF-8; it has only a byte order mark of UTF-16")
     if "\0" in text:
-        raise ProblemError("must be a text file in UTF-8; it has NUL characters, as UTF-16 does")
+        raise ProblemError("must be a text file in UTF-8; it has NUL characters, like UTF-16")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -106,13 +106,13 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str
             rows.append((reader.line_num, row))
     except csv.Error as error:
         raise ProblemError(
-            f"line {reader.line_num}: must be short values with commas between them"
+            f"line {reader.line_num}: must be short values separated by commas"
         ) from error
     return rows
 
 
 def rectangle(low: FloatArray, high: FloatArray) -> str:
-    """Returns the words for a rectangle from one corner [2] to the other, m."""
+    """Describes a rectangle from one corner [2] to the other, in m."""
     x, y = (span(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
     return f"x {x} and y {y} m"
 
@@ -122,19 +122,19 @@ def xml_root(content: bytes, kind: str) -> Element:
 
     Parameters
     ----------
-    kind : of the file, as messages name it
+    kind : kind of the file, for messages
 
     Raises
     ------
     ProblemError
-        If it is damaged, of an encoding that is not known, or has a DOCTYPE.
+        If it is damaged, has an unknown encoding, or has a DOCTYPE.
     """
     from defusedxml import DefusedXmlException, ElementTree
 
     try:
         root: Element = ElementTree.fromstring(content, forbid_dtd=True)
     except DefusedXmlException as error:
-        raise ProblemError(f"must be {kind} without a DOCTYPE and entities of its own") from error
+        raise ProblemError(f"must be {kind} without a DOCTYPE or its own entities") from error
     except ParseError as error:
         line, _ = error.position
         raise ProblemError(f"line {line}: must be {kind}; it is damaged or cut off") from error
@@ -144,12 +144,12 @@ def xml_root(content: bytes, kind: str) -> Element:
 
 
 def plain_number(text: str) -> float:
-    """Returns the number that a text spells for any program; 1_000, as in Python, is not accepted.
+    """Returns the number in a text; 1_000 is rejected, as few programs other than Python read it.
 
     Raises
     ------
     ValueError
-        If it does not spell a number.
+        If the text is not a number.
     """
     if "_" in text:
         raise ValueError(text)
@@ -157,12 +157,12 @@ def plain_number(text: str) -> float:
 
 
 def integer(text: str, field: str) -> int:
-    """Returns the whole number that `text` spells.
+    """Returns the whole number in `text`.
 
     Raises
     ------
     ProblemError
-        If it does not spell one; the message starts with `field`.
+        If it is not a whole number; the message starts with `field`.
     """
     try:
         if "_" in text:
@@ -173,12 +173,12 @@ def integer(text: str, field: str) -> int:
 
 
 def number(text: str, field: str) -> float:
-    """Returns the finite number that `text` spells, of at most a thousand million.
+    """Returns the number in `text`, which must be within +-1e9.
 
     Raises
     ------
     ProblemError
-        If it does not spell one; the message starts with `field`.
+        If it is not such a number; the message starts with `field`.
     """
     try:
         value = plain_number(text)

@@ -29,7 +29,7 @@ def walking_graph(free: BoolArray) -> Graph:
     graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
     for x, y in graph:
         for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
-            # For a straight move, only its target is among these three.
+            # The target, and for a diagonal move the two cells beside it, must be free.
             if all(cell in graph for cell in ((x + dx, y + dy), (x + dx, y), (x, y + dy))):
                 graph.add_edge((x, y), (x + dx, y + dy), weight=math.hypot(dx, dy))
     return graph

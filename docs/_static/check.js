@@ -1,4 +1,4 @@
-// The page on which cocap-check runs: files in, the command's own text out.
+// The page that runs cocap-check: it takes files, and shows the command's own output.
 
 (() => {
 "use strict";
@@ -18,7 +18,7 @@ const state = { worker: null, facts: null, isRunning: false, isAgain: false, beg
 function make(name, cls, text) {
   const element = document.createElement(name);
   if (cls) element.className = cls;
-  if (text !== undefined) element.textContent = text; // never as HTML: names may be anything
+  if (text !== undefined) element.textContent = text; // never as HTML, as names may contain anything
   return element;
 }
 
@@ -52,7 +52,7 @@ function lay() {
   actions.append(run, cancel, clear);
   list.setAttribute("aria-label", "files");
   said.setAttribute("role", "status");
-  clock.setAttribute("aria-hidden", "true"); // a reader of screens would say each second
+  clock.setAttribute("aria-hidden", "true"); // a screen reader would read out each second
   bar.setAttribute("aria-label", "Python loaded");
   verdict.setAttribute("role", "status");
   output.tabIndex = 0;
@@ -85,7 +85,7 @@ const size = (bytes) => (bytes < MB ? `${Math.ceil(bytes / 1000)} kB` : `${(byte
 
 // -- files ---------------------------------------------------------------------------------
 
-// What a file is, so that the instance comes first; cocap-check itself judges what is in it.
+// The kind of a file, so that the instance comes first; cocap-check itself judges the content.
 async function kindOf(file) {
   const begins = (await file.slice(0, 200).text()).trimStart();
   if (begins.startsWith("cocap-instance") || file.name.endsWith(".instance")) return "instance";
@@ -98,7 +98,7 @@ async function add(given) {
   const kinds = await Promise.allSettled(given.map(kindOf)), unread = [];
   for (const [k, file] of given.entries()) {
     const kind = kinds[k].value;
-    if (kind === undefined) { // a folder, or a file that is gone
+    if (kind === undefined) { // a folder, or a file that no longer exists
       unread.push(`${file.name}: ${kinds[k].reason.message}`);
       continue;
     }
@@ -137,7 +137,7 @@ function forget() {
   choose.focus();
 }
 
-// What is said of other files is said no longer.
+// Remove the answer on earlier files.
 function blank() {
   if (!state.isRunning) {
     state.lines = [];
@@ -155,7 +155,7 @@ const inOrder = () => {
 
 function start() {
   if (state.isRunning) {
-    state.isAgain = true; // with what has been added since
+    state.isAgain = true; // check again, with files added since
     return;
   }
   const [first] = inOrder();
@@ -191,7 +191,7 @@ function open() {
 
 async function send() {
   const all = inOrder();
-  // A name like an option would be taken for one.
+  // A name that looks like an option would be read as one.
   state.names = all.map(({ name }) => (name.startsWith("-") ? `./${name}` : name));
   state.lines = [`$ python cocap_check.py ${state.names.map(quoted).join(" ")}`];
   say(`reading ${all[0].name}`);
@@ -199,7 +199,7 @@ async function send() {
   const { worker } = state;
   try {
     const contents = await Promise.all(all.map(({ file }) => file.arrayBuffer()));
-    if (worker !== state.worker) return; // cancelled meanwhile
+    if (worker !== state.worker) return; // cancelled in the meantime
     const sent = contents.map((bytes, k) => ({
       name: all[k].name, argument: state.names[k], bytes: new Uint8Array(bytes),
     }));
@@ -269,7 +269,7 @@ function stop() {
   finish("mild", "Cancelled: what was not printed yet was not checked.");
 }
 
-// What Python does cannot be interrupted, but its worker can be ended.
+// Python cannot be interrupted, but its worker can be ended.
 function end() {
   state.worker?.terminate();
   state.worker = state.facts = null;
@@ -294,7 +294,7 @@ function tick() {
 
 // -- dropping ------------------------------------------------------------------------------
 
-// Anywhere on the page, since a file that misses the box would open in place of the page.
+// Files can be dropped anywhere, as a file that misses the box would open in place of the page.
 function listen() {
   const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
   window.addEventListener("dragover", (event) => {

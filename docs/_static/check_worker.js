@@ -1,9 +1,9 @@
-// Runs cocap_check.py by Pyodide, apart from the page, which so stays alive and can end it.
+// Runs cocap_check.py with Pyodide in a worker, so that the page stays responsive and can end it.
 
 const folder = new URL("../check/", self.location.href).href;
 const TYPES = { wasm: "application/wasm", zip: "application/zip", json: "application/json" };
 const NETWORK = ["fetch", "XMLHttpRequest", "WebSocket", "WebTransport", "EventSource", "importScripts"];
-const FRESH = { cache: "no-cache" }; // another build may have written others
+const FRESH = { cache: "no-cache" }; // a new build may have other files
 const FILES = "/files";
 const RUN = `
 import contextlib, io, runpy, sys
@@ -46,8 +46,8 @@ async function fetched(what, options) {
   return response;
 }
 
-// Counts what Pyodide fetches against a total that is known, as a server that compresses does not
-// say it. Types are given for servers that do not know them.
+// Compares the bytes that Pyodide fetches with a known total, as servers that compress do not send
+// it. Sets content types for servers that do not know them.
 function counted(total) {
   let loaded = 0;
   return async (what, options) => {
@@ -79,7 +79,7 @@ async function load() {
   pyodide.FS.writeFile("/cocap_check.py", checker);
   const facts = { pyodide: about.pyodide, ...pyodide.runPython(ABOUT).toJs({ dict_converter: Object.fromEntries }) };
   const run = pyodide.runPython(RUN);
-  // What comes now are the visitor's files: nothing here can send them anywhere.
+  // The visitor's files come next; from here on, no request can leave the worker.
   for (const name of NETWORK) self[name] = undefined;
   plain = undefined;
   return { pyodide, run, facts };

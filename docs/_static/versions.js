@@ -1,5 +1,5 @@
-// A choice of versions above the menu, of those that versions.json beside the built folders names.
-// Where there is no such file, as in a build of one version, there is no choice.
+// A choice of versions above the menu, from versions.json beside the folders of the versions. Without
+// that file, as in a build of a single version, there is no choice.
 (async () => {
   const root = new URL(document.documentElement.dataset.content_root, location.href);
   const reply = await fetch(new URL("../versions.json", root), { cache: "no-cache" });

@@ -1,5 +1,5 @@
-"""The laboratory, which measures the project itself; it is no part of the wheel.
+"""The laboratory, which measures the project itself; it is not part of the wheel.
 
-`studies` are the commands of `cocap-opt study`, `stored` the results that they have left, and
-`manual` what the pages show of the code and of both.
+`studies` contains the commands of `cocap-opt study`, `stored` their stored results, and `manual`
+the parts of the pages that are made from the code and from stored results.
 """

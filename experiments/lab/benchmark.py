@@ -1,7 +1,7 @@
 """The benchmark of exact methods: time and bound against the number of steps, and its figure.
 
 `cocap-opt study steps` measures it. Generic solvers get the whole problem as one integer program,
-without help of column generation, so that their bounds are their own word.
+without help from column generation; no certificate proves their bounds.
 """
 
 import math
@@ -36,19 +36,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _SIZE = (WIDTH, 6.6)  # inches
-_POINTS = (13, 11.5, 10, 9, 8, 8, 6)  # sizes of marks, so that those at one place are seen
-_LEAST_GAP = 100 * OPTIMALITY  # %, of a bound that is called the optimum
-_MOST_GAP = 1000.0  # %, where bounds are drawn that are larger, or missing
-_LEAST_SECONDS = 1e-3  # where the axis of seconds begins
+_POINTS = (13, 11.5, 10, 9, 8, 8, 6)  # sizes of marks; they differ so that no mark hides another
+_LEAST_GAP = 100 * OPTIMALITY  # %; bounds with a smaller gap count as the optimum
+_MOST_GAP = 1000.0  # %; larger and missing bounds are drawn here
+_LEAST_SECONDS = 1e-3  # start of the axis of seconds
 
 
 class RunStatus(StrEnum):
     """The way in which a run of an exact method ended."""
 
     PROVED = "proved"
-    STOPPED = "stopped"  # by the limit
-    REFUSED = "refused"  # the problem, as too large
-    FAILED = "failed"  # it died, or ran on long after its limit
+    STOPPED = "stopped"  # a limit stopped it
+    REFUSED = "refused"  # it rejected the problem as too large
+    FAILED = "failed"  # it died, or kept running long after its limit
 
 
 class MethodRun(NamedTuple):
@@ -56,10 +56,11 @@ class MethodRun(NamedTuple):
 
     Attributes
     ----------
-    seconds : by the clock; nan if it failed
-    processor : seconds that a processor worked on it
-    value : J of its plan by the referee; -inf without one
-    bound : by its certificate or, of a generic solver, its own word; inf without one
+    seconds : wall-clock time; nan if it failed
+    processor : CPU time in seconds
+    value : J of its plan by the referee; -inf without a plan
+    bound : bound of its certificate, or, for a generic solver, as the solver states it; inf
+        without a bound
     """
 
     method: str
@@ -81,35 +82,35 @@ class Benchmark:
 
     @classmethod
     def read(cls, path: Path = STORED / "solvers.csv") -> Self:
-        """Reads a table that `cocap-opt study steps` has written, usually the stored one.
+        """Reads a table that `cocap-opt study steps` wrote; by default the stored one.
 
         Raises
         ------
         FileError
-            If it cannot be read, or is no such table.
+            If it cannot be read, or is not such a table.
         """
-        runs = read_csv(path, _run, "must be as `cocap-opt study steps` writes it")
+        runs = read_csv(path, _run, "must be a file of `cocap-opt study steps`")
         if not runs:
             raise FileError(f"{path}: has no runs")
         return cls(runs)
 
     @property
     def table(self) -> "pd.DataFrame":
-        """The runs, a row each, with the bound above the optimum in %."""
+        """The runs, one row each; bounds are in % above the optimum."""
         import pandas as pd
 
         above = "bound above the optimum (%)"
         return pd.DataFrame([run._asdict() | {above: self._above(run)} for run in self.runs])
 
     def plot(self, figure: Figure | None = None) -> Figure:
-        """Draws time and bound against steps, medians over seeds.
+        """Draws time and bound against the number of steps, as medians over seeds.
 
-        A mark is hollow where a limit stopped at least one run, which needs more time than that. A
-        line ends where the method refused the next problem, or failed.
+        A hollow mark means that a limit stopped at least one run, so its real time is longer. A
+        line ends if the method rejected the next problem, or failed on it.
 
         Parameters
         ----------
-        figure : an empty one, such as one of pyplot's, to be drawn in
+        figure : an empty figure to draw into, e.g. of pyplot
         """
         figure = figure or new_figure(*_SIZE)
         time, bound = figure.subplots(2, 1, sharex=True)
@@ -137,7 +138,7 @@ class Benchmark:
         return figure
 
     def _above(self, run: MethodRun) -> float:
-        """Returns the gap of a run's bound to the optimum, in %; inf where one is not known."""
+        """Returns the gap of a run's bound to the optimum, in %; inf if one of them is unknown."""
         optima = [
             other.value
             for other in self.runs
@@ -154,7 +155,7 @@ class Benchmark:
 def _draw_medians(
     ax: Axes, runs: Sequence[MethodRun], height: Callable[[MethodRun], float], look: dict[str, Any]
 ) -> None:
-    """Draws the medians of a method's runs, where it has an answer for each seed."""
+    """Draws the medians of a method's runs at steps for which all seeds have an answer."""
     ends = (RunStatus.PROVED, RunStatus.STOPPED)
     by_steps = {steps: [run for run in runs if run.steps == steps]
                 for steps in sorted({run.steps for run in runs})}  # fmt: skip

@@ -1,4 +1,4 @@
-"""Results of studies: the folder of those that come with this project, writing, and reading."""
+"""Results of studies: writing them, reading them, and the folder of stored ones."""
 
 import csv
 import io
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 RowT = TypeVar("RowT", bound=tuple[Any, ...])
 STORED = Path(__file__).parent / "stored"
-_LEAST_PERCENT = 0.0001  # which optimal means; less is rounding
+_LEAST_PERCENT = 0.0001  # gaps of optimal plans are smaller, by rounding
 
 
 class Results(NamedTuple):
-    """The folder that a study writes its results into; without one it writes nothing."""
+    """The folder into which a study writes its results; without a folder, it writes nothing."""
 
     folder: Path | None
 
     @classmethod
     def into(cls, folder: Path | None) -> Self:
-        """Makes the folder, before the work for its results is done."""
+        """Makes the folder; call this before the work, as it may fail."""
         make_folder(folder)
         return cls(folder)
 
     def save(self, name: str, rows: Sequence[Mapping[str, Any] | tuple[Any, ...]]) -> None:
-        """Writes rows, mappings or named tuples, as a CSV file; nothing if there is none."""
+        """Writes rows, which are mappings or named tuples, as a CSV file, unless there are none."""
         if self.folder is not None and rows:
             save_csv(self.folder / name, [_mapping(row) for row in rows])
 
@@ -52,17 +52,17 @@ def _mapping(row: Any) -> Mapping[str, Any]:
 
 
 def read_csv(path: Path, make: Callable[[dict[str, str]], T], words: str = "") -> list[T]:
-    """Reads a CSV file that a study has written.
+    """Reads a CSV file that a study wrote.
 
     Parameters
     ----------
-    make : makes something of the fields of a row
-    words : for the message about a row of which it cannot; without any, the error's own
+    make : converts the fields of a row
+    words : message for a row that `make` rejects; empty to use the error's own message
 
     Raises
     ------
     FileError
-        If the file cannot be read, or nothing can be made of a row; the message names its line.
+        If the file cannot be read, or `make` rejects a row; the message names the line.
     """
     table = csv.DictReader(io.StringIO(read_text(path)))
     try:
@@ -76,7 +76,7 @@ def load_csv(path: Path, kind: type[RowT], study: str) -> list[RowT]:
 
     Parameters
     ----------
-    study : whose command writes such files, for the message of a FileError
+    study : name of the study that writes such files, for messages
     """
     table = csv.reader(io.StringIO(read_text(path)))
     fields = list(get_type_hints(kind))
@@ -85,7 +85,7 @@ def load_csv(path: Path, kind: type[RowT], study: str) -> list[RowT]:
             raise ValueError(f"the columns must be {','.join(fields)}")
         return [msgspec.convert(row, kind, strict=False) for row in table]
     except (ValueError, csv.Error) as error:
-        words = f"must be what `cocap-opt study {study}` has written"
+        words = f"must be a file of `cocap-opt study {study}`"
         raise FileError(f"{path}: {words}: {error}") from error
 
 
@@ -95,12 +95,12 @@ def stored_rows(name: str) -> list[dict[str, str]]:
 
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Returns rows as a table in Markdown, as pages show it."""
+    """Returns rows as a table in Markdown for pages."""
     return Listing("", [dict(row) for row in rows]).markdown
 
 
 def in_unit(text: str, unit: str) -> str:
-    """Returns a number of a stored table with three digits and its unit, as pages show it."""
+    """Returns a number of a stored table with three digits and its unit, for pages."""
     number = float(text)
     if unit == "%" and 0 < number < _LEAST_PERCENT:
         return f"< {_LEAST_PERCENT} %"
@@ -108,5 +108,5 @@ def in_unit(text: str, unit: str) -> str:
 
 
 def in_percent(share: str) -> str:
-    """Returns a share of a stored table in %, "-" where there is none."""
+    """Returns a share of a stored table in %; "-" if it is missing."""
     return f"{100 * float(share):.2f} %" if share else "-"

@@ -1,8 +1,8 @@
-"""The list of the library's instances, and how each of them is made again.
+"""The list of the library's instances, and how each of them is made.
 
-A family in `instances.toml` is a scene and changes of it, with seeds for training and for tests.
-The files of other projects are not in the library: a family names them with their SHA-256 and where
-they are published, and a user who has them names the folder.
+A family in `instances.toml` is a scene with changes to it, and seeds for training and for tests.
+Most files of other projects are not in the library: a family has their names, their SHA-256 and
+where they are published, and users who have downloaded them pass the folder.
 """
 
 import hashlib
@@ -24,13 +24,13 @@ from cocap_opt.scenarios.built_in.field import field
 
 DATA = Path(__file__).parent / "data"
 LIST = "instances.toml"
-FIRST_TEST_SEED = 1000  # of scenes with as many seeds as one likes; training has those below
+FIRST_TEST_SEED = 1000  # of scenes with unlimited seeds; smaller seeds are for training
 
 _Seeds = tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
 
 
 class Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file that a scene is made of.
+    """A file that a scene is made from.
 
     Attributes
     ----------
@@ -52,23 +52,23 @@ class Field(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Family(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Scenes that differ in their seed.
+    """Scenes that differ only in their seed.
 
     Attributes
     ----------
-    name : of the family; those of its instances have the seed behind it
+    name : of the family; an instance's name is this with "-" and its seed
     scene : name of a built-in scene, or of a file among `files`
     field : size of a field, in place of `scene`
-    train, test : seeds, which have none in common
-    steps : after which the scene ends; None: as it is
-    views : number of drones that are to see each person; None: views are not counted
-    free_starts : drones start wherever it is best
-    over_time : pixels add up over time, too
+    train, test : seeds for training and for tests; no seed is in both
+    steps : number of steps after which the scene ends; None if it is not shortened
+    views : number of drones that should see each person; None if views are not counted
+    free_starts : True if drones may start anywhere
+    over_time : True if pixels add up over time, too
     options : how a file is read
-    files : that must be there; of a family that ships with the library, in its own folder
-    source : where the files are published; empty where no files are needed
-    licence : of the files
-    ships : the files are in the library's folder
+    files : files that the scene needs
+    source : where the files are published; empty if no files are needed
+    licence : licence of the files
+    ships : True if the files are in the library's folder
     """
 
     name: str
@@ -87,7 +87,7 @@ class Family(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ships: bool = False
 
     def problem(self, seed: int, folder: Path | None) -> Problem:
-        """Makes the scene of a seed; `folder` holds the files, if it needs any."""
+        """Makes the scene of a seed; `folder` contains the files, if it needs any."""
         if self.field is not None:
             size = self.field
             made = field(seed, size.robots, size.actors, size.cells, size.steps)
@@ -113,7 +113,7 @@ class Entry(msgspec.Struct, frozen=True):
     ----------
     name : of the instance
     seed : of its scene
-    split : if it is for training or for tests
+    split : train or test: its use, for training or for tests
     """
 
     family: Family
@@ -127,12 +127,12 @@ class Entry(msgspec.Struct, frozen=True):
 
     @property
     def is_by_reference(self) -> bool:
-        """True if its files are somewhere else than in the library."""
+        """True if it needs files that are not in the library."""
         return bool(self.family.files) and not self.family.ships
 
     @property
     def recipe(self) -> str:
-        """Words that say how the scene is made."""
+        """A description of how the scene is made."""
         made = self.family
         size = made.field
         words = [f"scene {made.scene}" if size is None else "scene field", f"seed {self.seed}"]
@@ -147,17 +147,17 @@ class Entry(msgspec.Struct, frozen=True):
         return ", ".join(words)
 
     def problem(self, library: Path, folder: Path | None = None) -> Problem:
-        """Makes the scene again.
+        """Makes the scene.
 
         Parameters
         ----------
         library : folder of the library's data
-        folder : where the user has the files of an instance by reference
+        folder : the user's folder with files that are not in the library
 
         Raises
         ------
         FileError
-            If files are missing, or are not those of the library; one line.
+            If files are missing or differ from the listed ones, or make no scene; one line.
         """
         family = self.family
         if family.ships:
@@ -168,8 +168,8 @@ class Entry(msgspec.Struct, frozen=True):
         try:
             if not family.files or folder is None:
                 return family.problem(self.seed, None)
-            with tempfile.TemporaryDirectory() as place:  # no file can change after its check
-                # Named as where it is published: some scenes have their name from their folder.
+            with tempfile.TemporaryDirectory() as place:  # copies cannot change after the check
+                # The folder is named as published, as some scenes take their name from it.
                 copies = Path(place) / family.source.rpartition("/")[2]
                 for file in family.files:
                     self._copy(file, folder, copies)
@@ -178,10 +178,10 @@ class Entry(msgspec.Struct, frozen=True):
             raise FileError(f"{self.name}: {error}") from error
 
     def _copy(self, file: Source, folder: Path, into: Path) -> None:
-        """Copies a file that has the content that the library knows."""
+        """Copies a file, after checking its SHA-256."""
         content = read_bytes(folder / file.name)
         if hashlib.sha256(content).hexdigest() != file.sha256:
-            words = f"is another file than that of the library; {self.family.source}"
+            words = f"is not the file that the library lists; get it from {self.family.source}"
             raise FileError(f"{folder / file.name}: {words}")
         target = into / file.name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -193,7 +193,7 @@ class _List(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes
     ----------
-    version : of the library: it moves when an instance is added, or made in another way
+    version : of the library; it changes when an instance is added or made differently
     """
 
     version: str
@@ -217,7 +217,7 @@ def read_list(library: Path = DATA) -> tuple[str, tuple[Entry, ...]]:
     names = [entry.name for entry in entries]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise FileError(f"{path}: family: {twice} is there twice")
+        raise FileError(f"{path}: family: {twice}: must be listed only once")
     return found.version, entries
 
 

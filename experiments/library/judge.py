@@ -1,7 +1,8 @@
-"""Statements that files prove, as `cocap-check` states them.
+"""Statements that files prove, as `cocap-check` prints them.
 
-The checker is called as its page describes it: by its command, with files, an exit code and a line;
-and in a process of its own, which a file that was made to keep it busy cannot outlast.
+The checker is run as its page describes: as a command with files, whose exit code and output line
+give the answer. It has its own process, so a time limit ends it even if a malicious file keeps it
+busy.
 """
 
 import math
@@ -17,8 +18,8 @@ from cocap_opt.formulations.independent import cocap_check
 
 PLAN, BOUND = "plan", "bound"
 TIME_LIMIT = 3600.0  # seconds for a file
-BRANCHES = 10**12  # of searches: it is time that ends them
-NO_PLAN = -math.inf  # bound where the checker says so in words
+BRANCHES = 10**12  # for searches: so many that only the time limit ends them
+NO_PLAN = -math.inf  # the bound if the checker states that no plan exists
 
 _NUMBER = r"(-?\d+\.\d+)"
 _SAYS = (
@@ -36,8 +37,8 @@ class Proved(NamedTuple):
 
     Attributes
     ----------
-    kind : `plan`: J is at least `value`; `bound`: no plan has more
-    value : in units of J; a bound below 0, which no J is, says that there is no plan
+    kind : `plan`: J of the plan is at least `value`; `bound`: no plan's J exceeds `value`
+    value : in units of J; as no J is below 0, a bound below 0 means that there is no plan
     """
 
     kind: Literal["plan", "bound"]
@@ -45,20 +46,20 @@ class Proved(NamedTuple):
 
 
 def proved(instance: Path, content: bytes, name: str, time_limit: float = TIME_LIMIT) -> Proved:
-    """Has `cocap-check` judge a plan, a certificate or a proof.
+    """Runs `cocap-check` on a plan, a certificate or a proof, and returns what it proves.
 
     Parameters
     ----------
     instance : file of the instance
-    content : of the file
-    name : of the file, for messages
-    time_limit : seconds; inf: none
+    content : of the plan, certificate or proof
+    name : name of that file, for messages
+    time_limit : seconds; inf for none
 
     Raises
     ------
     FileError
-        If the checker refuses it, leaves a part of its claim to a search, or takes longer; one
-        line.
+        If the checker rejects the file, does not finish a search that its claim needs, or exceeds
+        the time limit; one line.
     """
     with tempfile.TemporaryDirectory() as folder:
         claim = Path(folder) / "claim"
@@ -82,7 +83,7 @@ def proved(instance: Path, content: bytes, name: str, time_limit: float = TIME_L
         words = lines[0].removeprefix(f"{claim}: ").removeprefix(f"{instance}: ")
     if code == _BY_SEARCH:
         raise FileError(
-            f"{name}: refused: a part of its claim rests on a search that finds too much"
+            f"{name}: refused: its claim needs a search that is too large for `cocap-check`"
         )
     if code == _HOLDS:
         for kind, pattern in _SAYS:

@@ -1,4 +1,4 @@
-"""A page of an instance in one HTML file: records, curve of J and bound, player, how to cite."""
+"""The page of an instance, one HTML file: records, J and bound over time, player, citation."""
 
 import base64
 import math
@@ -27,14 +27,14 @@ from cocap_opt.text import rounded_up
 
 _STATES = {
     "solved": "solved: no plan is better than the best one here",
-    "open": "open: a better plan, or a lower bound, may be found",
+    "open": "open: there may be a better plan or a lower bound",
     "none": "no plan or no bound yet",
 }
 _USES = {"train": "training: tune planners on it", "test": "tests: report results on it"}
 
 
 def page(library: Library, standing: Standing, problem: Problem) -> bytes:
-    """Returns the page of an instance, which needs no network and no other file."""
+    """Returns the page of an instance; it needs no network and no other file."""
     name, records = standing.entry.name, library.records(standing.entry.name)
     sections = {
         "Instance": _facts(standing),
@@ -61,7 +61,7 @@ def _anchor(title: str) -> str:
 
 
 def _about(standing: Standing) -> str:
-    """Returns the size of an instance, and if it is solved."""
+    """Returns the size of an instance, and whether it is solved."""
     size, of = standing.digest, ""
     if size is not None:
         people = f"{size.people} {'person' if size.people == 1 else 'people'}"
@@ -73,7 +73,7 @@ def _about(standing: Standing) -> str:
 
 
 def _best_plan(library: Library, standing: Standing, problem: Problem) -> str:
-    """Returns the player of the best plan; nothing where there is none."""
+    """Returns the player of the best plan; an empty string if there is no plan."""
     if standing.plan is None:
         return ""
     file, name = (
@@ -89,7 +89,7 @@ def _best_plan(library: Library, standing: Standing, problem: Problem) -> str:
 
 
 def _gap(library: Library, standing: Standing, problem: Problem, plan: Plan) -> Explanation | None:
-    """Explains the gap of the best plan to the best bound; None where there is no bound."""
+    """Explains the gap of the best plan to the best bound; None if there is no bound."""
     if standing.bound is None:
         return None
     content, name = library.content(standing.bound), standing.bound.file
@@ -99,7 +99,7 @@ def _gap(library: Library, standing: Standing, problem: Problem, plan: Plan) -> 
 
 
 def citation(library: Library, standing: Standing) -> str:
-    """Returns the words that cite an instance: version of the library, digest of the scene."""
+    """Returns a citation of an instance, with the library's version and the scene's digest."""
     digest = "-" if standing.digest is None else standing.digest.digest[:16]
     words = f"The cocap-opt library, version {library.version}, instance {standing.entry.name}"
     told = [
@@ -108,7 +108,7 @@ def citation(library: Library, standing: Standing) -> str:
         if record is not None
     ]
     source = standing.entry.family.source
-    made = f" The scene is of {source}: cite that, too." if source else ""
+    made = f" The scene is from {source}: cite that, too." if source else ""
     return f"{words}, scene digest {digest}; {'; '.join(told)}.{made}"
 
 
@@ -121,7 +121,7 @@ def curve(records: Sequence[Record]) -> Figure:
         of_kind = [
             (day, record.value)
             for day, record in zip(days, records, strict=True)
-            if record.kind == kind and record.value >= 0  # a bound below 0: there is no plan
+            if record.kind == kind and record.value >= 0  # a bound below 0 means: no plan exists
         ]
         if of_kind:
             when, values = zip(*of_kind, strict=True)
@@ -155,7 +155,7 @@ def _facts(standing: Standing) -> str:
 
 
 def _records(records: Sequence[Record]) -> str:
-    """Returns the table of records, and their curve if they are of several days."""
+    """Returns the table of records, and a figure if they have more than one date."""
     best = max((record.value for record in records if record.kind == PLAN), default=None)
     rows = [
         {
@@ -171,8 +171,8 @@ def _records(records: Sequence[Record]) -> str:
     if not rows:
         return "<p>There are none yet.</p>"
     words = (
-        "A plan counts here by its J, of which more is better; a bound by the J that no plan "
-        "exceeds."
+        "The value of a plan is its J (higher is better); the value of a bound is a J that no plan "
+        "exceeds (lower is better)."
     )
     found = f"<p>{words}</p>\n{html_table('records', rows)}"
     if len({record.date for record in records}) < 2:

@@ -1,7 +1,7 @@
 """The records of the library: accepted improvements, with date, submitter and file.
 
-Records are only ever added. A number in them is what `cocap-check` said of the file; nobody's word
-is taken for it.
+Records are only ever added. Their values are what `cocap-check` printed for the file, never a
+submitter's claim.
 """
 
 import csv
@@ -42,16 +42,16 @@ if sys.platform != "win32":
     import fcntl
 
 RECORDS, DIGESTS, FILES = "records.csv", "digests.csv", "files"
-SOLVED = 1e-6  # of the bound, and of LEAST where the bound is less
-ROUNDED = 1e-6  # units of J, of numbers in records
-LEAST = 10.0  # units of J: numbers have six decimals, which are rounded
+SOLVED = 1e-6  # largest gap of a solved instance, as a share of the bound, or of LEAST if larger
+ROUNDED = 1e-6  # units of J: values in records have six decimals
+LEAST = 10.0  # units of J; smaller bounds are compared as this one, as values have six decimals
 MOST_BYTES = 1_000_000  # of a file, compressed
-_ONLY_TEXT = 80  # characters of a name that anybody gives
+_ONLY_TEXT = 80  # characters of a submitted name; longer ones are cut
 _MOST_SECONDS = 1e9
 
 
 class Digest(NamedTuple):
-    """The size of an instance, and the digests that it must have when it is made again."""
+    """The size of an instance, and the digests that it must have wherever it is made."""
 
     name: str
     drones: int
@@ -68,12 +68,12 @@ class Record(NamedTuple):
     ----------
     name : of the instance
     kind : plan or bound
-    value : as the checker says, in units of J; -inf: there is no plan
-    file, sha256 : name of the file without the ending .gz, and digest of its content
-    who : as they call themselves
-    date : UTC
-    program : that found it, as they or the file say
-    seconds : that the search took, as the file says; nan: it does not
+    value : in units of J, as the checker printed it; -inf if no plan exists
+    file, sha256 : name of the file without its suffix .gz, and digest of its content
+    who : name of the submitter, as submitted
+    date : of the submission, UTC
+    program : program that found it, as submitted or as in the file
+    seconds : time of the search, as submitted or as in the file; nan if neither has it
     checked : version of cocap-opt whose `cocap-check` accepted it
     """
 
@@ -103,11 +103,11 @@ class Standing(NamedTuple):
     @property
     def has_no_plan(self) -> bool:
         """True if it is proved that there is no plan."""
-        return self.bound is not None and self.bound.value < 0  # which no J is
+        return self.bound is not None and self.bound.value < 0  # no J is below 0
 
     @property
     def gap(self) -> float:
-        """(bound - J) / bound; infinite where one of them is missing."""
+        """(bound - J) / bound; infinite if plan or bound is missing, 0 if no plan exists."""
         if self.plan is None or self.bound is None:
             return 0.0 if self.has_no_plan else math.inf
         left = max(0.0, self.bound.value - self.plan.value)
@@ -115,7 +115,7 @@ class Standing(NamedTuple):
 
     @property
     def state(self) -> str:
-        """Returns solved, open, or none where plan or bound are missing."""
+        """Returns solved, open, or, if plan or bound is missing, none."""
         if self.has_no_plan:
             return "solved"
         if self.plan is None or self.bound is None:
@@ -125,7 +125,7 @@ class Standing(NamedTuple):
 
     @property
     def is_open(self) -> bool:
-        """True unless it is solved: a better plan or bound would be news."""
+        """True unless it is solved: there may be a better plan or bound."""
         return self.state != "solved"
 
 
@@ -144,7 +144,7 @@ class Library:
         Raises
         ------
         FileError
-            If there is none of that name.
+            If no instance has this name.
         """
         for entry in self.entries:
             if entry.name == name:
@@ -153,11 +153,11 @@ class Library:
         raise FileError(f"{name}: is not an instance of the library; {listed}")
 
     def digests(self) -> dict[str, Digest]:
-        """Returns the digests of all instances that have been made, by name."""
+        """Returns the digests of all registered instances, by name."""
         return {row.name: row for row in _rows(self.folder / DIGESTS, Digest)}
 
     def records(self, name: str | None = None) -> list[Record]:
-        """Returns all records, or those of an instance, the first first."""
+        """Returns all records, or those of one instance, oldest first."""
         rows = _rows(self.folder / RECORDS, Record)
         return [row for row in rows if name in (None, row.name)]
 
@@ -167,7 +167,7 @@ class Library:
         Raises
         ------
         FileError
-            If a plan has more J than a bound allows, of which one must be wrong then.
+            If a plan's J exceeds a bound, so that one of them must be wrong.
         """
         digests, plans, bounds = self.digests(), dict[str, Record](), dict[str, Record]()
         for row in self.records(name):
@@ -203,37 +203,37 @@ class Library:
         except (OSError, EOFError) as error:
             raise FileError(f"{path}: cannot be read: {error}") from error
         if hashlib.sha256(content).hexdigest() != record.sha256:
-            raise FileError(f"{path}: is not the file that was accepted: its SHA-256 is another")
+            raise FileError(f"{path}: is not the file that was accepted: its SHA-256 differs")
         return content
 
     # -- instances -----------------------------------------------------------------------------
 
     def problem(self, entry: Entry, folder: Path | None = None) -> Problem:
-        """Makes the scene of an instance, and refuses it if its digest is not the library's."""
+        """Makes the scene of an instance, and raises FileError if its digest differs."""
         problem = entry.problem(self.folder, folder)
         known = self.digests().get(entry.name)
         if known is not None and problem_digest(problem) != known.digest:
-            raise FileError(f"{entry.name}: digest: the scene made here is not that of the library")
+            raise FileError(f"{entry.name}: digest: the scene made here differs from the library's")
         return problem
 
     def instance(self, entry: Entry, folder: Path | None = None) -> Path:
-        """Returns the file of an instance, made again if this machine has not kept it.
+        """Returns the file of an instance, and makes it if this machine does not have it.
 
         Raises
         ------
         FileError
-            If it cannot be made, or has another digest than in the library; one line.
+            If it cannot be made, or its digest differs from the library's; one line.
         """
         known = self.digests().get(entry.name)
         path = _kept(entry)
         if known is None:
-            raise FileError(f"{entry.name}: has no digest yet: `cocap-opt study library` makes it")
+            raise FileError(f"{entry.name}: has no digest yet; run `cocap-opt study library`")
         if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == known.sha256:
             return path
         text = self.text(self.problem(entry, folder))
         sha256 = hashlib.sha256(text).hexdigest()
         if sha256 != known.sha256:
-            words = "the instance made here differs in rounding from that of the library"
+            words = "the instance made here differs from the library's in rounding"
             raise FileError(f"{entry.name}: sha256: {words}")
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically({path: text})
@@ -245,7 +245,7 @@ class Library:
         return instance_of(compiled(problem)).encode()
 
     def register(self, entry: Entry, folder: Path | None = None) -> Digest:
-        """Makes an instance for the first time and writes down its digests."""
+        """Makes an instance for the first time, and saves its digests."""
         problem = entry.problem(self.folder, folder)
         text = self.text(problem)
         found = Digest(
@@ -277,26 +277,26 @@ class Library:
         folder: Path | None = None,
         time_limit: float = TIME_LIMIT,
     ) -> Record:
-        """Accepts a plan, a certificate or a proof that `cocap-check` accepts and that improves.
+        """Adds a plan, a certificate or a proof, if `cocap-check` accepts it and it is better.
 
         Parameters
         ----------
-        who : as the submitter wants to be called
-        program : that found it; empty: as the file says
-        seconds : that it took; None: as the file says
-        folder : with the files of an instance by reference
-        time_limit : seconds for the checker; inf: none
+        who : name of the submitter
+        program : program that found it; empty to use the planner or method in the file
+        seconds : time of the search; None to use the time in the file
+        folder : folder with the instance's files that are not in the library
+        time_limit : seconds for the checker; inf for none
 
         Raises
         ------
         FileError
-            If it is refused, or contradicts a record; one line. The library is as it was, then.
+            If it is rejected, or contradicts a record; one line. The library is unchanged then.
         """
         content = read_bytes(path)
         told = _told(content, path)
         entry = self._of_digest(str(told.get("digest")), path)
         found = proved(self.instance(entry, folder), content, str(path), time_limit)
-        # Fields on which nothing depends must be readable, too, by those who get the file.
+        # The checker ignores some fields; users of the file need them to be valid, too.
         file = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
         if isinstance(file, CertificateFile | ProofFile):
             self._require_own_objective(entry, file, path, folder)
@@ -325,12 +325,12 @@ class Library:
     def recheck(
         self, record: Record, folder: Path | None = None, time_limit: float = math.inf
     ) -> Proved:
-        """Has the checker judge a record again; `time_limit` in seconds.
+        """Checks a record again; `time_limit` is in seconds.
 
         Raises
         ------
         FileError
-            If the file does not prove what the record says.
+            If the file does not prove the record's value.
         """
         instance = self.instance(self.entry(record.name), folder)
         found = proved(instance, self.content(record), record.file, time_limit)
@@ -342,12 +342,12 @@ class Library:
         for name, row in self.digests().items():
             if row.digest == digest:
                 return self.entry(name)
-        raise FileError(f"{path}: digest: is of no instance of the library")
+        raise FileError(f"{path}: digest: does not match any instance of the library")
 
     def _require_own_objective(
         self, entry: Entry, file: CertificateFile | ProofFile, path: Path, folder: Path | None
     ) -> None:
-        """Refuses the bound of another objective, which `verify` would not find in the scene."""
+        """Rejects a bound on another objective, as `verify` would not accept it for the scene."""
         if file.objective is msgspec.UNSET:
             return
         try:
@@ -356,7 +356,7 @@ class Library:
         except CertificateError:
             alike = False
         if not alike:
-            raise FileError(f"{path}: refused: objective: must be that of {entry.name}")
+            raise FileError(f"{path}: refused: objective: must be the objective of {entry.name}")
 
     def _require_better(self, entry: Entry, found: Proved, path: Path) -> None:
         standing = self.standing(entry.name)
@@ -370,13 +370,13 @@ class Library:
         told = (
             f"{found.value:.6f} equals the record"
             if f"{found.value:.6f}" == f"{best.value:.6f}"
-            else f"{found.value:.6f} is no better than the {best.value:.6f} of the record"
+            else f"{found.value:.6f} is not better than the record, {best.value:.6f}"
         )
         raise FileError(f"{path}: refused: {entry.name}: {told}")
 
     @contextmanager
     def _locked(self) -> Iterator[None]:
-        """Keeps other processes from adding records at the same time, where the system can."""
+        """Keeps other processes from adding records at the same time, if the system has locks."""
         if sys.platform == "win32":
             yield
             return
@@ -393,16 +393,16 @@ def _improves(found: Proved | Record, best: float) -> bool:
 
 
 def _contradiction(plan: Proved | Record | None, bound: Proved | Record | None) -> str | None:
-    """Returns words for a plan of more J than a bound allows; None where there is nothing wrong."""
+    """Returns a message if a plan's J exceeds a bound, otherwise None."""
     if plan is None or bound is None or plan.value <= bound.value + ROUNDED:
         return None
     return (
-        f"a plan has J {plan.value:.6f}, and a bound allows {bound.value:.6f}: one of them is wrong"
+        f"a plan's J is {plan.value:.6f}, above a bound of {bound.value:.6f}: one of them is wrong"
     )
 
 
 def _kept(entry: Entry) -> Path:
-    """Returns where this machine keeps the file of an instance."""
+    """Returns the path where this machine keeps the file of an instance."""
     folder = users_folder()
     if folder is None:
         raise FileError(
@@ -412,7 +412,7 @@ def _kept(entry: Entry) -> Path:
 
 
 def _told(content: bytes, path: Path) -> dict[str, Any]:
-    """Returns the fields of a file, of which none is believed but the digest that it is for."""
+    """Returns the fields of a submitted file; only its digest selects the instance."""
     try:
         told = json.loads(content)
     except (ValueError, RecursionError) as error:
@@ -423,20 +423,20 @@ def _told(content: bytes, path: Path) -> dict[str, Any]:
 
 
 def _word(text: object) -> str:
-    """Returns text that anybody gave as one short line."""
+    """Returns submitted text as one short line."""
     shown = "".join(c if c.isprintable() else " " for c in str(text))
     return " ".join(shown.split())[:_ONLY_TEXT]
 
 
 def _seconds(told: object) -> float:
-    """Returns seconds that anybody gave, or nan for what cannot be so."""
+    """Returns a submitted time in seconds; nan if it is not a plausible number."""
     if isinstance(told, int | float) and 0 <= told <= _MOST_SECONDS:
         return round(float(told), 3)
     return math.nan
 
 
 def _rows(path: Path, kind: type[R]) -> list[R]:
-    """Returns the rows of a file of ours; none where it is not there yet."""
+    """Returns the rows of one of the library's tables; none if the file does not exist yet."""
     if not path.exists():
         return []
     table = csv.reader(io.StringIO(read_text(path)))

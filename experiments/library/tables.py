@@ -8,11 +8,11 @@ from cocap_opt.experiments.library.records import Digest, Library, Record, Stand
 from cocap_opt.output.printing import Listing
 from cocap_opt.output.printing import Record as Row
 
-_PLACES = 2  # decimals of J in tables; all of them are in --csv
+_PLACES = 2  # decimals of J in tables; --csv has all
 
 
 def short_rows(standings: Sequence[Standing]) -> list[Row]:
-    """Returns a row for each instance that fits into a line of a terminal."""
+    """Returns a row for each instance, short enough for a line of a terminal."""
     return [
         {
             "instance": found.entry.name,
@@ -27,12 +27,12 @@ def short_rows(standings: Sequence[Standing]) -> list[Row]:
 
 
 def by_gap(standings: Iterable[Standing]) -> list[Standing]:
-    """Returns instances with the largest gap first; those without plan or bound before all."""
+    """Returns instances by gap, largest first; instances without plan or bound come before all."""
     return sorted(standings, key=lambda found: -found.gap)
 
 
 def full_rows(standings: Sequence[Standing]) -> list[Row]:
-    """Returns all that is known of each instance, in plain values; None where it is not."""
+    """Returns everything known about each instance as plain values; None if unknown."""
     rows = []
     for found in standings:
         size = found.digest or Digest(found.entry.name, 0, 0, 0, "", "")
@@ -59,7 +59,7 @@ def full_rows(standings: Sequence[Standing]) -> list[Row]:
 
 
 def history_rows(records: Sequence[Record]) -> list[Row]:
-    """Returns the records of an instance, the first first."""
+    """Returns the records of an instance as rows, in the same order."""
     return [
         {
             "date": record.date,
@@ -74,7 +74,7 @@ def history_rows(records: Sequence[Record]) -> list[Row]:
 
 
 def in_words(standings: Sequence[Standing]) -> str:
-    """Says how many instances there are, and how many of them are solved."""
+    """States how many instances there are, and how many of them are solved."""
     states, splits = (
         Counter(found.state for found in standings),
         Counter(found.entry.split for found in standings),
@@ -111,7 +111,7 @@ def library_in_markdown() -> str:
 
 
 def library_in_words() -> str:
-    """Says how many instances the library has, and how many of them are solved."""
+    """States how many instances the library has, and how many of them are solved."""
     return in_words(Library().standings())
 
 

@@ -1,1 +1,1 @@
-"""Reports of sweeps: pages of HTML and charts of what their folders hold."""
+"""Reports of sweeps: HTML pages and charts of the results in their folders."""

@@ -1,6 +1,6 @@
-"""Charts of results by matplotlib: gaps, the progress of a search, conflicts.
+"""Charts of results, drawn with Matplotlib: gaps, the progress of a search, conflicts.
 
-Each drawing function takes an axes and returns it; the figures are made of these.
+Functions that return a figure are for other modules; the others draw into the axes of a figure.
 """
 
 import math
@@ -38,19 +38,19 @@ from cocap_opt.pictures.style import (
 from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
 
 _LOSSES = "Reds"
-_WRITTEN_ROBOTS, _WRITTEN_STEPS = 12, 20  # at most, where numbers are written on colours
-_LEAST_WRITTEN = 0.005  # %
-_LINEAR = 1.0  # %, up to which the axis of gaps is linear; from there on it is logarithmic
+_WRITTEN_ROBOTS, _WRITTEN_STEPS = 12, 20  # larger plans have colours without numbers
+_LEAST_WRITTEN = 0.005  # %, the smallest loss that is written as a number
+_LINEAR = 1.0  # %; the axis of gaps is linear up to here, and logarithmic beyond
 _GAP_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50, 100)
 _WIDE, _LEGEND_LINE = 6.0, 0.21  # inches, of the figure of progress
-_LEAST_GAP = 100 * OPTIMALITY  # %, of a plan that is proved optimal
+_LEAST_GAP = 100 * OPTIMALITY  # %; plans with at most this gap are proved optimal
 
 
 # -- gaps ---------------------------------------------------------------------------------
 
 
 def gaps_figure(rows: Sequence[GapRow]) -> Figure:
-    """Draws the gap of each planner, a panel per scene.
+    """Draws the gaps of all planners, with one panel per scene.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ def gaps_figure(rows: Sequence[GapRow]) -> Figure:
 def _draw_gaps(ax: Axes, rows: Sequence[GapRow]) -> Axes:
     """Draws each planner's gap to the best certified bound: a stroke per seed, mean, 95 % interval.
 
-    The bound of a faint stroke is not proved to be the optimum, so that the gap may be smaller
-    than it shows. Plans that break a rule have no gap; they are counted at the side.
+    A faint stroke means that the bound is not proved to be the optimum, so the real gap may be
+    smaller. Plans that break a rule have no gap; the planner's label has their number.
 
     Parameters
     ----------
-    rows : of the gap table, of one scene
+    rows : of the gap table, all of one scene
     """
     planners = GapRow.grouped(rows, "planner")
     for y, runs in enumerate(planners.values()):
@@ -116,7 +116,7 @@ def _label(planner: str, rows: Sequence[GapRow]) -> str:
 
 
 def _gap_axis(ax: Axes, most: float) -> None:
-    """Makes an axis for gaps up to the largest."""
+    """Makes the axis of gaps long enough for the largest gap."""
     ax.set_xscale("symlog", linthresh=_LINEAR, linscale=1.0)
     high = 1.15 * max(most, _LINEAR)
     ticks = [tick for tick in _GAP_TICKS if tick <= high]
@@ -131,9 +131,9 @@ def _gap_axis(ax: Axes, most: float) -> None:
 
 
 def progress_figure(traces: Mapping[str, Trace]) -> Figure:
-    """Draws gaps over time; of a single run value and bound, too.
+    """Draws gaps over time; for a single run, also its value and bound.
 
-    A legend names the runs, unless there are more than can be distinguished: these are all grey.
+    A legend names the runs. If there are too many to distinguish, all are grey and there is none.
     """
     rows = 2 if len(traces) == 1 else 1
     columns = columns_for(traces, _WIDE)
@@ -151,11 +151,11 @@ def progress_figure(traces: Mapping[str, Trace]) -> Figure:
 
 
 def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
-    """Draws gaps over time, both axes logarithmic; a ring marks a proved optimum.
+    """Draws gaps over time on logarithmic axes; a ring marks a proved optimum.
 
     Parameters
     ----------
-    traces : by the names of the runs; a run that had no plan or no bound is left out
+    traces : by the names of the runs; runs that never had both a plan and a bound are left out
     """
     shown = {name: _with_gap(trace) for name, trace in traces.items()}
     shown = {name: snapshots for name, snapshots in shown.items() if snapshots}
@@ -169,7 +169,8 @@ def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
         ax.plot(seconds[-1], gaps[-1], "o", color=colour, ms=7 if proved else 3.5,
                 mfc="white" if proved else colour, mew=1.6, clip_on=False, zorder=3)  # fmt: skip
     most = max((100 * s.gap for curve in shown.values() for s in curve), default=0.0)
-    ax.set_ylim(_LEAST_GAP / 2, 2 * max(most, 10 * _LEAST_GAP))  # first: all may be at one height
+    # Before the scale is set: gaps that are all equal would leave no range for a logarithmic axis.
+    ax.set_ylim(_LEAST_GAP / 2, 2 * max(most, 10 * _LEAST_GAP))
     if len(traces) > LINES:
         ax.set_title(f"{len(traces)} runs", fontsize=SMALL, loc="right", color=GREY)
     ax.set_xscale("log")
@@ -196,7 +197,7 @@ def _draw_bounds(ax: Axes, trace: Trace) -> Axes:
 
 
 def _time_axis(ax: Axes) -> None:
-    """Makes a logarithmic axis of seconds, with numbers in between if it spans little."""
+    """Makes a logarithmic axis of seconds, with numbers at 1, 2 and 5 times each power of ten."""
     ax.set_xlabel("time (s)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=9))
     ax.xaxis.set_major_formatter("{x:g}")
@@ -211,11 +212,11 @@ def _with_gap(trace: Trace) -> list[Snapshot]:
 
 
 def losses_figure(losses: Mapping[str, FloatArray]) -> Figure:
-    """Draws what drones lose by leaving steps as they do, a panel per plan.
+    """Draws the loss of each drone by its move after each step, with one panel per plan.
 
     Parameters
     ----------
-    losses : % of the bound [R, T], by the plans' names
+    losses : [R, T] in % of the bound, by the plans' names
     """
     rows = max(len(lost) for lost in losses.values())
     height = 0.8 + 0.22 * min(max(rows, 3), 24)
@@ -231,7 +232,7 @@ def losses_figure(losses: Mapping[str, FloatArray]) -> Figure:
 
 
 def _draw_losses(ax: Axes, losses: FloatArray, most: float) -> AxesImage:
-    """Draws losses [R, T] as a field of colours, with the numbers where there is room."""
+    """Draws losses [R, T] as coloured cells, with numbers in them if the plan is small enough."""
     drawn = ax.imshow(losses, cmap=_LOSSES, vmin=0.0, vmax=most or 1.0, aspect="auto")
     robots, steps = losses.shape
     if robots <= _WRITTEN_ROBOTS and steps <= _WRITTEN_STEPS:
@@ -251,7 +252,7 @@ def _draw_losses(ax: Axes, losses: FloatArray, most: float) -> AxesImage:
 
 
 def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
-    """Draws the conflicts of plans, a panel each, on the same steps."""
+    """Draws the conflicts of plans, one panel each, over the same steps."""
     height = 0.9 + 0.16 * max(len(problem.robots), 4)
     figure = new_figure(6.4, 0.4 + height * len(plans))
     panels = figure.subplots(len(plans), 1, sharex=True, squeeze=False)[:, 0]
@@ -264,9 +265,9 @@ def conflicts_figure(problem: Problem, plans: Mapping[str, Plan]) -> Figure:
 
 
 def _draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
-    """Draws a line per drone, and at each step a bar between two drones that collide.
+    """Draws a line per drone, and a bar between two drones at the step where they collide.
 
-    Drones that collide between two steps are joined there by a dashed bar.
+    A dashed bar between two steps joins drones that collide between them.
     """
     for robot in range(len(problem.robots)):
         ax.axhline(robot, color=robot_colour(robot), lw=1.2, alpha=0.45, zorder=1)
@@ -286,7 +287,7 @@ def _draw_conflicts(ax: Axes, problem: Problem, plan: Plan) -> Axes:
 
 
 def _placed(found: Iterable[Conflict]) -> list[tuple[float, Conflict]]:
-    """Returns conflicts with their places on the axis of steps; those of one time stand apart."""
+    """Returns conflicts with x positions; conflicts at the same time are drawn side by side."""
     times: dict[float, list[Conflict]] = {}
     for conflict in found:
         at_step = isinstance(conflict, VertexConflict)

@@ -26,10 +26,11 @@ _PARTS: dict[str, tuple[Kind, ...]] = {
 def explained_plans(
     folder: Path, rows: Sequence[GapRow], problem: Problem, plans: Mapping[str, Plan]
 ) -> dict[str, Explained]:
-    """Returns the gaps of plans by their planners, told apart with the folder's certificate.
+    """Returns the explained gaps of plans, by planner.
 
-    Left out are all plans where no bound is known. Gaps have no terms where that certificate is not
-    in the folder, or is of the scene without rules, or where the scene `is_too_large`.
+    The certificate in the folder splits a gap into terms. A gap has no terms if that file is
+    missing or belongs to the scene without rules, or if the scene `is_too_large`. Plans without a
+    bound are omitted.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def explained_plans(
     """
     model, found = compiled(problem), {}
     for row in rows:
-        if row.bound is None or row.bound < 0:  # then it is proved that there is no plan
+        if row.bound is None or row.bound < 0:  # a bound below 0 proves that there is no plan
             continue
         assert row.planner is not None
         assert row.reward is not None
@@ -56,7 +57,7 @@ def explained_plans(
 
 
 def _bound_file(path: Path, problem: Problem) -> CertificateFile | ProofFile | None:
-    """Returns a certificate or a proof of a problem; None where there is no such file."""
+    """Returns the certificate or the proof of a problem; None if there is no such file."""
     if not path.is_file():
         return None
     file = PlanReader(problem.name, problem).claim(path)
@@ -68,7 +69,7 @@ def _bound_file(path: Path, problem: Problem) -> CertificateFile | ProofFile | N
 def explanation(
     problem: Problem, plan: Plan, reward: float, file: CertificateFile | ProofFile
 ) -> Explanation:
-    """Explains a gap by a file that was verified; without terms where a scene `is_too_large`.
+    """Explains a gap with a file that was verified; without terms if the scene `is_too_large`.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def explanation(
 
 
 def worth_telling(explained: Mapping[str, Explained]) -> dict[str, Explained]:
-    """Returns the gaps that are large enough to speak of, of plans that obey the rules."""
+    """Returns the gaps that are large enough to mention, of plans that obey the rules."""
     return {
         planner: told
         for planner, told in explained.items()
@@ -91,7 +92,7 @@ def worth_telling(explained: Mapping[str, Explained]) -> dict[str, Explained]:
 
 
 def parts_table(explained: Mapping[str, Explained]) -> Table:
-    """Returns the parts of each gap in % of the bound; they add up to it."""
+    """Returns the parts of each gap in % of the bound; they add up to the gap."""
     return [
         {"planner": planner}
         | {name: _percent(told, told.explanation.total(*kinds)) for name, kinds in _PARTS.items()}

@@ -10,23 +10,23 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import CollisionRules
 
 _ALWAYS = (
-    "Rewards are those of the coverage model: the area of a face's projection clipped to the "
-    "image, less what columns, convex meshes and other people hide of it. Bounds and optima hold "
-    "for these numbers; the view of a real camera is not measured.",
-    "People and obstacles are as given and known beforehand: people do not avoid drones, and no "
-    "drone is late.",
-    "Certificates cover the rounding of the bound's arithmetic, not that of the coverage.",
+    "Rewards come from the coverage model: the area of a face's projection, clipped to the image, "
+    "minus what columns, convex meshes and other people hide of it. Bounds and optima hold for "
+    "these numbers; they are not measurements of a real camera's image.",
+    "People and obstacles are given and known in advance: people do not avoid drones, and no drone "
+    "is late.",
+    "Certificates cover rounding errors in the bound, but not in the coverage.",
 )
 
 
 def limitations(
     rows: Sequence[GapRow], run: RunFile, rules: Mapping[str, CollisionRules]
 ) -> list[str]:
-    """Returns sentences, first those that hold for these results only.
+    """Returns sentences; those about these results come before those about all results.
 
     Parameters
     ----------
-    rules : of the scenes whose files are there, by their names in the rows
+    rules : collision rules of the scenes whose files are in the folder, by the scenes' names
     """
     return [
         *_of_coverage(rows),
@@ -43,8 +43,8 @@ def _of_coverage(rows: Sequence[GapRow]) -> Iterator[str]:
     scenes = dict.fromkeys(row.scene for row in rows if row.coverage == SAMPLED_COVERAGE)
     if scenes:
         yield (
-            f"In {', '.join(scenes)} rays sample the views past meshes that are not convex; the "
-            "gaps do not include the sampling error."
+            f"In {', '.join(scenes)}, coverage behind meshes that are not convex is sampled with "
+            "rays; the gaps do not include the sampling error."
         )
 
 
@@ -56,13 +56,13 @@ def _of_seeds(rows: Sequence[GapRow]) -> Iterator[str]:
     single = [scene for scene, count in seeds.items() if count == 1]
     few = [scene for scene, count in seeds.items() if 1 < count < ENOUGH]
     if single:
-        yield f"For {', '.join(single)} there is one seed: a single case, without a mean."
+        yield f"{', '.join(single)}: one seed only, a single case."
     if few:
-        yield f"For {', '.join(few)} there are fewer than {ENOUGH} seeds, too few for intervals."
+        yield f"{', '.join(few)}: fewer than {ENOUGH} seeds, too few for intervals."
     if len(single) + len(few) < len(seeds):
         yield (
-            "Intervals are percentile bootstrap intervals over seeds. They describe the generator "
-            "of a scene, not other scenes, and are somewhat too short if there are few seeds."
+            "Intervals are percentile bootstrap intervals over seeds. They describe other seeds of "
+            "a scene, not other scenes, and are somewhat too short if there are few seeds."
         )
 
 
@@ -72,8 +72,8 @@ def _of_bounds(rows: Sequence[GapRow]) -> Iterator[str]:
     none = sum(row.bound is None for row in first)
     if open_:
         yield (
-            f"{len(open_)} of {len(first)} bounds are not proved to be the optimum: gaps to them "
-            "are upper limits, and the plans may be better than the gaps show."
+            f"{len(open_)} of {len(first)} bounds are not proved to be the optimum: plans may be "
+            "closer to the optimum than their gaps to these bounds show."
         )
     if none:
         yield f"{none} of {len(first)} scenes and seeds have no bound, and so no gaps."
@@ -92,29 +92,29 @@ def _of_plans(rows: Sequence[GapRow]) -> Iterator[str]:
         late = sum(row.overrun is not None for row in runs)
         if late:
             yield (
-                f"{late} of {len(runs)} runs of {planner} took longer than their time limit, by "
-                "more than a quarter of it plus one second: it had more time than others."
+                f"{late} of {len(runs)} runs of {planner} exceeded their time limit by more than a "
+                "quarter of it plus one second: it had more time than other planners."
             )
     failed = sum(row.reason in FAILED for row in rows)
     if failed:
-        yield f"{failed} of {len(rows)} runs failed; they are listed."
+        yield f'{failed} of {len(rows)} runs failed; "What failed" lists them.'
 
 
 def _of_rules(rules: Mapping[str, CollisionRules]) -> Iterator[str]:
-    """Yields which drones are in conflict between steps, by the rules of the scenes."""
+    """Yields, for each collision rule, whether drones can be in conflict between steps."""
     for rule in dict.fromkeys(rules.values()):
         scenes = ", ".join(scene for scene in rules if rules[scene] == rule)
         if rule.none:
-            yield f"In {scenes} no rule keeps drones apart, so there are no conflicts."
+            yield f"In {scenes}, no rule keeps drones apart, so there are no conflicts."
         elif rule.separation:
             yield (
-                f"In {scenes} drones keep a {rule} at every moment: two drones that come closer "
-                "between steps, e.g. where they cross, are in conflict, too."
+                f"In {scenes}, drones must keep a {rule} at every moment: two drones that come "
+                "closer between steps, e.g. where they cross, are in conflict, too."
             )
         else:
             yield (
-                f"In {scenes} the collision rule is {rule}, which considers cells and steps: two "
-                "drones that cross diagonally between two steps are not in conflict."
+                f"In {scenes}, the collision rule is {rule}, which looks only at cells and steps: "
+                "two drones that cross diagonally between two steps are not in conflict."
             )
 
 
@@ -122,10 +122,8 @@ def _of_times(run: RunFile) -> Iterator[str]:
     workers = ", ".join(dict.fromkeys(part.workers for part in run.runs))
     lazy = ", ".join(sorted(name for name, planner in PLANNERS.items() if planner.lazy))
     yield (
-        f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
-        "Coverage of all states is computed before any limit begins, and its seconds are listed "
-        "separately; "
-        "planners that look only at "
-        f"states that they touch ({lazy}) compute coverage while they run, and "
-        "there it counts."
+        f"Seconds are wall-clock times, measured by {workers}; other load on the machine increases "
+        "them. Coverage of all states is computed before any limit starts, and its seconds are "
+        f"listed separately. Planners that evaluate views one by one ({lazy}) compute coverage "
+        "while they run, so their seconds include it."
     )

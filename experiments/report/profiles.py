@@ -1,4 +1,4 @@
-"""The figure of performance profiles: of J and of time, a staircase a planner."""
+"""The figure of performance profiles of J and of time, with a staircase for each planner."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from cocap_opt.pictures.style import (
     set_frame,
 )
 
-_LABELS = {J: "best J / J", SECONDS: "time / that of the fastest (logarithmic)"}
-_FARTHEST = {J: 2.0, SECONDS: 1000.0}  # factors that are drawn at most
-_BEYOND = 1.05  # part of the axis behind the last step
+_LABELS = {J: "best J / J", SECONDS: "time / fastest planner's time (logarithmic)"}
+_FARTHEST = {J: 2.0, SECONDS: 1000.0}  # the largest factors on the axis
+_BEYOND = 1.05  # length of the axis relative to the last step, on a logarithmic scale
 
 
 def profiles_figure(profiles: Sequence[Profile]) -> Figure:
-    """Draws performance profiles, a panel for J and one for time, where there are any.
+    """Draws performance profiles: one panel for J and one for time, if there are any.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def profiles_figure(profiles: Sequence[Profile]) -> Figure:
 
 
 def _draw(ax: Axes, measure: str, profiles: Sequence[Profile], names: Sequence[str]) -> Axes:
-    """Draws the profiles of one measure; looks are by the place of a planner in the names."""
+    """Draws the profiles of one measure; a planner's position in `names` decides its line style."""
     steps = [ratio for profile in profiles for ratio in profile.ratios]
     far = min(max(steps, default=1.0), _FARTHEST[measure])
     end = math.exp(math.log(max(far, 1.001)) * _BEYOND)

@@ -1,6 +1,6 @@
 """The report of a sweep: tables, figures and players in one HTML file that needs no network.
 
-It is made only from the files in the sweep's folder, so any machine can make it.
+It needs only the files in the sweep's folder, so it can be made on any machine.
 """
 
 import base64
@@ -59,10 +59,10 @@ def report_page(
 
     Parameters
     ----------
-    folder : of a sweep, for the files beside its results
-    rows : of its results, at least one
+    folder : the sweep's folder, for scenes, plans, certificates and traces
+    rows : rows of its results, at least one
     against : the planner that others are compared with
-    players : the most scenes of which plans are played
+    players : largest number of scenes with a player of their plans
 
     Raises
     ------
@@ -101,7 +101,7 @@ def _anchor(title: str) -> str:
 
 
 def _about(rows: Sequence[GapRow]) -> str:
-    """Returns scenes, numbers of seeds and planners in a line."""
+    """Returns the scenes with their numbers of seeds, and the planners, in one line."""
     planners = dict.fromkeys(row.planner or "" for row in rows)
     scenes = ", ".join(
         f"{scene} ({counted(len({row.seed for row in group}), 'seed')})"
@@ -117,20 +117,20 @@ def _results(rows: Sequence[GapRow], against: str) -> str:
     gaps = _image(
         gaps_figure(rows),
         "Gap of each plan to the best certified bound of its scene and seed: a stroke per seed, "
-        "their mean and its 95 % interval. Plans that break a rule have no gap.",
+        "the mean, and its 95 % interval. Plans that break a rule have no gap.",
     )
     return gaps + Tables.of(rows, against).html(level=3)
 
 
 def _comparison(rows: Sequence[GapRow]) -> str:
-    """Returns profiles and paired tests; nothing of one planner, or of one scene."""
+    """Returns profiles and paired tests; nothing if there is only one planner or one scene."""
     drawn = profiles(rows)
     if len({row.planner for row in rows}) < 2 or len({row.scene for row in rows}) < 2 or not drawn:
         return ""
     figure = _image(
         profiles_figure(drawn),
-        "Share of scenes on which a planner is within a factor of the best, for J and for time. A "
-        "plan that breaks a rule never counts.",
+        "Share of scenes on which a planner is within a factor of the best planner, for J and for "
+        "time. A plan that breaks a rule never counts.",
     )
     words = too_few_scenes(rows)
     note = f"<p>{_escaped(words)}.</p>\n" if words else ""
@@ -138,7 +138,7 @@ def _comparison(rows: Sequence[GapRow]) -> str:
 
 
 def _searches(folder: Path, rows: Sequence[GapRow]) -> str:
-    """Returns figures of the bounds over time, one per scene."""
+    """Returns figures of the gap over time in the search for the bounds, one per scene."""
     parts = []
     for (scene,), group in GapRow.grouped(rows, "scene").items():
         traces = {}
@@ -147,15 +147,15 @@ def _searches(folder: Path, rows: Sequence[GapRow]) -> str:
                 traces[f"seed {row.seed}"] = trace
         if traces:
             words = (
-                f"{scene}: gap between the best plan and the best bound while the search for the "
-                "bound runs. A ring: proved optimal."
+                f"{scene}: gap between the best plan and the best bound during the search for the "
+                "bound. Ring: proved optimal."
             )
             parts.append(_image(progress_figure(traces), words))
     return "".join(parts)
 
 
 def _trace(folder: Path, row: GapRow) -> Trace | None:
-    """Returns the trace of the bound under the rules; if it was not searched for, the other one."""
+    """Returns the trace of the bound under the rules; without a search for it, the other trace."""
     paths = (folder / Paths(row).trace(free) for free in (False, True))
     traces = [Trace.load(path) for path in paths if path.is_file()]
     searched = [trace for trace in traces if len(trace.snapshots) > 1]
@@ -166,7 +166,7 @@ def _trace(folder: Path, row: GapRow) -> Trace | None:
 
 
 def _plans(folder: Path, rows: Sequence[GapRow], most: int) -> str:
-    """Returns players of the first scenes, each with the seed that shows most."""
+    """Returns players of the first scenes, each for the scene's most instructive seed."""
     scenes = [
         group
         for (_,), group in GapRow.grouped(rows, "scene").items()
@@ -187,7 +187,7 @@ def _scene_plans(folder: Path, rows: Sequence[GapRow]) -> str:
     cut_short = [row.cut_short for row in shown]
     player = escape(Player(problem, list(plans.items()), terms, cut_short=cut_short).page())
     title = problem.name if seed is None else f"{problem.name}, seed {seed}"
-    charts = _image(conflicts_figure(problem, plans), f"{title}: who collides with whom, and when.")
+    charts = _image(conflicts_figure(problem, plans), f"{title}: which drones collide, and when.")
     name = _escaped(title)
     gaps = worth_telling(explained)
     known = {name: gap for name, gap in gaps.items() if gap.explanation.terms}
@@ -200,7 +200,7 @@ def _scene_plans(folder: Path, rows: Sequence[GapRow]) -> str:
 
 
 def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
-    """Returns a figure and a table of what the gaps of plans are made of, in % of the bound."""
+    """Returns a figure and a table of the parts of plans' gaps, in % of the bound."""
     if not explained:
         return ""
     losses = {
@@ -208,8 +208,8 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
         for planner, told in explained.items()
     }
     words = (
-        f"{title}: the loss of each drone by its move after a step, compared with the best path of "
-        "the bound from there."
+        f"{title}: what each drone loses by its move after a step, compared with the bound's best "
+        "path from there."
     )
     lost = any(loss.max() >= 100 * SHOWN for loss in losses.values())
     drawn = _image(losses_figure(losses), words) if lost else ""
@@ -217,19 +217,19 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     costly = {planner: costliest(told) for planner, told in explained.items()}
     most = [f"{planner}: {words}." for planner, words in costly.items() if words]
     about = (
-        "A gap has four causes: drones leave the best paths of the bound, the bound overestimates "
-        "the reward of faces, rules with a price are not used, and other leaves of a proof may "
-        "have larger bounds. The largest single terms are these."
+        "A gap has four causes: drones leave the bound's best paths, the bound overestimates the "
+        "reward of faces, the plan does not use rules that have a price, and other leaves of a "
+        "proof have larger bounds. The largest single terms:"
     )
     listed = f"<p>{about}</p>{_list(most)}" if most else ""
     return drawn + Tables(table).html(level=4) + listed
 
 
 def _telling_seed(rows: Sequence[GapRow]) -> tuple[int | None, list[GapRow]]:
-    """Returns the seed of a scene that shows most, with its rows.
+    """Returns the most instructive seed of a scene, with its rows.
 
-    It has two plans if any seed has, then the most conflicts to avoid, then the plans whose
-    rewards differ most.
+    Seeds with at least two plans come first, then those whose plans have the most conflicts, then
+    those whose rewards differ most.
     """
 
     def told(group: Sequence[GapRow]) -> tuple[bool, int, float]:
@@ -243,7 +243,7 @@ def _telling_seed(rows: Sequence[GapRow]) -> tuple[int | None, list[GapRow]]:
 
 
 def _telling_pair(rows: Sequence[GapRow]) -> list[GapRow]:
-    """Returns up to two plans of a seed: the best, after one with most conflicts or the worst."""
+    """Returns up to two plans of a seed: the most conflicts, or else the worst, then the best."""
     good = sorted((row for row in rows if row.valid), key=lambda row: row.reward or 0.0)
     colliding = [row for row in rows if row.conflicts]
     if colliding:
@@ -252,14 +252,14 @@ def _telling_pair(rows: Sequence[GapRow]) -> list[GapRow]:
 
 
 def _plan(folder: Path, row: GapRow, problem: Problem) -> Plan:
-    """Returns the plan of a row; its reward must be the row's."""
+    """Returns the plan of a row, after checking that it has the row's reward."""
     path = folder / Paths(row).plan
     plan = PlanReader(str(folder / Paths(row).scene), problem).plan(path).plan
     reward = check(problem, plan).reward
     claimed = math.nan if row.reward is None else row.reward
     if not math.isclose(reward, claimed, rel_tol=1e-9, abs_tol=1e-9):
-        words = f"has J = {reward:,.2f}, results.csv says {claimed:,.2f}"
-        raise FileError(f"{path}: is of another run: it {words}")
+        words = f"J is {reward:,.2f}, but {claimed:,.2f} in results.csv"
+        raise FileError(f"{path}: belongs to another run: {words}")
     return plan
 
 
@@ -289,7 +289,7 @@ def _failures(rows: Sequence[GapRow]) -> str:
         for row in rows
         for cell, reason, message in (
             (row.planner or "", row.reason, row.message),
-            ("bound", row.bound_reason, "so this seed has no bound of its own"),
+            ("bound", row.bound_reason, "this scene and seed have no bound"),
         )
         if reason in FAILED
     ]  # fmt: skip
@@ -298,7 +298,7 @@ def _failures(rows: Sequence[GapRow]) -> str:
 
 
 def _absent(folder: Path, rows: Sequence[GapRow]) -> list[str]:
-    """Returns sentences about files that are missing in the folder."""
+    """Returns sentences about files that are missing from the folder."""
     first = {row.key: row for row in rows}.values()
     named = {name for row in first for name in (row.certificate, row.certificate_free) if name}
     certificates = sum(not (folder / name).is_file() for name in named)
@@ -331,7 +331,7 @@ def _settings(rows: Sequence[GapRow], run: RunFile) -> str:
     for command_run in run.runs:
         told = {
             "command": shlex.join(command_run.command),
-            "begun (UTC)": command_run.began,
+            "started (UTC)": command_run.began,
             "computed by": command_run.workers,
             **command_run.machine,
             "packages": ", ".join(
@@ -344,7 +344,7 @@ def _settings(rows: Sequence[GapRow], run: RunFile) -> str:
 
 
 def _limits(limits: Iterable[tuple[float | None, int | None]]) -> str:
-    """Returns limits of time and of work in words, each once."""
+    """Returns the distinct limits of time and of work, in words."""
     words = []
     for seconds, work in dict.fromkeys(limits):
         time = "unknown" if seconds is None else f"{seconds:g} s"
@@ -357,7 +357,7 @@ def _list(sentences: Sequence[str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Returns text for the page, some of which may come from files."""
+    """Returns text that is safe on the page; some of it may come from files."""
     return escape(printable(text, "\n"))
 
 

@@ -1,4 +1,4 @@
-"""Teams as they are given to people: their table, what it says, and its figure."""
+"""Results of a comparison of teams: their table, sentences on it, and its figure."""
 
 import math
 from collections.abc import Sequence
@@ -43,14 +43,14 @@ class Teams:
 
     @property
     def table(self) -> "pd.DataFrame":
-        """The rows with the columns of teams.csv; a value that does not exist is None or nan."""
+        """The rows with the columns of teams.csv; missing values are None or nan."""
         from pandas import DataFrame
 
         return DataFrame(records(self.rows))
 
     @property
     def sentences(self) -> list[str]:
-        """The fewest drones that reach the share, and the proof that fewer do not."""
+        """The smallest team found that reaches the share, and what is proved of fewer drones."""
         return list(sentences(self.rows, self.share))
 
     def plot(self) -> Figure:
@@ -67,7 +67,7 @@ class Teams:
 def teams_figure(rows: Sequence[TeamRow], share: float | None = None) -> Figure:
     """Draws J, and the share of person-steps that are seen, by the number of drones.
 
-    Dots are plans, a colour for each camera and height; caps are what no plan exceeds.
+    Dots are plans, with a colour for each camera and height; caps are bounds that no plan exceeds.
 
     Parameters
     ----------
@@ -108,11 +108,11 @@ def teams_figure(rows: Sequence[TeamRow], share: float | None = None) -> Figure:
 def _draw(
     ax: Axes, name: str, line: str | None, *, group: Sequence[TeamRow], colour: str, shift: float
 ) -> None:
-    """Draws a column of rows over the number of drones, as dots on a line or as caps.
+    """Draws a column of the rows over the number of drones, as dots on a line or as caps.
 
     Parameters
     ----------
-    line : style of the line; hollow dots are on a dotted one. None: caps
+    line : style of the line; a dotted line has hollow dots; None for caps
     """
     known = [row for row in group if getattr(row, name) is not None]
     places = [row.drones + shift for row in known]
@@ -126,7 +126,7 @@ def _draw(
 
 
 def _legend(groups: Sequence[Sequence[TeamRow]]) -> list[Line2D]:
-    """Returns entries for the kinds of teams, if there are several, and for the marks."""
+    """Returns the legend's entries: cameras and heights, if there are several, and the marks."""
     kinds = [
         Line2D(
             [], [], color=SERIES[k % len(SERIES)], lw=3, label=kind_words(group[0]) or "as given"
@@ -137,7 +137,7 @@ def _legend(groups: Sequence[Sequence[TeamRow]]) -> list[Line2D]:
     colour = GREY if len(groups) > 1 else SERIES[0]
     marks: list[tuple[str, str, dict[str, Any]]] = [
         ("best plan found for what is drawn", "-", _DOT),
-        ("plan of most J", ":", _DOT | {"mfc": "white"}),
+        ("plan with the highest J", ":", _DOT | {"mfc": "white"}),
         ("no plan exceeds this", "none", _CAP),
     ]
     return [*kinds, *(Line2D([], [], color=colour, ls=ls, lw=1.2, label=label, **mark)

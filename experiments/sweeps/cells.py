@@ -1,7 +1,7 @@
 """Cells of a sweep: the computation of each, and the file that contains its result.
 
-A cell is one planner, or the bound, on one instance. Its file is named by the digest of everything
-that affects its result, so cells with other limits or other code do not match.
+A cell is one planner, or the bound, on one instance. Its file's name is the digest of everything
+that affects its result, so cells with other limits or other code have other files.
 """
 
 import ast
@@ -27,15 +27,15 @@ from cocap_opt.run.options import Allowance
 OWN = "own"  # the certificate of a planner that proves a bound itself
 RULES, FREE = "rules", "free"  # certificates and traces of the bound with and without rules
 _KEY_DIGITS = 20
-# Code on which the result of a cell depends is all that these import, ...
+# The result of a cell depends on the code of these modules and of all modules that they import, ...
 _WORK = ("cocap_opt.planners", "cocap_opt.formulations", "cocap_opt.experiments.sweeps.work")
-# ... but for what makes problems, which have digests, and for what only shows and names results;
-# `tables.rows` counts as `_code_of_rows` says.
+# ... except modules that make problems, which have digests, and modules that only show and name
+# results. Of `tables.rows` only the part that `_code_of_rows` returns counts.
 _SILENT = (
     "cocap_opt.scenarios", "cocap_opt.console", "cocap_opt.experiments.tables",
     "cocap_opt.output.conflicts", "cocap_opt.output.printing",
 )  # fmt: skip
-# Libraries that compute something of a result; some are optional.
+# Libraries that affect results; some are optional.
 _LIBRARIES = (
     "clarabel", "cvxpy", "embreex", "highspy", "msgspec", "networkx", "numba", "numpy", "ortools",
     "pyscipopt", "scipy", "shapely",
@@ -44,7 +44,7 @@ _EXPLAINED = ast.Module | ast.ClassDef | ast.FunctionDef
 
 
 class Status(StrEnum):
-    """The way in which a cell ended; a limit that stopped its planner is in the row."""
+    """The way in which a cell ended; the row has the limit that stopped its planner, if any."""
 
     FINISHED = "finished"
     ERROR = ERROR  # an error in the code or in its libraries
@@ -65,7 +65,7 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     time_limit: float  # s, for each computation
     work_limit: int | None = None  # units of work, for each computation
     rendered: bool = False  # J of the rendered pixels is computed, too
-    # Of BOUND the digest of its start; of an exact method the planner whose plan it begins with.
+    # For BOUND: digest of its start. For an exact method: the planner whose plan it starts from.
     start: str = ""
     # Digest of the code of a third-party planner.
     planner_digest: str = msgspec.field(default="", name="own")
@@ -76,7 +76,7 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def digest_of_code() -> str:
         """Returns the digest of the code and the libraries on which results of cells depend.
 
-        See `cocap_opt.files.code`: comments, layout and docstrings do not count, and neither do
+        Comments, layout and docstrings do not count (see `cocap_opt.files.code`), nor do the
         meanings of columns.
         """
         versions = [f"{name} {number}" for name, number in SweepCell.versions().items()]
@@ -85,9 +85,9 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @staticmethod
     def versions(*more: str) -> dict[str, str]:
-        """Returns the versions of the libraries that results depend on, and of more packages.
+        """Returns the versions of the libraries that results depend on, and of further packages.
 
-        Packages that are not installed are left out.
+        Packages that are not installed are omitted.
         """
         found = {}
         for name in sorted({*_LIBRARIES, *more}):
@@ -97,12 +97,12 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def key(self) -> str:
-        """Digest of all fields, by which the cell's file is named."""
+        """Digest of all fields, which is the name of the cell's file."""
         return hashlib.sha256(msgspec.json.encode(self)).hexdigest()[:_KEY_DIGITS]
 
     @property
     def words(self) -> str:
-        """The scene, the seed and the planner, as messages name the cell."""
+        """The scene, the seed and the planner: the cell's name in messages."""
         return f"{self.scene} seed {self.seed}, {self.planner}"
 
     @property
@@ -120,15 +120,15 @@ class CellFile(Document, frozen=True, kw_only=True):
     status: Status
     message: str = ""  # why it has no result, in words
     traceback: str = ""  # of an error
-    seconds: float = 0.0  # of the whole cell, coverage included
-    coverage_seconds: float | None = None  # in which it was computed; None: it is not known
-    machine: str = ""  # where it was computed
+    seconds: float = 0.0  # of the whole cell, including coverage
+    coverage_seconds: float | None = None  # time to compute coverage; None if unknown
+    machine: str = ""  # name of the machine that computed it
     row: PlannedRow | None = None  # of a planner
     columns: BoundColumns | None = None  # of BOUND
     plan: PlanFile | None = None
-    # Files by name: OWN of a planner, RULES and FREE of BOUND.
+    # Files by name: OWN for a planner, RULES and FREE for BOUND.
     certificates: dict[str, msgspec.Raw] = msgspec.field(default_factory=dict)
-    traces: dict[str, str] = msgspec.field(default_factory=dict)  # of BOUND: RULES and FREE
+    traces: dict[str, str] = msgspec.field(default_factory=dict)  # for BOUND: RULES and FREE
 
     @classmethod
     def failed(
@@ -153,12 +153,12 @@ class CellFile(Document, frozen=True, kw_only=True):
 
 
 class Store:
-    """The cells in a folder; without a folder, nothing is kept.
+    """The cells in a folder; without a folder, no cell is kept.
 
     Parameters
     ----------
     retry : True if failed cells count as missing
-    cell_limit : s; cells that have exceeded a lower limit count as missing
+    cell_limit : s; cells that exceeded a lower limit count as missing
     """
 
     def __init__(self, folder: Path | None, retry: bool = False, cell_limit: float = 0.0) -> None:
@@ -172,7 +172,7 @@ class Store:
             return None
         try:
             found = CellFile.read(path)
-        except FileError:  # there is none, or it is damaged: either way it is computed
+        except FileError:  # missing or damaged: the cell is computed either way
             return None
         if found.cell != cell or self._is_tried_again(found):
             return None
@@ -183,25 +183,25 @@ class Store:
         return exceeded_less or (self._retry and not content.is_finished)
 
     def save(self, content: CellFile) -> None:
-        """Writes the file of a cell, completely or not at all."""
+        """Writes the file of a cell atomically."""
         if (path := self.path(content.cell)) is not None:
             save_bytes(path, encode(content))
 
     def path(self, cell: SweepCell) -> Path | None:
-        """Returns the path of a cell's file, existing or not; None if nothing is kept."""
+        """Returns the path of a cell's file, whether it exists or not; None if nothing is kept."""
         return None if self._folder is None else self._folder / f"{cell.key}.json"
 
 
 def digested_modules() -> list[str]:
-    """Returns the modules on which results of cells depend, besides `tables.rows`."""
+    """Returns the modules, other than `tables.rows`, on which results of cells depend."""
     found = sorted(with_imports(*_WORK))
     return [name for name in found if not f"{name}.".startswith(tuple(f"{s}." for s in _SILENT))]
 
 
 def _code_of_rows() -> str:
-    """Returns the code that makes rows, without docstrings and without what columns mean.
+    """Returns the code that makes rows, without docstrings and the meanings of columns.
 
-    A `TableColumn` explains a field, with its unit and its range, and computes nothing.
+    A `TableColumn` only describes a field, its unit and its range; it computes nothing.
     """
     tree = ast.parse(Path(rows.__file__).read_text(encoding="utf-8"))
     for node in ast.walk(tree):

@@ -1,7 +1,7 @@
 """Cells on a dask cluster: one on this machine's cores, or an existing one.
 
-Each worker has one cell at a time. If a worker is killed, only its cell fails. A lost scheduler
-ends the sweep, and no cell counts as failed.
+Each worker has one cell at a time. If a worker is killed, only its cell fails. If the connection to
+the scheduler is lost, the sweep ends, and no cell counts as failed.
 """
 
 import logging
@@ -29,16 +29,16 @@ from cocap_opt.model import compiled
 from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.stop import Stop
 
-POLL = 0.2  # s, between two looks at Ctrl-C and at the clock
-ANSWER = 10.0  # s, in which a scheduler answers
-_RESTART = 120.0  # s, in which a worker restarts on a busy machine; one that is late never does
+POLL = 0.2  # s between checks for Ctrl-C and for late cells
+ANSWER = 10.0  # s, the longest wait for a scheduler's answer
+_RESTART = 120.0  # s, enough for a worker to restart on a busy machine; a later one never does
 _GONE = "--workers: the processes did not restart; results are kept; run the command again"
 _LOST = "--scheduler: the connection was lost; results are kept; run the command again"
 _OTHER_CODE = "has other code, or other versions of libraries, than this process"
 _LOCAL = {
-    "distributed.scheduler.allowed-failures": 0,  # whom a cell kills it would kill again
-    "distributed.scheduler.worker-saturation": 1.0,  # nothing waits at a worker for another cell
-    # Of workers alone, whatever this process has.
+    "distributed.scheduler.allowed-failures": 0,  # a cell that killed its worker would do so again
+    "distributed.scheduler.worker-saturation": 1.0,  # no cell waits at a busy worker
+    # For workers only; this process keeps its own number of threads.
     **{f"distributed.nanny.pre-spawn-environ.{name}": n for name, n in ONE_THREAD.items()},
 }
 
@@ -48,9 +48,9 @@ class Cluster(Crew):
 
     Parameters
     ----------
-    stop : asked several times a second; ends the waiting
-    cell_limit : s, after which a cell's worker is restarted
-    local : the cluster, if this process has started it; nobody else can bring it workers
+    stop : checked several times a second; ends the waiting
+    cell_limit : time (s) after which a cell's worker is restarted
+    local : the cluster, if this process started it; then no other process can add workers
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Cluster(Crew):
     @classmethod
     @contextmanager
     def local(cls, workers: int, stop: Stop, cell_limit: float) -> "Iterator[Cluster]":
-        """Yields a cluster of this machine's cores: a process for each, with one thread."""
+        """Yields a cluster on this machine, with so many processes of one thread each."""
         _silence_dask()
         cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
         with dask.config.set(_LOCAL), ExitStack() as stack:
@@ -78,7 +78,7 @@ class Cluster(Crew):
     @classmethod
     @contextmanager
     def existing(cls, address: str, stop: Stop, cell_limit: float) -> "Iterator[Cluster]":
-        """Yields a cluster whose scheduler is there already, with workers that can take cells."""
+        """Yields a cluster whose scheduler is running, after checking that workers are usable."""
         _silence_dask()
         try:
             client = Client(address, timeout=ANSWER)
@@ -103,12 +103,12 @@ class Cluster(Crew):
         self._running[future] = task, time.monotonic()
 
     def next(self) -> CellFile | None:
-        """Waits for a cell to end, or to exceed the limit."""
+        """Waits until a cell ends or exceeds the limit."""
         with _scheduler_there(self.client):
             return self._next()
 
     def _next(self) -> CellFile | None:
-        looks = 0  # at a cluster without any worker
+        looks = 0  # number of checks that found no worker
         while not self._stop.reached():
             late = time.monotonic() - self._limit
             for future, (task, begun) in list(self._running.items()):
@@ -123,7 +123,7 @@ class Cluster(Crew):
             if self._running:
                 with suppress(TimeoutError):
                     distributed.wait([*self._running], POLL, return_when="FIRST_COMPLETED")
-            elif self.room() > 0:  # all workers were gone, and one is back
+            elif self.room() > 0:  # there were no workers, and now there are
                 return None
             else:
                 time.sleep(POLL)
@@ -135,19 +135,19 @@ class Cluster(Crew):
         return None
 
     def _restart(self, future: Future) -> None:
-        """Restarts the worker of a cell that has taken too long: nothing else stops it."""
+        """Restarts the worker of a cell that has taken too long, as nothing else stops it."""
         busy = [w for w, keys in self.client.processing().items() if future.key in keys]
         future.cancel()
         if self._local is not None:
             self._kill(self._local, busy)
             return
-        with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
+        with suppress(ValueError, TimeoutError):  # a worker may have no nanny that restarts it
             self.client.restart_workers(busy, timeout=_RESTART, raise_for_error=False)
 
     def _kill(self, local: LocalCluster, busy: list[str]) -> None:
-        """Kills workers, and waits until the scheduler knows; their nannies start others.
+        """Kills workers, and waits until the scheduler notices; their nannies start new ones.
 
-        A nanny that is asked to restart its worker on a busy machine may close instead.
+        Asking a nanny to restart its worker is not reliable: on a busy machine it may close.
         """
         for nanny in local.workers.values():
             if nanny.worker_address in busy:
@@ -158,7 +158,7 @@ class Cluster(Crew):
 
 
 def _outcome(task: Task, future: Future) -> CellFile:
-    """Returns the file of a cell that a worker has ended."""
+    """Returns the file of a cell that has ended on a worker."""
     if future.status == "finished":
         result: CellFile = future.result()
         return result
@@ -178,20 +178,20 @@ def _outcome(task: Task, future: Future) -> CellFile:
 
 @contextmanager
 def _scheduler_there(client: Client) -> Iterator[None]:
-    """Raises ClusterError, which is one line, where the scheduler is lost."""
+    """Raises ClusterError, with a message of one line, if the scheduler's connection is lost."""
     try:
         yield
     except (OSError, CancelledError, ClosedClientError) as error:
         raise ClusterError(_LOST) from error
     except AttributeError as error:
-        if client.scheduler is None:  # of which dask asks it
+        if client.scheduler is None:  # dask uses its attributes without checking for None
             raise ClusterError(_LOST) from error
         raise
 
 
 @contextmanager
 def _started() -> Iterator[None]:
-    """Raises ClusterError, which is one line, where a process is killed before it is there."""
+    """Raises ClusterError, with a message of one line, if a process dies while it starts."""
     try:
         yield
     except RuntimeError as error:
@@ -199,8 +199,8 @@ def _started() -> Iterator[None]:
 
 
 def _run_task(task: Task) -> CellFile:
-    """Computes a cell on a worker, and lets go of models, which the next cell cannot use."""
-    if task.cell.code != SweepCell.digest_of_code():  # it may have joined late
+    """Computes a cell on a worker, then drops compiled models, which the next cell cannot use."""
+    if task.cell.code != SweepCell.digest_of_code():  # the worker may have joined late, unchecked
         raise ClusterError(f"the worker on {platform.node()} {_OTHER_CODE}")
     try:
         if task.foreign is not None:
@@ -214,13 +214,13 @@ def _run_task(task: Task) -> CellFile:
 
 
 def _silence_dask() -> None:
-    """Silences dask: this project says itself what goes wrong."""
-    for name in ("distributed", "distributed.client"):  # the latter has a level of its own
+    """Silences dask, as this project reports errors itself."""
+    for name in ("distributed", "distributed.client"):  # the latter has its own level
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 class _Quiet(WorkerPlugin):
-    """Pins each worker to its own core, so that cells do not slow each other down."""
+    """Silences each worker and pins it to a core, so that cells do not slow each other down."""
 
     def __init__(self, cores: list[int]) -> None:
         self._cores = cores
@@ -233,14 +233,14 @@ class _Quiet(WorkerPlugin):
 
 @contextmanager
 def _interrupts_wait() -> Iterator[None]:
-    """Blocks Ctrl-C, which a terminal sends to all processes, until this is over.
+    """Blocks Ctrl-C, which a terminal sends to all processes, in this context.
 
-    Threads and processes that begin meanwhile never get it: it is for this process alone.
+    Threads and processes that start meanwhile inherit the block, so only this process gets it.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # its start would let them through
+    resource_tracker.ensure_running()  # started later, it would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -1,7 +1,7 @@
 """The crew that computes cells: this process, or the workers of a dask cluster.
 
-The planners' cells of an instance come first, then its bound, which begins with the best of their
-plans.
+The planners' cells of an instance come first, then its bound, whose search starts from the best of
+their plans.
 """
 
 from abc import ABC, abstractmethod
@@ -16,25 +16,25 @@ from cocap_opt.stop import Stop
 
 
 class ClusterError(ValueError):
-    """A cluster cannot be used; the message says why in one line."""
+    """A cluster cannot be used; the message gives the reason in one line."""
 
 
 class Crew(ABC):
-    """Computes cells, some at a time."""
+    """Computes cells, one or several at a time."""
 
     @abstractmethod
     def room(self) -> int:
-        """Returns the number of cells that may begin now."""
+        """Returns the number of cells that can start now."""
 
     @abstractmethod
     def begin(self, task: Task) -> None:
-        """Begins a cell."""
+        """Starts a cell."""
 
     @abstractmethod
     def next(self) -> CellFile | None:
-        """Waits until one of the cells that have begun ends.
+        """Waits until a running cell ends, and returns it.
 
-        Returns None after Ctrl-C, and where none has begun, once there is room for one.
+        Returns None after Ctrl-C, or, if no cell is running, once there is room for one.
         """
 
     def run(
@@ -44,11 +44,14 @@ class Crew(ABC):
         stop: Stop,
         told: Callable[[CellFile], None],
     ) -> None:
-        """Computes what instances miss. After Ctrl-C what has begun comes to an end, if it can.
+        """Computes the missing cells of instances.
+
+        After Ctrl-C, this process completes its current instance with cells that are cut short; a
+        cluster stops at once.
 
         Parameters
         ----------
-        told : of each cell that has ended, or has been recalled since
+        told : called with each cell that has ended, or was found in the store
         """
         owner: dict[SweepCell, Instance] = {}
         queue: deque[Task] = deque()
@@ -71,7 +74,7 @@ class Crew(ABC):
             instance = owner[content.cell]
             if content.cell.planner == BOUND:
                 content = instance.held(content)
-            if is_cut:  # what was cut short is not what was asked for
+            if is_cut:  # a cell that was cut short is not saved
                 instance.is_cut = True
                 queue = deque(task for task in queue if owner[task.cell] is instance)
             else:
@@ -82,14 +85,14 @@ class Crew(ABC):
 
 
 class Alone(Crew):
-    """This process, which computes one cell after the other and shows how far each is."""
+    """This process, which computes one cell after another and shows its progress."""
 
     def __init__(self, stop: Stop, watch: Watch) -> None:
         self._stop, self._watch = stop, watch
         self._task: Task | None = None
 
     def room(self) -> int:
-        """Returns 1, or 0 once a cell has begun."""
+        """Returns 1, or 0 if a cell is waiting for `next`."""
         return int(self._task is None)
 
     def begin(self, task: Task) -> None:
@@ -107,7 +110,7 @@ class Alone(Crew):
 def _taken(
     instance: Instance, content: CellFile, store: Store, told: Callable[[CellFile], None]
 ) -> list[Task]:
-    """Takes a cell that has ended; returns the bound, if it can begin now and is not known."""
+    """Adds a cell that has ended; returns the task of the bound if it can start now and must."""
     if content.cell.planner == BOUND:
         instance.bound = content
         told(content)

@@ -1,19 +1,20 @@
-"""A sweep's folder: one command at a time writes there, beside what earlier commands left.
+"""A sweep's folder: one command at a time writes there, and keeps results of earlier commands.
 
-An earlier row stays if the code that made it does the same as this one, and its scene still is the
-same scene. Limits are columns of the rows, so that commands with other limits add to one table; of
-a scene, a seed and a planner there is one row, the newest, so that means and differences are over
-one row per seed. The cells of both stay, and the earlier command brings its row back at no cost.
-An instance that runs again takes its earlier planners along, so that one bound, by the limits of
-the newest command, holds for all of its rows. Only where an earlier command has proved a lower
-bound on the same scene, and its certificate is there still, is that one kept, with its limits.
+An earlier row is kept if the code that made it does the same as the present code, and its scene is
+unchanged. Limits are columns of the rows, so commands with other limits add to the same table. Each
+scene, seed and planner has one row, the newest, so means and differences are over one row per seed.
+The cells of both commands stay in the folder, so running the earlier command again restores its row
+without recomputing it.
 
-What a command writes is run.json, results.csv, results.parquet, and the files that rows name.
-The Parquet file has the types of columns; a value that does not exist is null there.
+An instance that runs again includes its earlier planners, so all of its rows have the same bound,
+searched for with the limits of the newest command. If an earlier command proved a lower bound on
+the same scene, and its certificate is still in the folder, that bound is kept, with its limits.
 
-All of them tell only of instances that are whole, and of what earlier runs left. The files that
-rows name (scene, plans, certificates and traces) are written whenever a run takes their cells, be
-they computed or recalled, so they prove what its rows say, whatever ran in the folder before.
+A command writes run.json, results.csv, results.parquet, and the files that rows name. The Parquet
+file has typed columns; missing values are null. The tables contain only complete instances, and
+rows that were kept. The files that rows name (scene, plans, certificates and traces) are written
+again with each row of a run, computed or recalled, so they match its rows whatever ran in the
+folder before.
 """
 
 import io
@@ -55,25 +56,25 @@ from cocap_opt.run.judged import ROUNDING
 if sys.platform != "win32":
     import fcntl
 
-_LEFTOVER = 3600.0  # s, after which nobody is writing a file any more
+_LEFTOVER = 3600.0  # s; unfinished files that are older are no longer being written
 
-# Asked if an instance of an earlier row, which is not run again, still has the digest of that row.
+# Returns True if the scene of an earlier row, which does not run again, still has this digest.
 IsSame = Callable[[Key, str], bool]
 _PARQUET = "results.parquet"
-_Files = dict[Path, bytes | None]  # None: there is to be none
+_Files = dict[Path, bytes | None]  # contents by path; None if the file must not exist
 
 
 @contextmanager
 def only_writer(folder: Path | None) -> Iterator[None]:
-    """Makes the folder, and keeps other commands from writing into it, where the system can.
+    """Makes the folder, and keeps other commands from writing into it, if the system has locks.
 
-    The lock ends with the process, however that ends.
+    The lock ends with the process, however the process ends.
 
     Raises
     ------
     FileError
-        If the folder cannot be made, or another command writes there, or its run.json cannot be
-        read, as that of a newer version; nothing is changed then.
+        If the folder cannot be made, another command is writing there, or run.json cannot be read,
+        e.g. because a newer version wrote it; nothing is changed then.
     """
     if folder is not None and (folder / RUN).exists():
         RunFile.load(folder)
@@ -86,7 +87,7 @@ def only_writer(folder: Path | None) -> Iterator[None]:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                words = "another command writes there; wait for it, or name another folder"
+                words = "another command is writing here; wait for it, or name another folder"
                 raise FileError(f"{folder}: {words}") from None
             except OSError:  # a file system without locks
                 pass
@@ -95,7 +96,7 @@ def only_writer(folder: Path | None) -> Iterator[None]:
 
 
 def _clear_leftovers(folders: Sequence[Path]) -> None:
-    """Removes what processes that were killed while they wrote have left behind."""
+    """Removes unfinished files of processes that were killed while writing."""
     for folder in folders:
         for path in folder.glob(f"{UNFINISHED}*"):
             with suppress(OSError):
@@ -104,21 +105,21 @@ def _clear_leftovers(folders: Sequence[Path]) -> None:
 
 
 class Earlier(NamedTuple):
-    """The rows by instance that earlier commands left and that can stay, and these commands."""
+    """The rows of earlier commands that can be kept, by instance, and these commands."""
 
     rows: dict[Key, list[GapRow]]
     runs: Sequence[CommandRun]
 
     @classmethod
     def read(cls, folder: Path | None, instances: Sequence[Instance], is_same: IsSame) -> "Earlier":
-        """Reads a folder, and gives instances that run again the planners of their earlier rows.
+        """Reads a folder, and adds the planners of earlier rows to instances that run again.
 
         Rows that cannot be kept are named on standard error, with the reason.
 
         Raises
         ------
         FileError
-            If results.csv is damaged or of another program: it is not overwritten.
+            If results.csv is damaged or another program wrote it; it is not overwritten then.
         """
         if folder is None:
             return cls({}, [])
@@ -134,9 +135,9 @@ class Earlier(NamedTuple):
     def _without_other_scenes(
         self, folder: Path, instances: dict[Key, Instance], is_same: IsSame
     ) -> "Earlier":
-        """Leaves out rows of other scenes that had the names of those that run now.
+        """Removes rows whose scene has changed: its name now belongs to another scene.
 
-        A scene that runs now under another seed leaves, too: it is one sample.
+        Rows of a scene that now runs under another seed are removed, too, as it is one sample.
         """
         kept = dict(self.rows)
         samples = {(name, instance.digest) for (name, _), instance in instances.items()}
@@ -159,7 +160,7 @@ def _of_same_code(folder: Path) -> Earlier:
     if not (folder / RESULTS).exists():
         return nothing
     rows = load_results(folder)
-    if not (folder / RUN).exists():  # a command was killed before it wrote that
+    if not (folder / RUN).exists():  # a command was killed before it wrote run.json
         _tell_leaving(folder, rows, f"unknown code (there is no {RUN})")
         return nothing
     file = RunFile.load(folder)
@@ -184,7 +185,7 @@ def _is_rejoined(instance: Instance, row: GapRow, folder: Path, store: Store) ->
     name = row.planner or ""
     if name not in SOLVERS and not row.planner_digest:
         return _is_given(instance, name, folder / Paths(row).plan)
-    if name in instance.cells:  # what is asked for is computed, if need be
+    if name in instance.cells:  # a requested planner runs if its cell is missing
         return True
     for cell in instance.earlier_cells(row):
         if (content := store.find(cell)) is not None:
@@ -194,14 +195,14 @@ def _is_rejoined(instance: Instance, row: GapRow, folder: Path, store: Store) ->
 
 
 def _is_given(instance: Instance, name: str, path: Path) -> bool:
-    """Gives the instance a given plan that is still in the folder; False if it is not."""
+    """Adds an earlier given plan from the folder to the instance; returns False if impossible."""
     try:
         found = decode_document(read_bytes(path), str(path), PlanFile)
     except FileError:
         return name in instance.cells
     if name in instance.cells:
         if found.plan != instance.plan(name):
-            say(f"{name}: is another plan than that of this name in {path}, which it replaces")
+            say(f"{name}: replaces a different plan of the same name, {path}")
         return True
     if found.digest != instance.digest or check(instance.problem, found.plan).violations:
         return False
@@ -215,7 +216,7 @@ def _earlier_bound(instance: Instance, row: GapRow, folder: Path) -> CellFile | 
     bounds = {RULES: (problem, row.bound), FREE: (problem.without_rules(), row.bound_free)}
     certificates, traces = {}, {}
     for name, (bounded, value) in bounds.items():
-        # One bound is both where there are no rules.
+        # Without rules, both bounds are the same.
         is_free = name == FREE and bounded is not problem
         content = _proof(folder / paths.certificate(is_free), bounded, value)
         if content is None:
@@ -233,7 +234,7 @@ def _earlier_bound(instance: Instance, row: GapRow, folder: Path) -> CellFile | 
 
 
 def _proof(path: Path, problem: Problem, bound: float | None) -> bytes | None:
-    """Returns the content of a certificate's file, if it claims this bound on this problem."""
+    """Returns the content of a certificate's file, if its bound on the problem is this one."""
     try:
         content = read_bytes(path)
         found = decode_document(content, str(path), CertificateFile, ProofFile)
@@ -244,23 +245,23 @@ def _proof(path: Path, problem: Problem, bound: float | None) -> bytes | None:
 
 
 def _words(key: Key) -> str:
-    """Returns the name of an instance for people."""
+    """Returns the name of an instance for messages."""
     return key[0] if key[1] is None else f"{key[0]} seed {key[1]}"
 
 
 def _tell_leaving(where: object, rows: Sequence[GapRow], why: str) -> None:
     names = ", ".join(dict.fromkeys(row.planner or "" for row in rows))
     count = counted(len(rows), "row")
-    say(f"{where}: {count} ({names}) of {why}: no longer in {RESULTS}; finished cells stay")
+    say(f"{where}: {count} ({names}) of {why}: removed from {RESULTS}; finished cells are kept")
 
 
 class Output:
-    """Writes results as they come; without a folder it writes nothing.
+    """Writes results as soon as they are complete; writes nothing without a folder.
 
     Parameters
     ----------
-    before : what earlier runs left, all of which holds until it is replaced
-    about_run : returns what run.json says of this run, which is written with the first results
+    before : rows of earlier runs, which are valid until they are replaced
+    about_run : returns the entry of this run in run.json, which is written with the first results
     """
 
     def __init__(
@@ -275,14 +276,14 @@ class Output:
         self._kept: dict[Instance, list[GapRow]] = {}
 
     def update(self) -> None:
-        """Writes what has become whole since; what Ctrl-C has cut short is not written."""
+        """Writes instances that are newly complete, except any that Ctrl-C cut short."""
         if self._folder is None:
             return
         new = [i for i in self._instances if i.is_whole and not i.is_cut and i not in self._kept]
         if not new:
             return
         is_first = not self._kept
-        if is_first and not self._before.runs:  # results of other code, for a moment
+        if is_first and not self._before.runs:  # results.csv is other code's until replaced
             _remove(self._folder / RUN)
         if is_first and self._before.runs:
             self._save_run(self._folder)
@@ -296,7 +297,7 @@ class Output:
         RunFile.add_run(folder, self._before.runs, self._about_run())
 
     def rows(self) -> list[GapRow]:
-        """Returns all rows that this run was asked for and has, in that order."""
+        """Returns all rows that this run was asked for and has computed, in the order asked."""
         return [
             row
             for instance in self._instances
@@ -306,7 +307,7 @@ class Output:
         ]
 
     def _all(self) -> list[GapRow]:
-        """Returns rows of all that the folder has, scene by scene, those of this run last."""
+        """Returns all rows of the folder by scene; those of this run come last in each scene."""
         rest = dict(self._before.rows)
         asked = []
         for instance in self._instances:
@@ -318,7 +319,7 @@ class Output:
 
 
 def _published(folder: Path, instance: Instance) -> list[GapRow]:
-    """Writes the files of an instance that is whole; returns its rows, which name them."""
+    """Writes the files of a complete instance; returns its rows, which name the files."""
     rows, bound = instance.rows(), instance.proved()
     files: _Files = {Paths(rows[0]).scene: encode(SceneFile.of(instance.problem))}
     for row, cell in zip(rows, instance.cells.values(), strict=True):
@@ -345,13 +346,13 @@ def _certificates(problem: Problem, bound: CellFile, paths: Paths) -> tuple[dict
         files[path] = bound.certificate(name) if known else None
         files[paths.trace(free=is_free)] = None if text is None else text.encode()
         named[name] = path.as_posix() if known else ""
-    if problem.without_rules() is problem:  # one bound is both
+    if problem.without_rules() is problem:  # both bounds are the same
         named[FREE] = named[RULES]
     return named, files
 
 
 def _put(path: Path, content: bytes | None) -> None:
-    """Makes a file have this content, or not be there."""
+    """Writes a file if its content differs, or removes it if there is no content."""
     if content is None:
         _remove(path)
     elif not (path.is_file() and path.read_bytes() == content):
@@ -359,7 +360,7 @@ def _put(path: Path, content: bytes | None) -> None:
 
 
 def _remove(path: Path) -> None:
-    """Removes a file, if it is there."""
+    """Removes a file, if it exists."""
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
@@ -367,7 +368,7 @@ def _remove(path: Path) -> None:
 
 
 def _save_results(folder: Path, rows: Sequence[GapRow], whole: bool) -> None:
-    """Writes what there is of a table; as Parquet only once it is whole."""
+    """Writes a table as CSV, and as Parquet once it is complete."""
     table = GapRow.records(rows)
     if not whole:
         _remove(folder / _PARQUET)
@@ -377,7 +378,7 @@ def _save_results(folder: Path, rows: Sequence[GapRow], whole: bool) -> None:
 
 
 def _parquet(table: Sequence[Record]) -> bytes:
-    """Returns rows that all have the keys of the first as a Parquet file."""
+    """Returns rows as a Parquet file; all rows have the same keys."""
     import pyarrow as pa  # slow to import
     from pyarrow.parquet import write_table
 

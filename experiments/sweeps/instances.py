@@ -1,4 +1,4 @@
-"""Instances of a sweep: a scene with a seed, its cells, and the rows that they make."""
+"""Instances of a sweep: a scene with a seed, its cells, and the rows made of them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,8 +34,8 @@ from cocap_opt.run.own_planners import OwnPlanner
 from cocap_opt.stop import NO_LIMIT
 
 _T = TypeVar("_T")
-_FIRST = "sequential"  # whose plan an exact method begins with; it has one soon in any scene
-Key = tuple[str, int | None]  # scene and seed; None where the starts are the scene file's own
+_FIRST = "sequential"  # an exact method starts from its plan; it finds one quickly in any scene
+Key = tuple[str, int | None]  # scene and seed; None if the starts are the scene file's own
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,13 +44,13 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     time_limit: float  # s, for each planner
     bound_time_limit: float  # s, for each of the two bounds
     work_limit: int | None = None  # units of work, for each planner and each bound
-    rendered: bool = False  # J of the rendered pixels is wanted, too
-    kept: bool = True  # cells outlive this process, or are computed in others
-    # The planners are one exact method, whose certificate is the bound: none is searched for.
+    rendered: bool = False  # J of the rendered pixels is computed, too
+    kept: bool = True  # cells are saved, or computed in other processes
+    # The only planner is an exact method, whose certificate is the bound: there is no other search.
     proves_itself: bool = False
 
     def __post_init__(self) -> None:
-        """Makes plain numbers of NumPy's, and raises UsageError for what is not a limit."""
+        """Converts NumPy numbers to plain ones, and raises UsageError if a limit is not valid."""
         for name in ("time_limit", "bound_time_limit"):
             seconds = Option(name).require_seconds(getattr(self, name))
             msgspec.structs.force_setattr(self, name, seconds)
@@ -60,12 +60,12 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def cell_limit(self) -> float:
-        """Seconds after which a worker is taken to hang: ten times both limits and ten minutes."""
+        """Seconds after which a worker counts as hung: ten times both limits, plus ten minutes."""
         return 10 * (self.time_limit + self.bound_time_limit) + 600
 
 
 def _default_planners(problem: Problem) -> list[str]:
-    """Returns the planners of a gap table: the paper's, one more, and joint if it can run."""
+    """Returns a gap table's planners: the paper's, the recommended one, and joint if possible."""
     names = ["greedy", "sequential", "cocap", "cocap-vs", RECOMMENDED]
     return [*names, "joint"] if len(problem.robots) <= 2 else names
 
@@ -75,21 +75,20 @@ class Instance:
 
     Parameters
     ----------
-    planners : None stands for those of the paper, the recommended one, and joint for one or two
-        robots
-    given : plans from files by name, which get rows of their own, below those of planners
-    own_starts : the drones start where the scene's own file says, not where the seed has them
-    foreign : third-party planners among them, by name
+    planners : None for the paper's planners, the recommended one, and joint for one or two drones
+    given : plans from files by name; their rows come after those of the planners
+    own_starts : True if drones start where the scene's own file says, not where the seed says
+    foreign : third-party planners among `planners`, by name
 
     Attributes
     ----------
     digest : of the problem
-    asked : the planners that the command names, and the plan files that it gives
-    cells : of the planners, by name; that of the bound is known once all of these are found
-    found : the cells of planners that have ended, with their results
-    bound : the cell of the bound, once it has ended
-    earlier_bound : what an earlier command has proved of the same scene, with its certificates
-    is_cut : Ctrl-C has cut one of them short
+    asked : the requested planners, and the names of the given plans
+    cells : the planners' cells, by name; the bound's cell depends on the results of all of them
+    found : the planners' cells that have ended, with their results
+    bound : the result of the bound's cell, once it has ended
+    earlier_bound : the bound of an earlier command on the same scene, with its certificates
+    is_cut : True if Ctrl-C cut one of its cells short
     """
 
     def __init__(
@@ -119,7 +118,7 @@ class Instance:
 
     @property
     def key(self) -> Key:
-        """Scene and seed, as its rows have them."""
+        """Scene and seed, as in its rows."""
         return self.problem.name, None if self._foreign_starts else self.seed
 
     # -- cells --------------------------------------------------------------------------------
@@ -134,7 +133,7 @@ class Instance:
         )  # fmt: skip
 
     def earlier_cells(self, row: GapRow) -> list[SweepCell]:
-        """Returns the cells that an earlier row may be made of, with the limits of that row."""
+        """Returns the cells from which an earlier row may come, with the limits of that row."""
         if row.planner is None or row.time_limit is None:
             return []
         limits, digest = (row.time_limit, row.work_limit), row.planner_digest or ""
@@ -156,16 +155,16 @@ class Instance:
         self.found[content.cell] = content
 
     def give(self, name: str, plan: Plan | PlanFile) -> None:
-        """Takes a plan from a file, which describes its search."""
+        """Adds a plan from a file; a `PlanFile` also describes its search."""
         self.take(Task(self.cell(name), self.problem).given(plan))
 
     def plan(self, name: str) -> Plan | None:
-        """Returns the plan of a planner or of a file, if it is there yet."""
+        """Returns the plan of a planner or of a file; None if there is none yet."""
         content = self.found.get(self.cells[name])
         return None if content is None or content.plan is None else content.plan.plan
 
     def missing(self) -> list[Task]:
-        """Returns the tasks that can begin: planners' cells, or the bound once all have ended."""
+        """Returns the tasks that can start: planners' cells, or the bound once all have ended."""
         cells = [cell for cell in self.cells.values() if cell not in self.found]
         if not cells and self.bound is None:
             return [] if self._settings.proves_itself else [self._bound_task()]
@@ -180,9 +179,9 @@ class Instance:
         return Task(cell, self.problem, start)
 
     def recall(self, store: Store) -> None:
-        """Looks up the cells that have been computed before.
+        """Looks up cells that were computed before.
 
-        A stored bound is not taken where a plan is better than it.
+        A stored bound is not used if a plan's J exceeds it.
         """
         for cell in self.cells.values():
             if cell not in self.found and (content := store.find(cell)) is not None:
@@ -201,7 +200,7 @@ class Instance:
         return [*self.found.values(), *([] if self.bound is None else [self.bound])]
 
     def held(self, content: CellFile) -> CellFile:
-        """Returns the bound's cell; as an error, if a plan is better than the bound."""
+        """Returns the bound's cell, or a cell with an error if a plan's J exceeds the bound."""
         try:
             if content.columns is not None:
                 for row in self._planned_rows():
@@ -218,7 +217,7 @@ class Instance:
     # -- rows ---------------------------------------------------------------------------------
 
     def rows(self) -> list[GapRow]:
-        """Returns a row per plan; a cell that failed has one, too."""
+        """Returns a row per plan; cells that failed have rows, too."""
         bound = _bound_columns(self.proved())
         rows = [GapRow.joined(planned, bound, self.digest) for planned in self._planned_rows()]
         rows = [replace(row, coverage_seconds=self.coverage_seconds) for row in rows]
@@ -227,9 +226,9 @@ class Instance:
         return rows
 
     def proved(self) -> CellFile:
-        """Returns the bound, as the lower of its own and the earlier one, with rules and without.
+        """Returns the lower of this bound and the earlier one, both with and without rules.
 
-        A bound that ended by an error stays one: it may be the earlier bound that is wrong.
+        A bound that ended with an error stays an error, as the earlier bound may be the wrong one.
         """
         assert self.bound is not None
         earlier = self.earlier_bound
@@ -242,7 +241,7 @@ class Instance:
 
     @property
     def coverage_seconds(self) -> float | None:
-        """Seconds of the scene's coverage; the least, where several workers have computed it."""
+        """Seconds of the scene's coverage; the shortest time if several workers computed it."""
         found = (content.coverage_seconds for content in self.contents)
         return min((seconds for seconds in found if seconds is not None), default=None)
 
@@ -272,8 +271,8 @@ def _bound_columns(content: CellFile) -> BoundColumns:
     )  # fmt: skip
 
 
-# What belongs to each of the two bounds: its columns, after its value; the limits are columns of
-# both, and stay with the bound under the rules.
+# Columns of each of the two bounds, its value first. The time and work limits apply to both, and
+# are moved with the bound under the rules.
 _COLUMNS_OF = {
     RULES: (
         "bound", "bound_method", "bound_reason", "bound_limit", "bound_seconds",
@@ -285,7 +284,7 @@ _OPTIMA = {RULES: "optimum", FREE: "optimum_free"}
 
 
 def _lower(new: CellFile, earlier: CellFile) -> CellFile:
-    """Returns a bound's cell with the lower of two bounds, and the larger of the best known J."""
+    """Returns the bound's cell with the lower of two bounds, and the larger of two best known J."""
     assert earlier.columns is not None
     columns, certificates, traces = _bound_columns(new), dict(new.certificates), dict(new.traces)
     for name, (value, *others) in _COLUMNS_OF.items():
@@ -308,14 +307,14 @@ def _or(columns: BoundColumns, name: str, missing: float) -> float:
 
 
 def _move(name: str, source: Mapping[str, _T], target: dict[str, _T]) -> None:
-    """Replaces an entry by that of another mapping, which may have none."""
+    """Replaces an entry with the one of another mapping; removes it if there is none."""
     target.pop(name, None)
     if name in source:
         target[name] = source[name]
 
 
 def _met(columns: BoundColumns, name: str) -> dict[str, Any]:
-    """Returns the reason and limit of a proved optimum if the best known J meets the bound."""
+    """Returns the reason and limit of a proved optimum, if the best known J attains the bound."""
     bound = _COLUMNS_OF[name][0]
     value, best = _or(columns, bound, math.inf), _or(columns, _OPTIMA[name], -math.inf)
     RefereeError.unless_bound(f"{bound} of two commands", best, value)
@@ -325,7 +324,7 @@ def _met(columns: BoundColumns, name: str) -> dict[str, Any]:
 
 
 def _require_bounds(plan: PlannedRow, bound: BoundColumns) -> None:
-    """Raises RefereeError if bounds or optima are below the J of a plan that they cover."""
+    """Raises RefereeError if a plan's J exceeds a bound or an optimum that covers the plan."""
     if plan.reward is None:
         return
     covering = {"bound_free": bound.bound_free, "optimum_free": bound.optimum_free}

@@ -1,7 +1,7 @@
-"""The records in a sweep's folder: run.json, and the table results.csv as it is read.
+"""The records in a sweep's folder: run.json, and results.csv as it is read.
 
-`COLUMNS` of `cocap_opt.experiments.tables.rows` says what the columns mean. A value that does not
-exist (no plan, no bound, no gap) is an empty field.
+`COLUMNS` of `cocap_opt.experiments.tables.rows` explains the columns. Missing values (no plan, no
+bound, no gap) are empty fields.
 """
 
 import hashlib
@@ -35,7 +35,7 @@ RUN = "run.json"
 
 @cache
 def _rows_digest() -> str:
-    """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
+    """Returns the digest of the code that rows depend on: the code of cells and of scenes."""
     parts = SweepCell.digest_of_code() + code_digest("cocap_opt.scenarios")
     return hashlib.sha256(parts.encode()).hexdigest()
 
@@ -47,11 +47,11 @@ class CommandRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     ----------
     command : the program and its arguments
     began : date and time, UTC
-    scenes : names or files, as they were given
-    seeds : seeds of each scene
-    workers : the processes or the cluster that computed
-    machine : its system, its processor and the like
-    packages : the versions of the libraries, by their names
+    scenes : names of the scenes
+    seeds : seeds of the scenes
+    workers : the processes or the cluster that computed the cells
+    machine : system, processor, cores, memory and Python of the machine that ran the command
+    packages : versions of the libraries, by name
     """
 
     command: list[str]
@@ -64,7 +64,7 @@ class CommandRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     @classmethod
     def now(cls, scenes: list[str], seeds: list[int], workers: str) -> "CommandRun":
-        """Returns a description of the run that begins now."""
+        """Returns a description of the run that starts now."""
         return cls(
             command=[*_program(), *sys.argv[1:]],
             began=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -90,7 +90,7 @@ class RunFile(Document, frozen=True, kw_only=True):
     format : the kind of file
     version : of this format
     code : digest of everything that rows depend on, including scenes
-    runs : the commands that wrote into the folder, in their order
+    runs : the commands that wrote into the folder, in order
     """
 
     older = SAMPLED
@@ -106,26 +106,26 @@ class RunFile(Document, frozen=True, kw_only=True):
         Raises
         ------
         FileError
-            If there is none, or it is damaged.
+            If the file is missing or damaged.
         """
         path = folder / RUN
         return decode_document(read_bytes(path), str(path), cls)
 
     @property
     def is_of_this_code(self) -> bool:
-        """The code that made the results does the same as this one."""
+        """The code that made the results does the same as the present code."""
         return self.code == _rows_digest()
 
     @classmethod
     def add_run(cls, folder: Path, before: Sequence[CommandRun], run: CommandRun) -> None:
-        """Writes the file. A run that is there already, but for its time, stays as it was."""
+        """Writes the file, and adds the run, unless an equal run is listed with another time."""
         again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
         runs = [*before] if again else [*before, run]
         save_bytes(folder / RUN, encode(cls(code=_rows_digest(), runs=runs)))
 
 
 def _program() -> list[str]:
-    """Returns the words that started this process: those of a module, or the command's name."""
+    """Returns the start of the command: `python -m` with a module, or `cocap-opt`."""
     spec = sys.modules["__main__"].__spec__
     if spec is None:
         return ["cocap-opt"]
@@ -133,7 +133,7 @@ def _program() -> list[str]:
 
 
 def _processor() -> str:
-    """Returns the processor's name, where the system tells it."""
+    """Returns the processor's name, or its architecture if the name is unknown."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -149,7 +149,7 @@ def _memory() -> str:
 
 
 RESULTS = "results.csv"
-# Columns that tables of older versions do not have, and nobody misses.
+# Columns that tables of older versions lack; such tables are read without them.
 _NEWER = ("cut_short", "overrun", "seen_by_two", "seen_by_three", "median_error")
 
 
@@ -159,8 +159,8 @@ def load_results(folder: Path) -> list[GapRow]:
     Raises
     ------
     FileError
-        If it is no such table, has no rows, has a number that no sweep writes, or if an older
-        version wrote it, whose rewards are others.
+        If it is not such a table, has no rows, has a number that is out of range, or was written by
+        an older version, whose rewards differ.
     """
     if (folder / RUN).exists():
         RunFile.load(folder)

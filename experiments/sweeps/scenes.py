@@ -1,4 +1,4 @@
-"""The scenes of a sweep: words and seeds in, problems out, no two of which have the same name."""
+"""The scenes of a sweep: makes problems of names and seeds; no two scenes have the same name."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -9,22 +9,22 @@ from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
 
-Problems = dict[tuple[str, int], Problem]  # by scene as typed, and seed
+Problems = dict[tuple[str, int], Problem]  # by the scene's name as typed, and seed
 
 
 class Scenes:
-    """The problems that names or files of scenes make with some seeds, each problem once.
+    """The problems of some scenes, by name or file, and seeds; each problem occurs once.
 
-    Seeds that make the same scene are one sample, not many; it is that of the first of them, or
-    of seed 0 if that makes it.
+    Seeds that make the same scene are one sample, not several. The sample has seed 0 if that makes
+    the same scene, otherwise the first of these seeds.
 
     Parameters
     ----------
-    tell : called with the seeds that make the same scene
+    tell : called with a message if several seeds make the same scene
 
     Attributes
     ----------
-    problems : by scene as typed and seed, told apart by their names
+    problems : by the scene's name as typed, and seed; no two scenes have the same name
     """
 
     def __init__(
@@ -44,10 +44,11 @@ class Scenes:
 
     @staticmethod
     def told_apart(problems: Mapping[tuple[str, int], Problem]) -> Problems:
-        """Returns problems by scene as typed and seed, with no two scenes of one name.
+        """Returns problems with new names where two scenes would have the same name.
 
-        A scene that has another's name, or a name that another was typed as, is called as it was
-        typed. The name is no part of a problem's digest, so certificates and plans still fit.
+        A scene's new name is its name as typed; it is needed if its name is also another scene's
+        name, or another scene's name as typed. A problem's digest does not depend on its name, so
+        certificates and plans still fit.
         """
         claimed: dict[str, set[str]] = {}
         for (scene, _), problem in problems.items():
@@ -61,7 +62,7 @@ class Scenes:
         }
 
     def is_same(self, key: Key, digest: str) -> bool:
-        """Returns False if an earlier row's scene is not what these names make with its seed."""
+        """Returns False if an earlier row's name and seed now make another scene."""
         name, seed = key
         return (
             seed is None
@@ -86,13 +87,13 @@ def _seeded(
         if known != seed:
             again.append(f"{seed} makes the scene of seed {known}")
     if again:
-        more = f", and {len(again) - 1} more likewise" if again[1:] else ""
-        tell(f"{scene}: seed {again[0]}{more}; each scene is taken once")
+        more = f" (and {len(again) - 1} more such seeds)" if again[1:] else ""
+        tell(f"{scene}: seed {again[0]}{more}; each scene is used once")
     return found
 
 
 def _digest(load: Callable[[str, int], Problem], scene: str, seed: int) -> str:
-    """Returns the digest of what a seed makes; empty if it makes nothing."""
+    """Returns the digest of the scene with a seed; empty if the scene cannot be made."""
     try:
         return problem_digest(load(scene, seed))
     except (FileError, ProblemError):

@@ -1,4 +1,4 @@
-"""The scenes of a sweep again, with other starts of their drones."""
+"""Variants of a sweep's scenes in which drones start elsewhere."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
@@ -17,18 +17,18 @@ from cocap_opt.run.start_sets import (
 
 STATED = "stated"
 CHOICES = (STATED, *KINDS)
-DRAWS = 10  # sets of random starts of each scene
+DRAWS = 10  # sets of random starts for each scene
 
-StartSets = dict[str, list[tuple[str, int]]]  # names and seeds of problems by where drones start
+StartSets = dict[str, list[tuple[str, int]]]  # names and seeds of problems, by choice of starts
 
 
 class StartChoices(NamedTuple):
-    """The problems of a sweep, and which of them differ in starts only.
+    """The problems of a sweep, and which of them differ only in the drones' starts.
 
     Attributes
     ----------
     problems : by name and seed
-    groups : of each scene and seed the problems by where drones start; empty if nothing is to be
+    groups : by scene and seed: the problems of each choice of starts; empty if starts are not
         compared
     """
 
@@ -37,14 +37,14 @@ class StartChoices(NamedTuple):
 
     @classmethod
     def of(cls, problems: Problems, choices: Sequence[str]) -> Self:
-        """Returns the problems with the chosen starts; as they are if nothing is chosen.
+        """Returns the problems with the chosen starts; unchanged if there is no choice.
 
         Raises
         ------
         UsageError
-            If there is no such choice.
+            If a choice is unknown.
         ProblemError
-            If a scene has no such starts.
+            If a scene has no starts of a chosen kind.
         """
         if not choices:
             return cls(problems, {})
@@ -64,7 +64,7 @@ class StartChoices(NamedTuple):
 def _variants(
     scene: str, seed: int, problem: Problem, choice: str
 ) -> Iterator[tuple[tuple[str, int], Problem]]:
-    """Yields the scenes of a choice, by name and seed; random starts have seeds of their own."""
+    """Yields the scenes of a choice, by name and seed; sets of random starts have other seeds."""
     if choice == STATED:
         yield (scene, seed), problem
     elif choice == RANDOM:

@@ -1,4 +1,4 @@
-"""A sweep from begin to end: workers hired, progress shown, results written."""
+"""A sweep from start to end: starts workers, shows progress, writes results."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -20,15 +20,15 @@ from cocap_opt.vision.coverage import usable_cores
 
 
 class Hired(NamedTuple):
-    """The workers of a sweep: this process, several of its own, or those of a scheduler."""
+    """The workers of a sweep: this process, new local processes, or a scheduler's workers."""
 
     workers: int | None = None
     scheduler: str | None = None
-    cell_limit: float = 0.0  # s, after which a worker gives a cell up
+    cell_limit: float = 0.0  # s, after which a cell is given up and its worker restarted
 
     @property
     def is_this_process(self) -> bool:
-        """True if there are no workers."""
+        """True if this process computes the cells itself."""
         return self.scheduler is None and self.workers is None
 
     @property
@@ -43,7 +43,7 @@ NOBODY = Hired()
 
 
 def _still_the_same(key: Key, digest: str) -> bool:
-    """Returns True: scenes that come with the code leave when the code changes."""
+    """Returns True: scenes that are part of the code change only with the code's digest."""
     return True
 
 
@@ -58,18 +58,18 @@ def sweep(
 ) -> list[GapRow]:
     """Computes missing cells; writes run.json, results.csv, results.parquet, and their files.
 
-    Earlier rows stay in them, as `cocap_opt.experiments.sweeps.folder` says.
+    Earlier rows are kept as described in `cocap_opt.experiments.sweeps.folder`.
 
     Parameters
     ----------
-    folder : for results; None to keep nothing
+    folder : folder for results; None to keep nothing
     retry : True to compute failed cells in the folder again
-    quiet : True to show neither progress nor failures; rows have the reasons of failures
+    quiet : True to show neither progress nor failures; rows contain the reasons for failures
     title : title of the progress bar
 
     Returns
     -------
-    The requested rows of all complete instances, and of one that Ctrl-C has cut short.
+    The requested rows of all complete instances, and of one that Ctrl-C cut short.
 
     Raises
     ------
@@ -129,10 +129,10 @@ def _sweep(
 
 
 def _recalled(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
-    """Looks up known cells; returns the numbers of missing and of known cells."""
+    """Looks up stored cells; returns the numbers of missing and of stored cells."""
     missing = known = 0
     for instance in instances:
-        given = len(instance.contents)  # plans of others
+        given = len(instance.contents)  # plans that were not computed here
         instance.recall(store)
         known += len(instance.contents) - given
         missing += len(instance.cells) + 1 - len(instance.contents)
@@ -140,19 +140,19 @@ def _recalled(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
 
 
 def _warn_of_coverage(instances: Sequence[Instance], hired: Hired) -> None:
-    """Warns of scenes whose coverage takes long, by the first seed, as no time limit ends it."""
+    """Warns of scenes whose coverage takes long, as no time limit ends it; tests the first seed."""
     first = {instance.problem.name: instance for instance in reversed(instances)}
     for instance in first.values():
         if instance.is_whole:
             continue
         if hired.is_this_process:
             warn_before_limits(instance.problem, instance.seed)
-        else:  # whose workers have a core each
+        else:  # each worker has one core
             warn_before_limits(instance.problem, instance.seed, hired.cell_limit, usable_cores())
 
 
 def _tell_failure(content: CellFile, store: Store, tell: Callable[[str], None]) -> None:
-    """Reports the reason why a cell has no result, and the file with an error's traceback."""
+    """Reports why a cell has no result, and the file with the traceback of an error."""
     if content.is_finished:
         return
     path = store.path(content.cell) if content.traceback else None

@@ -1,7 +1,7 @@
-"""Teams compared: cells of a sweep, two for each team, and the rows that they make.
+"""A comparison of teams: two cells of a sweep for each team, and the rows made of them.
 
-Each team is solved twice, by an exact method whose certificate is its bound: for the scene's J, and
-for the views alone, how many drones see each person.
+An exact method, whose certificate proves the bound, solves each team twice: for the scene's J, and
+for views alone, i.e. for how many drones see each person.
 """
 
 import math
@@ -31,15 +31,15 @@ from cocap_opt.scenarios.hardware import CAMERAS
 
 
 class Asked(NamedTuple):
-    """A request: which teams there are to be, and when a person is seen.
+    """A request: the teams to compare, and when a person counts as seen.
 
     Attributes
     ----------
     drones : numbers of drones
-    cameras : names of cameras; None: that of the scene
-    heights : m, flight heights; None: those of the scene
-    seen_by : from so many drones on a person counts as seen
-    at_least : share of a person that a drone must see; None: as the scene has it
+    cameras : names of cameras; None for the scene's camera
+    heights : flight heights (m); None for the scene's heights
+    seen_by : smallest number of drones that must see a person
+    at_least : smallest share of a person that a drone must see; None for the scene's share
     """
 
     drones: Sequence[int]
@@ -58,22 +58,22 @@ class Asked(NamedTuple):
         at_least: float | None,
         name: Callable[[str], str] = str,
     ) -> Self:
-        """Returns the request, checked.
+        """Returns a request, after checking it.
 
         Parameters
         ----------
-        name : returns the name of a parameter or option as people write it
+        name : returns the name of a parameter as users write it, e.g. the option `--drones`
 
         Raises
         ------
         UsageError
-            If something is out of range; it is named.
+            If a value is out of range; the message names the parameter.
         """
         option = Option(name("drones"))
         for field, several in ("drones", drones), ("camera", cameras), ("heights", heights):
             if several is not None and not several:
                 example = "name" if field == "camera" else "number"
-                raise UsageError(f"{name(field)}: must be one {example} or more, not none")
+                raise UsageError(f"{name(field)}: must be at least one {example}")
         numbers = [option.require_whole(number, 1, MOST_DRONES) for number in drones]
         names: list[str | None] = [None] if cameras is None else list(dict.fromkeys(cameras))
         for camera in names:
@@ -92,13 +92,13 @@ class Asked(NamedTuple):
 
     @property
     def teams(self) -> Iterator[TeamChoice]:
-        """All choices, those of one camera and height beside each other."""
+        """All teams, grouped by camera and height."""
         for camera, height, drones in product(self.cameras, self.heights, sorted(self.drones)):
             yield TeamChoice(drones, camera, height)
 
 
 class TeamCells(NamedTuple):
-    """A team and its cells; without, if there can be no such team."""
+    """A team and its cells; an impossible team has no cells, but a message in `refused`."""
 
     team: TeamChoice
     reward: Instance | None = None
@@ -109,7 +109,7 @@ class TeamCells(NamedTuple):
     def of(
         cls, problem: Problem, seed: int, team: TeamChoice, asked: Asked, settings: Settings
     ) -> "TeamCells":
-        """Returns the cells of a team; a team for which there is no room has none."""
+        """Returns a team with its cells; without cells if the scene cannot have such a team."""
         try:
             scene = team.scene(problem)
             scenes = scene, seen_alone(scene, asked.seen_by, asked.at_least)
@@ -120,12 +120,12 @@ class TeamCells(NamedTuple):
 
     @property
     def instances(self) -> list[Instance]:
-        """The cells that there are."""
+        """The instances of its cells, if any."""
         return [instance for instance in (self.reward, self.views) if instance is not None]
 
 
 def team_settings(time_limit: float, work_limit: int | None, kept: bool) -> Settings:
-    """Returns the limits of each of the two problems of a team, coverage not included."""
+    """Returns settings with the limits of each of a team's two problems, excluding coverage."""
     return Settings(
         time_limit=time_limit, bound_time_limit=0.0, work_limit=work_limit, kept=kept,
         proves_itself=True,
@@ -146,15 +146,15 @@ def compare_teams(
 
     Parameters
     ----------
-    settings : as `team_settings` makes them
-    folder : of a sweep, whose cells are not recomputed; None to keep nothing
-    retry : cells in the folder that have failed are computed, too
-    quiet : progress is not shown
+    settings : made by `team_settings`
+    folder : folder of a sweep, whose stored cells are used; None to keep nothing
+    retry : True to compute failed cells in the folder again
+    quiet : True to show no progress
 
     Raises
     ------
     ProblemError
-        If there can be none of these teams; the first one's error.
+        If all of these teams are impossible; it has the message of the first one.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet.
     """
@@ -219,7 +219,7 @@ def _messages(*found: GapRow | None) -> str:
 
 
 def _filmed(problem: Problem, plan: Plan, limits: QualityBound) -> dict[str, Any]:
-    """Returns the quality of a plan, by the columns of a row."""
+    """Returns the quality of a plan, by the names of columns."""
     assumptions = Assumptions(at_least=limits.at_least)
     quality = Quality.of(problem, plan, assumptions=assumptions)
     places = [
@@ -239,7 +239,7 @@ def _length(places: Iterable[Sequence[float]]) -> float:
 
 
 def _bounded(limits: QualityBound, seen: GapRow) -> QualityBound:
-    """Returns limits by the bound on the views that count up to as many drones as are asked for."""
+    """Returns limits that use the bound on views, counted up to the requested number of drones."""
     unknown = CertifiedResult(None, -math.inf, Reason.FINISHED, bound=math.inf)
     bound = math.inf if seen.bound is None else seen.bound
     fewer = min(limits.cameras, len(limits.problem.robots)) - 1
@@ -254,7 +254,7 @@ def _files(found: GapRow, folder: Path | None, plan: str, certificate: str) -> d
 
 
 def _with_gains(rows: Sequence[TeamRow]) -> list[TeamRow]:
-    """Returns rows with what each drone gains over one fewer of the same camera and height."""
+    """Returns rows with their gains over the team with one drone fewer, camera and height equal."""
     known = {
         (row.camera, row.height, row.drones): row.reward for group in grouped(rows) for row in group
     }

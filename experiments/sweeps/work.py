@@ -1,4 +1,4 @@
-"""The work of one cell: a planner, or the bound, and the referee after it. Runs anywhere."""
+"""The work of one cell: runs a planner or the bound, then the referee, in any process."""
 
 import hashlib
 import math
@@ -29,16 +29,16 @@ from cocap_opt.stop import Clock, Stop, never
 
 
 class BoundStart(NamedTuple):
-    """The best plans, and the lowest bound that a planner has proved itself."""
+    """The start of the bound's search: the best plans, and the lowest bound of the planners."""
 
     plan: Plan | None = None  # the best of all
     valid: Plan | None = None  # the best of those that obey the rules
-    certificate: bytes = b""  # its file's content; empty where there is none
-    seconds: float = 0.0  # in which that was proved
+    certificate: bytes = b""  # content of the lowest bound's file; empty if there is none
+    seconds: float = 0.0  # time in which that bound was proved
 
     @classmethod
     def of(cls, contents: Sequence[CellFile]) -> "BoundStart":
-        """Returns the start that planners' cells give; their names and order do not matter."""
+        """Returns the start made of planners' cells; their names and order do not matter."""
         certificate, seconds = _lowest_bound(contents)
         valid = [content for content in contents if content.row and content.row.valid]
         return BoundStart(_best_plan(contents), _best_plan(valid), certificate, seconds)
@@ -50,7 +50,7 @@ class BoundStart(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """Digest of the plans and the proof, on which a bound depends."""
+        """Digest of the plans and the proof, as a bound depends on both."""
         content = msgspec.json.encode((self.plan, self.valid)) + self.certificate
         return hashlib.sha256(content).hexdigest()
 
@@ -98,11 +98,11 @@ class Task(NamedTuple):
     foreign: OwnPlanner | None = None  # a third-party planner; the cell has its name
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
-        """Computes the cell. An error is a result, too: it costs this cell only.
+        """Computes the cell. An error becomes the result of this cell, so others go on.
 
         Parameters
         ----------
-        stop : a limit besides the cell's own, which count from when coverage is there
+        stop : a limit in addition to the cell's own, which start once coverage is computed
         """
         clock = Clock()
         compute = _bound if self.cell.planner == BOUND else _plan
@@ -112,7 +112,7 @@ class Task(NamedTuple):
             compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
             coverage_seconds = compiled(self.problem).tables.cost
-        except OwnPlannerError as error:  # says all that there is to say
+        except OwnPlannerError as error:  # its message is complete
             cause = error.__cause__  # what a planner raised
             trace = "" if cause is None else "".join(format_exception(cause))
             found = CellFile.failed(self.cell, Status.ERROR, str(error), traceback=trace)
@@ -120,7 +120,8 @@ class Task(NamedTuple):
         except Exception as error:  # whatever it is, the other cells go on
             where = extract_tb(error.__traceback__)[-1]
             words = f"{type(error).__name__}: {error} (in {where.name}, line {where.lineno})"
-            if self.foreign is not None and isinstance(error, RefereeError):  # no bug of ours
+            # The third-party planner is at fault, so the place in this code does not matter.
+            if self.foreign is not None and isinstance(error, RefereeError):
                 words = str(error)
             trace = "".join(format_exception(error))
             found = CellFile.failed(self.cell, Status.ERROR, words, traceback=trace)
@@ -133,9 +134,9 @@ class Task(NamedTuple):
         )
 
     def self_proved(self, content: CellFile) -> CellFile:
-        """Returns the bound that an exact method has proved itself, as the cell of a bound.
+        """Returns the bound that an exact method proved itself, as the bound's cell.
 
-        Nothing is computed, and nothing known without rules.
+        Nothing is computed. There is no bound without rules.
         """
         if content.row is None:
             return CellFile.failed(self.cell, content.status, content.message, content.seconds)
@@ -146,7 +147,7 @@ class Task(NamedTuple):
         )
 
     def given(self, plan: Plan | PlanFile) -> CellFile:
-        """Returns a given plan as if a planner had found it, with what its file says of it."""
+        """Returns the cell of a given plan, with the limits of its search if its file has them."""
         allowance, columns = None, {}
         if isinstance(plan, PlanFile):
             columns = {"time_limit": plan.time_limit, "work_limit": plan.work_limit}
@@ -169,12 +170,12 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
         )  # fmt: skip
     except UnsupportedError as error:
         judged = Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
-        columns["seconds"] = None  # nobody timed it
+        columns["seconds"] = None  # it did not run
     return _planned(cell, problem, judged, cell.allowance, columns)
 
 
 def _first_plan(task: Task, stop: Stop, watch: Watch) -> tuple[Plan | None, Allowance]:
-    """Returns the plan that an exact method begins with, if it is to, and the time that is left."""
+    """Returns the plan that an exact method starts from, if any, and the time that is left."""
     cell, allowance = task.cell, task.cell.allowance
     if not cell.start:
         return None, allowance
@@ -204,7 +205,7 @@ def _planned(
 
 
 def _rendered_reward(problem: Problem, judged: Judged[Any]) -> float | None:
-    """Returns J of a plan's rendered pixels; None where there is no plan."""
+    """Returns J of a plan's rendered pixels; None if there is no plan."""
     from cocap_opt.output.rendered import FaceView, Pose
     from cocap_opt.vision.render import Renderer
 
@@ -216,7 +217,7 @@ def _rendered_reward(problem: Problem, judged: Judged[Any]) -> float | None:
 
 
 def _bound(task: Task, stop: Stop, watch: Watch) -> CellFile:
-    """Bounds all plans of an instance, and those of the scene without rules."""
+    """Bounds the plans of an instance, under its rules and without rules."""
     cell, problem = task.cell, task.problem
     traces = {_WITH_RULES: Trace(), _WITHOUT_RULES: Trace()}
     bounds = _Bounds(
@@ -245,12 +246,12 @@ def _bound(task: Task, stop: Stop, watch: Watch) -> CellFile:
 def _encoded(
     certificates: Mapping[str, CertificateFile | ProofFile | None],
 ) -> dict[str, msgspec.Raw]:
-    """Returns the content of the files that there are."""
+    """Returns the contents of the certificates, without those that are None."""
     return {name: msgspec.Raw(encode(c)) for name, c in certificates.items() if c is not None}
 
 
 def _start_plans(problem: Problem, start: BoundStart) -> list[Judged[Any]]:
-    """Returns the start as judged plans."""
+    """Returns the plans of the start, judged, and its proof as a result without a plan."""
     plans = [
         Judged.of_plan(problem, plan) for plan in (start.plan, start.valid) if plan is not None
     ]
@@ -267,11 +268,11 @@ class _Bounds:
 
     Parameters
     ----------
-    plans : that the bound covers, and begins with
-    allowance : of each of the two searches
-    stop : another limit, of both together
-    watch : shows how far coverage is
-    report_to : returns what a search reports to, by its name
+    plans : results that the search starts from; the bound must not be below them
+    allowance : limits of each of the two searches
+    stop : a further limit on both searches
+    watch : shows the progress of coverage
+    report_to : returns the receiver of a search's reports, by the search's name
     """
 
     def __init__(
@@ -287,16 +288,16 @@ class _Bounds:
         self._allowance, self._stop, self._watch = allowance, stop, watch
 
     def search(self) -> tuple[Judged[CertifiedResult], Judged[CertifiedResult]]:
-        """Returns best plan and bound under the scene's rules, and without any rules.
+        """Returns the best plan and the bound under the scene's rules, and without any rules.
 
-        What bounds all plans bounds those that obey the rules, and the best plan of all may obey
-        them; so the problem without rules comes first, and sometimes settles both.
+        A bound on all plans also holds for plans that obey the rules, and the best of all plans may
+        obey them. So the problem without rules comes first, and sometimes solves both.
         """
         free = self._run(self._problem.without_rules(), _best(self._plans), _WITHOUT_RULES)
         if self._problem.rules.none:
             return free, free
         under = self._under_rules(free)
-        if under.reward > free.reward:  # what obeys the rules may fly where there are none
+        if under.reward > free.reward:  # without rules, plans that obey them are allowed, too
             free = _joined(under, free.result)
         return under, free
 
@@ -320,7 +321,7 @@ class _Bounds:
         )  # fmt: skip
 
     def _of_all_plans(self, free: CertifiedResult) -> CertifiedResult:
-        """Returns a bound on all plans as one on those that obey the problem's rules."""
+        """Returns a bound on all plans as a bound on plans that obey the problem's rules."""
         if free.certificate is None:
             return free
         digest = problem_digest(self._problem)
@@ -337,7 +338,7 @@ def _best(plans: Sequence[Judged[Any]]) -> Judged[Any]:
 
 
 def _joined(best: Judged[Any], bound: CertifiedResult) -> Judged[CertifiedResult]:
-    """Returns a plan and a bound that may come from different runs, and what both prove."""
+    """Returns a plan and a bound, maybe of different runs, as one result, optimal if they meet."""
     RefereeError.unless_bound(BOUND_METHOD, best.reward, bound.bound)
     result = replace(bound, plan=best.result.plan, value=best.result.value)
     if (reason := proved_by(best.reward, bound.bound)) is not None:

@@ -1,4 +1,4 @@
-"""Columns of tables: each is defined once, for all code that reads, writes or explains them."""
+"""Columns of tables: each is defined once, for all code that reads, writes or documents it."""
 
 import csv
 import io
@@ -25,7 +25,7 @@ class TableColumn(NamedTuple):
     least, most : range of a number
     name : of the field
     kind : int, float or str
-    is_optional : its fields may be empty, if there is no such value
+    is_optional : cells may be empty, where there is no value
     is_extra : only some tables have the column
     """
 
@@ -40,19 +40,20 @@ class TableColumn(NamedTuple):
 
     @classmethod
     def all_of(cls, row: type) -> "dict[str, TableColumn]":
-        """Returns the columns of a data class, whose fields are annotated with them, by name."""
+        """Returns the columns, by name, of a data class whose fields are annotated with them."""
         return {
             name: _completed(name, hint)
             for name, hint in get_type_hints(row, include_extras=True).items()
         }
 
     def parse(self, text: str, where: str) -> Any:
-        """Returns the value of a field of a CSV file; None if an optional field is empty.
+        """Returns the value of a cell of a CSV file; None if the cell is empty and may be.
 
         Raises
         ------
         FileError
-            If it must be a number but is not, or is out of range; the message starts with `where`.
+            If the text should be a number but is not, or the number is out of range; the message
+            starts with `where`.
         """
         if self.kind is str:
             return text
@@ -68,7 +69,7 @@ class TableColumn(NamedTuple):
 
 
 def _completed(name: str, hint: Any) -> TableColumn:
-    assert get_origin(hint) is Annotated, f"{name}: says nothing about itself"
+    assert get_origin(hint) is Annotated, f"{name}: has no TableColumn annotation"
     inner, column = get_args(hint)
     kinds = set(get_args(inner)) or {inner}
     (kind,) = kinds - {NoneType, UnsetType}
@@ -86,7 +87,7 @@ def read_rows(
     Parameters
     ----------
     columns : by name
-    may_lack : names of columns that tables of older versions lack, and that are not needed
+    may_lack : names of columns that may be missing, as older versions did not write them
 
     Raises
     ------
@@ -101,7 +102,7 @@ def read_rows(
                 raise FileError(f"{path}: has no column {name!r}")
         rows = [_values(fields, columns, f"{path}: line {table.line_num}") for fields in table]
     except csv.Error as error:
-        words = "must be short values with commas between them"
+        words = "must be short values separated by commas"
         raise FileError(f"{path}: line {table.line_num}: {words}") from error
     if not rows:
         raise FileError(f"{path}: has no results yet")

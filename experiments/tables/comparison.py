@@ -1,17 +1,18 @@
 """Planners compared over scenes: paired tests with a correction, and performance profiles.
 
-Scenes are the sample: seeds of one scene are similar, so a test over seeds would mistake what they
-have in common for evidence. For each pair of planners and each scene there is one number, the mean
-over its seeds of (a - b) / max(a, b), which has no unit. If a plan breaks the rules or does not
-exist, it counts as J = 0, and its time as the whole time limit.
+Scenes are the sample, not seeds: the seeds of one scene give similar results, so a test that took
+them for independent would find differences that are not there. Each pair of planners, a and b, has
+one number for each scene: the mean of (a - b) / max(a, b) over the scene's seeds, which has no
+unit. A run without a plan that obeys the rules counts as J = 0 and, unless it proves that no such
+plan exists, as its whole time limit.
 
 Wilcoxon's signed-rank test checks if these numbers are distributed symmetrically around 0. Zeros
 keep their ranks (Pratt). With many pairs of planners, some p are small by chance; Holm's correction
 limits the probability of any false positive to the chosen level.
 
-A performance profile is the share of scenes, with equal weights for the seeds of a scene, on which
-a planner is within a factor of the best planner there. It shows how often each planner is close to
-the best; with three or more planners, it does not rank those behind the best.
+For each factor, a performance profile gives the share of scenes on which a planner is within this
+factor of the best planner; the seeds of a scene share its weight equally. It shows how often a
+planner is close to the best, but with three or more planners it does not rank the others.
 
 Sources: Wilcoxon 1945; Pratt 1959; Holm 1979; Dolan and More 2002; Demsar 2006.
 """
@@ -31,8 +32,8 @@ J, SECONDS = "J", "time"
 ENOUGH = 6  # scenes; with fewer, no two-sided test has p < 0.05
 _EXACT = 13  # up to this number of scenes, all signs are enumerated
 _RESAMPLES, _SEED = 10_000, 0  # random signs, with more scenes
-_SAME = 1e-9  # relative, by which sums of doubles may differ that are the same in real numbers
-_LEAST = 0.001  # s, below which nobody measures a ratio
+_SAME = 1e-9  # relative difference that rounding can cause between equal sums
+_LEAST = 0.001  # s; shorter times count as this long, as ratios of them would mean nothing
 
 _Values = Mapping[tuple[str, int | None], float]  # by scene and seed
 
@@ -44,10 +45,10 @@ class PairedTest(NamedTuple):
     ----------
     measure : J or time
     planner, against : a and b
-    above, equal, below : number of scenes in which the planner's J or time is higher, equal, lower
+    above, equal, below : numbers of scenes on which a is higher than, equal to and lower than b
     median : median over scenes of (a - b) / max(a, b)
     p : two-sided, as if it were the only test
-    corrected : p by Holm, over all tests of the measure
+    corrected : p after Holm's correction over all tests of the measure
     """
 
     measure: str
@@ -74,7 +75,7 @@ class Profile(NamedTuple):
     measure : J or time
     planner : name of the planner
     ratios : [n] factors from the best at which the profile rises, >= 1, increasing
-    shares : [n] shares of scenes, from each factor on
+    shares : [n] shares of scenes on which the planner is within each factor
     """
 
     measure: str
@@ -89,7 +90,7 @@ class Profile(NamedTuple):
 
 
 def paired_tests(rows: Sequence[GapRow], against: str | None = None) -> list[PairedTest]:
-    """Returns the tests of all pairs of planners, or of all with one; first those of J.
+    """Returns tests of all pairs of planners, or of each planner with one; tests of J come first.
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ def paired_tests(rows: Sequence[GapRow], against: str | None = None) -> list[Pai
 
 
 def profiles(rows: Sequence[GapRow]) -> list[Profile]:
-    """Returns the profiles of all planners; first those of J.
+    """Returns the profiles of all planners; profiles of J come first.
 
     A scene and seed counts only if all planners were run on it, and at least one of them found a
     plan that obeys the rules.
@@ -143,7 +144,7 @@ def _reward(row: GapRow) -> float:
 
 
 def _seconds(row: GapRow) -> float | None:
-    """Returns the seconds that a run counts for; None for plans from files."""
+    """Returns the seconds that a run counts as; None for plans from files."""
     if row.valid or row.reason == Reason.INFEASIBLE:
         return row.seconds
     return row.time_limit if row.time_limit is not None else row.seconds
@@ -165,7 +166,7 @@ def _pairs(planners: Sequence[str], against: str | None) -> list[tuple[str, str]
 
 
 def _test(measure: str, a: str, b: str, values: Mapping[str, _Values]) -> PairedTest:
-    """Returns a test, without correction."""
+    """Returns a test whose `corrected` is still p itself."""
     of_scenes: dict[str, list[float]] = {}
     for scene, seed in sorted(values[a].keys() & values[b].keys(), key=str):
         first, second = values[a][scene, seed], values[b][scene, seed]
@@ -179,9 +180,10 @@ def _test(measure: str, a: str, b: str, values: Mapping[str, _Values]) -> Paired
 
 
 def signed_rank(differences: Sequence[float]) -> float:
-    """Returns the two-sided p of Wilcoxon's signed-rank test, zeros by Pratt; 1 of zeros alone.
+    """Returns the two-sided p of Wilcoxon's signed-rank test; 1 if all differences are zero.
 
-    It is exact for few differences, including ties and zeros, as all signs are enumerated.
+    Zeros keep their ranks (Pratt). For few differences, p is exact even with ties and zeros, as all
+    signs are enumerated.
     """
     from scipy.stats import rankdata  # slow to import
 
@@ -201,13 +203,13 @@ def signed_rank(differences: Sequence[float]) -> float:
 
 
 def _corrected(tests: Sequence[PairedTest]) -> list[PairedTest]:
-    """Returns tests with p by Holm."""
+    """Returns tests with Holm's corrected p."""
     corrected = holm([test.p for test in tests])
     return [test._replace(corrected=p) for test, p in zip(tests, corrected, strict=True)]
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Returns p-values corrected by Holm's step-down, in their order."""
+    """Returns p-values corrected by Holm's step-down procedure, in the order given."""
     found, least = [0.0] * len(p), 0.0
     for k, at in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
         least = max(least, min(1.0, (len(p) - k) * p[at]))
@@ -248,14 +250,14 @@ def _ratios(measure: str, values: FloatArray, has_plan: BoolArray) -> FloatArray
     best = np.where(has_plan, values, 0.0).max(axis=0, initial=0.0)
     ratios = np.full(values.shape, math.inf)
     np.divide(best, values, out=ratios, where=has_plan & (values > 0))
-    ratios[has_plan & (best == 0)] = 1.0  # J = 0 is all that there is
+    ratios[has_plan & (best == 0)] = 1.0  # no planner has more than J = 0
     return ratios
 
 
 def _staircase(
     ratios: FloatArray, weights: FloatArray
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Returns the factors at which a share of scenes rises, and its new values."""
+    """Returns the factors at which the share of scenes rises, and the share there."""
     finite = np.isfinite(ratios)
     rising = np.where(ratios[finite] <= 1 + _SAME, 1.0, ratios[finite])
     steps, at = np.unique(rising, return_inverse=True)

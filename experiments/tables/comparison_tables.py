@@ -24,19 +24,19 @@ _TEST = (
     "only test; p (Holm): corrected for the number of tests."
 )
 _TEST_NOTES = {
-    J: "The number of scenes on which the planner's mean J is higher than, equal to or lower than "
-    f"that of the other planner; a plan that breaks the rules counts as J = 0. {_TEST}",
-    SECONDS: "The number of scenes on which the planner takes more time than, as much as or less "
-    "than the other planner; a run without a valid plan counts as its whole time limit. "
-    f"{_TEST}",
+    J: "Higher, equal, lower: number of scenes on which the planner's mean J compares like this "
+    f"with the other planner's. A run without a valid plan counts as J = 0. {_TEST}",
+    SECONDS: "Slower, equal, faster: number of scenes on which the planner's mean time compares "
+    "like this with the other planner's. A run without a valid plan counts as its whole time "
+    f"limit. {_TEST}",
 }
 _SHARE = (
-    "seeds of a scene have equal weights; only runs that all planners have count, if one of them "
-    "found a valid plan."
+    "the seeds of a scene share its weight equally. Only scenes and seeds on which all planners "
+    "were run and at least one found a valid plan count."
 )
 _PROFILE_NOTES = {
-    J: f"The share of scenes on which J is this close to the best planner's: {_SHARE}",
-    SECONDS: f"The share of scenes on which time is this close to the fastest planner's: {_SHARE}",
+    J: f"Share of scenes on which J is this close to the best planner's; {_SHARE}",
+    SECONDS: f"Share of scenes on which the time is this close to the fastest planner's; {_SHARE}",
 }
 
 
@@ -66,13 +66,13 @@ def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tab
 
 
 def too_few_scenes(rows: Sequence[GapRow]) -> str:
-    """Returns a warning if there are too few scenes for a test; otherwise empty."""
+    """Returns a warning if there are too few scenes for a test, otherwise an empty string."""
     n = len({row.scene for row in rows})
     if n >= ENOUGH:
         return ""
     return (
         f"{counted(n, 'scene')}: a paired test over fewer than {ENOUGH} scenes cannot have "
-        "p < 0.05, whatever the planners do"
+        "p < 0.05, however much the planners differ"
     )
 
 
@@ -89,7 +89,7 @@ def test_records(tests: Iterable[PairedTest]) -> list[Record]:
 
 
 def profile_records(drawn: Iterable[Profile]) -> list[Record]:
-    """Returns the steps of profiles as rows of numbers, for CSV."""
+    """Returns the points at which profiles rise as rows of numbers, for CSV."""
     return [
         {"measure": profile.measure, "planner": profile.planner, "ratio": ratio, "share": share}
         for profile in drawn
@@ -121,7 +121,7 @@ def _of_profile(profile: Profile) -> dict[str, str]:
 
 
 def _within(ratio: float, measure: str) -> str:
-    """Returns words for a factor from the best."""
+    """Returns a column's heading for a factor from the best, e.g. "within 5 %"."""
     if ratio == 1:
         return "the best"
     return f"within {100 * (ratio - 1):.3g} %" if measure == J else f"within {ratio:g} times"

@@ -12,8 +12,8 @@ from cocap_opt.result import Reason
 from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import shortened
 
-_CUT = "!"  # marks a planner whose plan a limit has cut short
-_OPEN = "*"  # marks a bound that a limit stopped
+_CUT = "!"  # marks a planner whose plan is cut short by a limit
+_OPEN = "*"  # marks a bound whose search was stopped by a limit
 _LATE = "!"  # marks the seconds of a planner that overran its time limit
 PROVED = ("optimal", "infeasible")
 _MISSING = {  # why there is no bound
@@ -24,12 +24,12 @@ _MISSING = {  # why there is no bound
 }
 _DONE = (Reason.FINISHED, Reason.OPTIMAL)
 _UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
-_NAMED = 3  # cases that are named in a sentence
+_NAMED = 3  # most cases that a note names
 GAP_FREE = "gap without\nrules"
-# Keys of rows, as people read them; JSON and results.csv have the keys.
+# Headings of columns that differ from their keys; JSON and results.csv have the keys.
 _LABELS = {"reward": "J", "reward_rendered": "J rendered", "gap_free": GAP_FREE}
 _GAPS = (
-    "Gap: the plan's J is at most this percentage below that of the best plan under the scene's "
+    "Gap: the plan's J is at most this percentage below the J of the best plan under the scene's "
     "rules. Gap without rules: the same for the best plan of drones that may collide."
 )
 # Columns that a narrow terminal omits, the least useful first.
@@ -51,8 +51,8 @@ def print_gap_table(rows: Sequence[GapRow], verbose: bool = False) -> None:
 
     Parameters
     ----------
-    verbose : also print the seconds of coverage, and the reasons why planners stopped even if all
-        have finished
+    verbose : also print the seconds of coverage, and why planners stopped, even if all of them
+        finished
     """
     _print_rows(rows, verbose)
     means = _means(rows)
@@ -83,7 +83,10 @@ def _print_rows(rows: Sequence[GapRow], verbose: bool) -> None:
 
 
 def _spare(rows: Sequence[GapRow], table: Sequence[Record]) -> list[str]:
-    """Returns the columns that can be omitted: not bounds with marks, nor seeds that differ."""
+    """Returns the columns that can be omitted.
+
+    Marked bounds, seconds over a limit and seeds that differ are always shown.
+    """
     kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
     kept |= {"seconds"} if any(row.overrun is not None for row in rows) else set()
     kept |= {"seed"} if len({row.seed for row in rows}) > 1 else set()
@@ -107,7 +110,7 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
         yield f"{_LATE} Longer than the time limit allows: {_first(late)}."
     if any("coverage_seconds" in shown for shown in table):
         yield (
-            "Coverage was computed once per scene and seed, before any time limit began; the "
+            "Coverage was computed once per scene and seed, before any time limit started; the "
             "planners' seconds do not include it."
         )
     if any(shown.get(GAP_FREE) is not None for shown in table):
@@ -117,7 +120,7 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
     if sampled:
         yield (
             f"Coverage behind the meshes of {_first(list(dict.fromkeys(sampled)))} is sampled "
-            "with rays; the gaps do not include the error of sampling."
+            "with rays; the gaps do not include the sampling error."
         )
     yield from _cut_short(rows)
     remarked = [row for row in rows if row.reason in _UNFINISHED and row.message]
@@ -131,18 +134,18 @@ def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
 
 
 def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
-    """Yields notes on plans that limits have cut short, the shortest plans first."""
+    """Yields notes on plans that limits have cut short; planners without any plan come first."""
     cut = [row for row in rows if row.cut_short]
     cut.sort(key=lambda row: not row.cut_short.startswith(NO_PLAN))
     for row in cut[:_NAMED]:
         yield f"{_CUT} {row.planner} on {_case(row)}: {row.cut_short}."
     if len(cut) > _NAMED:
         others = counted(len(cut) - _NAMED, "more plan")
-        yield f"{_CUT} A limit has cut short {others}; --json or --out DIR lists all."
+        yield f"{_CUT} A limit cut short {others}; --json or --out DIR lists all."
 
 
 def _shown(row: GapRow, key: str) -> object:
-    """Returns the value of a column, with a mark if it depends on a bound whose search stopped."""
+    """Returns the value of a column, with a mark if a note below the table explains it."""
     value = getattr(row, key)
     if value is UNSET:
         return None
@@ -159,7 +162,7 @@ def _shown(row: GapRow, key: str) -> object:
     return Marked(value, _OPEN if is_open else " ")
 
 
-# Bounds that remain after a limit, with a clearer word; `verify` explains them.
+# Methods whose bounds are left if a limit stops the search early; `verify` shows their names.
 _SIMPLE = dict.fromkeys(("step-multipliers", "optimistic"), "simple")
 
 
@@ -214,7 +217,7 @@ def _first(names: Sequence[str]) -> str:
 
 
 def _means(rows: Sequence[GapRow]) -> list[Record]:
-    """Returns means over seeds, numbers of plans that obey the rules, and of proved optima.
+    """Returns means over seeds, the number of plans that obey the rules, and of proved optima.
 
     A mean exists only if all seeds have a value, as means over different seeds are misleading.
     """

@@ -1,4 +1,4 @@
-"""The names of the files in a sweep's folder, which follow from a row alone."""
+"""The names of the files in a sweep's folder, which depend only on the row."""
 
 import hashlib
 import re
@@ -12,7 +12,7 @@ CELLS, _CERTIFICATES, _PLANS, _SCENES, TRACES = FOLDERS = (
 
 
 class Paths:
-    """The files that belong to a row, by paths relative to the sweep's folder."""
+    """The files that belong to a row; paths are relative to the sweep's folder."""
 
     def __init__(self, row: PlanRow) -> None:
         seed = "own" if row.seed is None else row.seed
@@ -20,7 +20,7 @@ class Paths:
 
     @property
     def scene(self) -> Path:
-        """The scene as a file of cocap-opt."""
+        """The scene, in cocap-opt's own format."""
         return Path(_SCENES, f"{self._stem}.json")
 
     @property
@@ -30,11 +30,11 @@ class Paths:
         return Path(_PLANS, f"{self._stem}-{_file_name(self._planner)}.json")
 
     def certificate(self, free: bool) -> Path:
-        """The certificate of the bound under the rules, or of that without any rules."""
+        """The certificate of the bound under the rules, or of the bound without collision rules."""
         return Path(_CERTIFICATES, f"{self._stem}{_suffix(free)}.json")
 
     def trace(self, free: bool) -> Path:
-        """The value and bound over time in the search for one of the two bounds."""
+        """The value and the bound over time, in the search for one of the two bounds."""
         return Path(TRACES, f"{self._stem}{_suffix(free)}.csv")
 
 
@@ -43,7 +43,7 @@ def _suffix(free: bool) -> str:
 
 
 def _file_name(name: str) -> str:
-    """Returns a name that is distinct on any file system, shortened with a digest if necessary."""
+    """Returns a name that is safe on any file system; a digest keeps changed names distinct."""
     plain = re.sub(r"[^a-z0-9._-]+", "_", name.lower()).strip("_.-")[:60] or "scene"
     if plain == name:
         return plain

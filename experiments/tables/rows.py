@@ -1,8 +1,8 @@
 """Rows of results: each column is defined here once, with its type, unit, range and meaning.
 
 `plan`, `bound` and `solve` print a `PlanRow`. The gap table, `results.csv` and `gap --json` are
-made of `GapRow`, which joins the columns of a plan (`PlannedRow`) with those of its scene and seed
-(`BoundColumns`). Every plan has passed the referee before. Every bound is certified, except that of
+made of `GapRow`s, which join the columns of a plan (`PlannedRow`) with those of its scene and seed
+(`BoundColumns`). The referee has checked every plan. Every bound is certified, except the bound of
 brute force, whose row says so in `message`.
 """
 
@@ -31,8 +31,8 @@ _EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
 _REWARD = "px^0.5/m"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
-# Planners check the time about once a second, and may have to finish an operation. A planner that
-# exceeds the limit by more than a quarter plus one second has not kept to it.
+# Planners check the time about once a second, and may have to finish an operation. A planner has
+# overrun its limit if it takes more than a quarter of the limit plus one second longer.
 _TOLERATED, _TOLERATED_SECONDS = 1.25, 1.0
 _PART = {"unit": "1", "most": 1}
 _SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
@@ -47,7 +47,7 @@ _Count = int | None
 
 @dataclass(frozen=True, kw_only=True)
 class PlanRow:
-    """The row of a plan; with a bound if one comes with it."""
+    """The row of a plan, with the bound that its method proves, if any."""
 
     scene: Annotated[str, TableColumn("The scene's name.")]
     seed: Annotated[
@@ -63,7 +63,7 @@ class PlanRow:
     bound: _Bound = None
     gap: Annotated[
         _Number,
-        TableColumn("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE),
+        TableColumn("(bound - reward) / bound, if the plan obeys the rules.", **_SHARE),
     ] = None
     reason: Annotated[
         str,
@@ -76,19 +76,19 @@ class PlanRow:
     seconds: Annotated[
         _Number,
         TableColumn(
-            "Wall-clock time of the search, without coverage and checking; for planners of single "
-            "views, evaluating them is part of the search.",
+            "Wall-clock time of the search, without coverage and checking; includes evaluating "
+            "views if the planner evaluates them one by one.",
             unit="s",
         ),
     ]
     coverage_seconds: Annotated[
         _Number,
         TableColumn(
-            "Wall-clock time of the coverage of all states. In the gap table it is the scene's: "
-            "computed once, before the time of any planner or bound begins, part of no limit, and "
-            "the same in all rows; if it comes from the disk cache, this is the time that it took "
-            "when it was computed. For plan, bound and solve it is the time that this process "
-            "spent, and 0 for planners that evaluate single views.",
+            "Wall-clock time of the coverage of all states. In the gap table, coverage is computed "
+            "once per scene and seed, before any planner or bound starts; no limit includes it, "
+            "and all rows have the same time. If coverage comes from the disk cache, this is the "
+            "time that it took when it was computed. For plan, bound and solve, it is the time "
+            "that this process spent, and 0 for planners that evaluate views one by one.",
             unit="s",
         ),
     ] = None
@@ -98,8 +98,8 @@ class PlanRow:
     views: Annotated[
         _Count,
         TableColumn(
-            "Number of views, each of a state at a step, that the planner needs: those that it "
-            "evaluates, or all possible ones if coverage is computed before."
+            "Number of views (a view: one state at one step) that the planner evaluates, or of all "
+            "possible views if coverage is computed in advance."
         ),
     ] = None
     conflicts: Annotated[_Count, TableColumn("Collision rules that the plan breaks.")]
@@ -113,9 +113,9 @@ class PlanRow:
     median_error: Annotated[
         _Number,
         TableColumn(
-            "RMS error of a point, from all drones that see it, that half of all person-steps do "
-            "not exceed; empty if more than half have no finite error. Tables of several plans "
-            "have the median over them.",
+            "RMS error of a point, located by all drones that see it, which half of all "
+            "person-steps do not exceed; empty if more than half have no finite error. Tables of "
+            "several plans have the median over the plans.",
             unit="mm",
         ),
     ] = None
@@ -207,8 +207,8 @@ class PlannedRow(PlanRow):
     overrun: Annotated[
         _Number,
         TableColumn(
-            "Time that the planner took beyond its limit, if that is more than a quarter of the "
-            "limit and a second; otherwise empty.",
+            "Time that the planner took beyond its limit, if this is more than a quarter of the "
+            "limit plus one second; otherwise empty.",
             unit="s",
         ),
     ] = None
@@ -257,7 +257,7 @@ class BoundColumns:
     bound_reason: Annotated[
         str,
         TableColumn(
-            "Why the search for the bound stopped: optimal means that J of a plan meets it."
+            "Why the search for the bound stopped: optimal means that a plan's J attains it."
         ),
     ]
     bound_limit: Annotated[str, TableColumn("The limit that stopped this search, or none.")] = (
@@ -269,16 +269,16 @@ class BoundColumns:
     bound_time_limit: Annotated[
         _Number,
         TableColumn(
-            "Time limit of each of the two searches for bounds, which starts once coverage is "
-            "computed.",
+            "Time limit of each of the two searches, for bound and for bound_free; it starts once "
+            "coverage is computed.",
             unit="s",
         ),
     ] = None
     bound_work_limit: Annotated[
         _Count,
-        TableColumn("Work limit of each of them; empty without such a limit."),
+        TableColumn("Work limit of each of these two searches; empty without such a limit."),
     ] = None
-    certificate: Annotated[str, TableColumn("The file that proves the bound.")] = ""
+    certificate: Annotated[str, TableColumn("The file that proves bound.")] = ""
     optimum: Annotated[
         _Number, TableColumn("The largest known J of a plan that obeys the rules.", **_ANY)
     ] = None
@@ -326,11 +326,11 @@ class BoundColumns:
 
     @classmethod
     def self_proved(cls, row: PlannedRow, proof: CertificateFile | ProofFile | None) -> Self:
-        """Returns the columns with an exact method's own plan and bound, only with rules.
+        """Returns the columns with an exact method's own plan and bound, only under the rules.
 
         Parameters
         ----------
-        proof : of the bound; None: nothing is proved
+        proof : of the bound; None if nothing is proved
         """
         return cls(
             bound=finite(math.inf if proof is None else proof.proved),
@@ -352,7 +352,7 @@ class GapRow(BoundColumns, PlannedRow):
     gap_free: Annotated[
         _Number,
         TableColumn(
-            "(bound_free - reward) / bound_free, of a plan that obeys the rules.",
+            "(bound_free - reward) / bound_free, if the plan obeys the rules.",
             **_SHARE,
         ),
     ]
@@ -391,7 +391,7 @@ class GapRow(BoundColumns, PlannedRow):
 
     @staticmethod
     def grouped(rows: "Iterable[GapRow]", *names: str) -> "dict[tuple[Any, ...], list[GapRow]]":
-        """Returns rows by the values of some columns, in the order in which these first occur."""
+        """Returns rows grouped by the values of some columns, in the order in which they occur."""
         found: dict[tuple[Any, ...], list[GapRow]] = {}
         for row in rows:
             found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
@@ -409,10 +409,10 @@ class GapRow(BoundColumns, PlannedRow):
 
     @staticmethod
     def middle_error(rows: "Sequence[GapRow]") -> float | None:
-        """Returns the median (mm) of the errors of plans, one or more; None if it is infinite.
+        """Returns the median error (mm) of one or more plans; None if it is infinite.
 
-        All tables show it instead of the mean, as the error of a plan is infinite if more than half
-        of its person-steps have no finite error.
+        All tables show the median instead of the mean, as the error of a plan is infinite if more
+        than half of its person-steps have no finite error.
         """
         error = median_low(
             math.inf if row.median_error is None else row.median_error for row in rows
@@ -447,7 +447,7 @@ class GapRow(BoundColumns, PlannedRow):
 
     @property
     def price(self) -> tuple[float, float] | None:
-        """Least and largest price of collision avoidance, as shares of the free bound."""
+        """Least and largest price of collision avoidance, as shares of the bound without rules."""
         known = (self.bound, self.optimum, self.bound_free, self.optimum_free)
         bound, optimum, bound_free, optimum_free = known
         if bound is None or optimum is None or bound_free is None or optimum_free is None:

@@ -1,4 +1,4 @@
-"""The table that compares where drones start: the best plan and bound of each choice."""
+"""The table that compares start positions: the best plan and the bound of each choice."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ def print_start_sets(groups: _Groups, rows: Sequence[GapRow]) -> None:
 
     Parameters
     ----------
-    groups : of each scene and seed, the names and seeds of the problems of each choice
+    groups : by scene and seed, then by choice: the names and seeds of the choice's problems
     rows : of all these problems
     """
     table = [record for group in groups.items() for record in _compared(*group, rows)]

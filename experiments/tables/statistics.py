@@ -1,4 +1,4 @@
-"""Means with confidence intervals, paired differences, and the means that solvers are judged by."""
+"""Means with confidence intervals, and shifted geometric means, as solver benchmarks use them."""
 
 import math
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from cocap_opt.data import FloatArray
 
 _CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
-ENOUGH = 5  # values, of which on there is an interval
+ENOUGH = 5  # least number of values for an interval
 _RESAMPLES, _SEED = 10_000, 0  # of a bootstrap interval
-_SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
+_SHIFT = 10.0  # s, for geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 
 class Mean(NamedTuple):
-    """Mean of a sample and its confidence interval, nan of too few values."""
+    """Mean of a sample and its confidence interval, whose ends are nan if there are few values."""
 
     value: float
     low: float
@@ -26,12 +26,12 @@ class Mean(NamedTuple):
 
     @classmethod
     def of(cls, *groups: Sequence[float]) -> "Mean":
-        """Returns the mean over groups of their means, with a percentile bootstrap interval.
+        """Returns the mean of the groups' means, with a percentile bootstrap interval.
 
-        Each group is drawn again with replacement by itself, always the same way, whatever the
-        order of the groups. What is never negative, as gaps are, has no interval with negative ends
-        (Efron and Tibshirani 1993). Of few values the interval would be far too short, so that
-        there is none.
+        Each group is resampled with replacement on its own, with a fixed seed, so that the order of
+        the groups does not matter. The interval of values that are never negative, such as gaps,
+        has no negative ends (Efron and Tibshirani 1993). With few values the interval would be far
+        too short, so there is none.
         """
         samples = [np.asarray(group, dtype=float) for group in sorted(groups, key=list)]
         values = np.concatenate(samples)
@@ -48,7 +48,7 @@ class Mean(NamedTuple):
         return cls(mean, float(interval.low), float(interval.high), spread, len(values))
 
     def text(self, digits: int, unit: str = "") -> str:
-        """Returns the mean, with its unit, and its interval in words, if there is one."""
+        """Returns the mean with its unit, and its interval if there is one, as text."""
         mean, *ends = (Mean.rounded(number, digits) for number in self[:3])
         reach = "" if math.isnan(self.low) else f" ({' to '.join(ends)})"
         return mean + unit + reach
@@ -57,21 +57,21 @@ class Mean(NamedTuple):
     def shifted_geometric(values: Sequence[float], shift: float = _SHIFT) -> float:
         """Returns exp(mean(log(value + shift))) - shift.
 
-        Neither the easiest instances nor the hardest alone decide it.
+        Neither the easiest nor the hardest instances dominate it.
         """
         logs = [math.log(value + shift) for value in values]
         return math.exp(math.fsum(logs) / len(values)) - shift
 
     @staticmethod
     def in_words(values: Sequence[float], digits: int = 3) -> str:
-        """Returns the mean of values and its interval in words, if there are values."""
+        """Returns the mean of values and its interval as text; "-" without values."""
         if not values:
             return NONE
         return Mean.of(values).text(digits)
 
     @staticmethod
     def rounded(value: float | None, digits: int) -> str:
-        """Returns a number with so many digits, if there is one."""
+        """Returns a number with so many decimals; "-" if it is None or not finite."""
         if value is None or not math.isfinite(value):
             return NONE
         return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0

@@ -1,8 +1,8 @@
 """Tables of a sweep, as Markdown, LaTeX and HTML.
 
-They are of planners, differences between them, collision avoidance, how people are filmed, and
-time. Each is a list of
-rows whose values are already text, so that all formats show the same.
+They show planners, the differences between them, the price of collision avoidance, how people are
+filmed, and time. Each is a list of rows whose values are already text, so that all formats show the
+same.
 """
 
 import math
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Table = list[dict[str, str]]
-_HEADING = 12  # characters of a line of a heading in LaTeX
-_LARGE = 1000  # larger rewards are shown without decimals
-AGAINST = "sequential"  # what the paper compares itself with
+_HEADING = 12  # characters per line of a heading in LaTeX
+_LARGE = 1000  # means of at least this size have no decimals
+AGAINST = "sequential"  # the planner that the paper compares CoCap with
 _PLANNERS, _DIFFERENCES, _PRICE, CAMERAS, _TIME = (
     "Planners", "Paired differences", "Price of collision avoidance", "Cameras on people", "Time",
 )  # fmt: skip
-# Columns that a narrow terminal does without, the least useful first.
+# Columns that a narrow terminal omits, the least useful first.
 _SPARE = {
     _PLANNERS: ("stopped by a limit", "gap to bound without rules (%)", "median (s)", "seeds",
                "proved optimal", "mean J", "largest gap (%)"),
@@ -40,26 +40,27 @@ _SPARE = {
 }  # fmt: skip
 
 
-# What the columns of tables mean, as each format says it.
+# Notes on what the columns mean; all formats show them.
 _NOTES = {
     _PLANNERS: "J is higher for better plans: mean ± standard deviation over the seeds. Gap: how "
-               "far J is below the best certified bound, in % of the bound, and below the bound of "
-               "the same scene without rules of collision. Only plans that obey the rules have "
-               "gaps{counted}. In brackets: 95 % bootstrap intervals of means. Median "
-               "(s): time of planning.",
-    _DIFFERENCES: "J minus that of the other planner on the same seed, in % of the latter; on how "
-                  "many seeds it is better, equal or worse. Both plans must obey the rules.",
-    _PRICE: "By how many % the rules of collision lower the best J that a scene allows, proved "
-            "from both sides. Optimum known: seeds on which the best plan is proved.",
-    CAMERAS: "The share of person-steps at which at least that many cameras see the person, and "
-             "the error that half of the measured points of a person do not exceed. Only plans "
-             "that obey the rules count.",
-    _TIME: "Time of planning; the shift of geometric means is 10 s. A run without a valid plan "
+               "far J is below the best certified bound, in % of that bound. Gap to bound without "
+               "rules: the same, for the bound of the scene without collision rules. Only plans "
+               "that obey the rules have gaps{counted}. In brackets: 95 % bootstrap intervals of "
+               "means. Median (s): planning time.",
+    _DIFFERENCES: "Against: difference in J from the named planner on the same seed, in % of that "
+                  "planner's J. Better, equal, worse: number of seeds. Both plans must obey the "
+                  "rules.",
+    _PRICE: "Costs: by how many % the collision rules lower the best J of a scene, as proved "
+            "limits. Optimum known: seeds on which the optimum is proved.",
+    CAMERAS: "Seen by: share of person-steps at which at least so many drones see the person. "
+             "Median error: at half of the person-steps, a point in space is located to within "
+             "this error (median over plans). Only plans that obey the rules count.",
+    _TIME: "Planning time; the shift of geometric means is 10 s. A run without a valid plan "
            "counts as its time limit; a planner with plans that break rules has no mean. Times "
-           "the fastest: the ratio of means over the scenes that all planners were run on.",
+           "the fastest: ratio of means over the scenes and seeds that all planners were run on.",
 }  # fmt: skip
-_COUNT = "(n = "  # begins the number of seeds of a mean, where it is not over all
-# A number, with its spread or interval, of how many it is, or a unit; or that there is none.
+_COUNT = "(n = "  # starts the number of seeds of a mean that is not over all seeds
+# A number, with its spread or interval, its count, the whole or a unit; or "-", for no number.
 _NUMBER = re.compile(
     r"(< )?[-+]?[\d.,]+( ± [\d.,]+)?( \([-\d.,]+ to [-\d.,]+\))?( \(n = \d+\))?( of \d+)?( %)?|-"
 )
@@ -79,7 +80,7 @@ class Tables(dict[str, Table]):
     Parameters
     ----------
     tables : by title
-    notes : what the columns mean, by the titles of tables that need it
+    notes : what the columns mean, by title; not every table needs a note
     """
 
     def __init__(self, tables: Mapping[str, Table], notes: Mapping[str, str] | None = None) -> None:
@@ -88,7 +89,7 @@ class Tables(dict[str, Table]):
 
     @classmethod
     def of(cls, rows: Sequence[GapRow], against: str = AGAINST) -> "Tables":
-        """Returns all tables of a sweep; those that have no rows are left out.
+        """Returns all tables of a sweep; tables without rows are omitted.
 
         Parameters
         ----------
@@ -108,15 +109,15 @@ class Tables(dict[str, Table]):
         return cls({title: table for title, table in tables.items() if table}, notes)
 
     def print(self) -> None:
-        """Prints the tables for a terminal, without the columns that say least if it is narrow."""
+        """Prints the tables for a terminal; a narrow one omits the least useful columns."""
         for title, table in self.items():
             notes = [self._notes[title]] if title in self._notes else []
             Listing(title, table, notes).fitted(_SPARE.get(title, ()), "-o FILE").print()
 
     def markdown(self) -> str:
-        """Returns the tables in Markdown under headings, and what columns mean below them.
+        """Returns the tables in Markdown under headings, each with its note below it.
 
-        Special characters of cells are escaped.
+        Special characters in cells are escaped.
         """
         return "\n".join(
             f"## {title}\n\n{markdown_table(_escaped(table))}\n"
@@ -125,16 +126,16 @@ class Tables(dict[str, Table]):
         )
 
     def latex(self) -> str:
-        """Returns them in LaTeX (package booktabs), as wide as two columns.
+        """Returns the tables in LaTeX (package booktabs), each across two columns of text.
 
-        Captions say what columns mean; lists of tables have the titles alone.
+        Captions contain the notes; the list of tables has only the titles.
         """
         return "% \\usepackage{booktabs}\n" + "\n".join(
             _latex_table(title, self._notes.get(title, ""), table) for title, table in self.items()
         )
 
     def html(self, level: int = 2) -> str:
-        """Returns them for an HTML page with their titles as headings, and what columns mean.
+        """Returns the tables for an HTML page, with their titles as headings, and their notes.
 
         Parameters
         ----------
@@ -157,7 +158,7 @@ DOCUMENTS: Mapping[str, Callable[[Tables], str]] = {
 
 
 def html_table(title: str, table: Table) -> str:
-    """Returns a table for an HTML page, which scrolls by itself; columns of numbers end alike.
+    """Returns a table for an HTML page; it scrolls on its own, and numbers are right-aligned.
 
     Parameters
     ----------
@@ -199,13 +200,13 @@ def _latex_table(title: str, note: str, table: Table) -> str:
 
 
 def _stacked(heading: str) -> str:
-    """Returns a heading with a line for every few words."""
+    """Returns a heading that is broken into short lines."""
     lines = textwrap.wrap(heading, _HEADING, break_long_words=False)
     return heading if len(lines) < 2 else "\\shortstack{" + r"\\".join(lines) + "}"
 
 
 def _frame(table: Table) -> "pd.DataFrame":
-    """Returns a table as LaTeX has its headings and cells."""
+    """Returns a table whose headings and cells are escaped for LaTeX."""
     import pandas as pd  # slow to import
 
     return pd.DataFrame(
@@ -214,7 +215,7 @@ def _frame(table: Table) -> "pd.DataFrame":
 
 
 def _in_latex(text: str) -> str:
-    """Returns text in which no character has a meaning in LaTeX."""
+    """Returns text whose special characters are escaped for LaTeX."""
     return printable(text).translate(_LATEX)
 
 
@@ -223,10 +224,10 @@ def _escaped(table: Table) -> Table:
 
 
 def _planner_table(rows: Sequence[GapRow]) -> Table:
-    """Returns reward, gap, and numbers of plans that obey the rules and are best, by planner.
+    """Returns reward, gap, and the numbers of valid and of proved optimal plans, by planner.
 
-    Rewards are of all plans. Only plans that obey the rules have gaps; where not all of them do,
-    the mean is over fewer seeds than others', and their number is said.
+    The mean reward is over all plans. Only plans that obey the rules have gaps; if only some plans
+    do, the mean gap is over fewer seeds, and their number is shown.
     """
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
@@ -251,9 +252,9 @@ def _planner_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _difference_table(rows: Sequence[GapRow], against: str = AGAINST) -> Table:
-    """Returns J minus J of another planner on the same seeds, in % of the latter, by planner.
+    """Returns each planner's difference in J from another one, in % of the other's J.
 
-    Only seeds are compared on which both plans obey the rules.
+    Only seeds on which both plans obey the rules count.
     """
     table = []
     for (scene,), group in GapRow.grouped(rows, "scene").items():
@@ -283,10 +284,11 @@ def _difference_table(rows: Sequence[GapRow], against: str = AGAINST) -> Table:
 
 
 def _price_table(rows: Sequence[GapRow]) -> Table:
-    """Returns the least and the largest cost of collision avoidance by scene, both certified.
+    """Returns certified limits on the cost of collision avoidance, by scene.
 
-    At least it costs what the best free plan has more than the bound under the rules, at most
-    what the free bound has more than the best plan that obeys them, in % of the free optimum.
+    The lower limit is J of the best plan without rules minus the bound under the rules; the upper
+    limit is the bound without rules minus J of the best plan that obeys the rules. Both are in % of
+    the bound without rules.
     """
     table = []
     for (scene,), group in GapRow.grouped(rows, "scene").items():
@@ -308,9 +310,9 @@ def _price_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _camera_table(rows: Sequence[GapRow]) -> Table:
-    """Returns which share of person-steps several drones see, and how accurately, by planner.
+    """Returns the share of person-steps that several drones see, and the error, by planner.
 
-    Only plans that obey the rules count. The error is the median of those of plans.
+    Only plans that obey the rules count. The error is the median over plans.
     """
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
@@ -331,11 +333,11 @@ def _camera_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _time_table(rows: Sequence[GapRow]) -> Table:
-    """Returns shifted geometric means of seconds by scene and planner, at the end over all scenes.
+    """Returns shifted geometric means of seconds by scene and planner, and last over all scenes.
 
-    A run without a plan counts as one that took the time it was allowed. A planner whose plans
-    break rules is quick at something else: it has no mean, and is nobody's measure. Over all
-    scenes only planners are compared that were run on every scene and seed.
+    A run without a valid plan counts as its time limit. A planner with plans that break rules
+    solves an easier problem: it has no mean, and no other planner is compared with it. The rows
+    over all scenes have only planners that were run on every scene and seed.
     """
     timed = [row for row in rows if _is_timed(row)]
     scenes = GapRow.grouped(timed, "scene")
@@ -353,13 +355,13 @@ def _time_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _is_timed(row: GapRow) -> bool:
-    """Returns True if a planner was run: not for plans from files or unsupported scenes."""
+    """Returns True if a planner was run, False for plans from files and unsupported scenes."""
     ran = row.reward is None and row.reason != Reason.UNSUPPORTED
     return ran or row.seconds is not None
 
 
 def _times(scene: str, rows: Sequence[GapRow]) -> Table:
-    """Returns rows of a table of times; ratios are over what all of its planners were run on."""
+    """Returns rows of a table of times; ratios are over the runs that all planners share."""
     planners = {planner: group for (planner,), group in GapRow.grouped(rows, "planner").items()}
     instances = [{row.key for row in group} for group in planners.values()]
     common = set.intersection(*instances) if instances else set()
@@ -399,7 +401,7 @@ def _mean_seconds(rows: Sequence[GapRow]) -> float:
 
 
 def _of(text: str, part: int, whole: int) -> str:
-    """Returns a mean, with the number of seeds that it is over if not over all."""
+    """Returns a mean, with the number of its seeds if it is not over all seeds."""
     return text if part in (0, whole) else f"{text} {_COUNT}{part})"
 
 

@@ -1,4 +1,4 @@
-"""Rows that compare teams: what so many drones reach, and what no team of that kind can."""
+"""Rows that compare teams: what each team's plans reach, and what no plan of the team exceeds."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class TeamRow:
-    """A team: two plans of it, one for J and one for views, and what no plan of it exceeds."""
+    """A team: its plans for the highest J and for the most views, and the bounds on both."""
 
     scene: Annotated[str, TableColumn("The scene's name.")]
     seed: Annotated[int, TableColumn("The seed.")]
@@ -27,7 +27,7 @@ class TeamRow:
     camera: Annotated[str, TableColumn("Camera of the drones; empty: as in the scene.")]
     height: Annotated[
         float | None,
-        TableColumn("Flight height; empty: those of the scene.", unit="m"),
+        TableColumn("Flight height; empty: as in the scene.", unit="m"),
     ]
     reward: Annotated[float | None, TableColumn("J of the best plan found.", **_REWARD)] = None
     bound: Annotated[
@@ -40,14 +40,17 @@ class TeamRow:
     ] = None
     gain_bound: Annotated[
         float | None,
-        TableColumn("Limit on that gain: bound less J of the best plan with one drone fewer.",
+        TableColumn("Limit on that gain: bound minus J of the best plan with one drone fewer.",
                     **_REWARD),
     ] = None  # fmt: skip
-    cameras: Annotated[int, TableColumn("Number of drones from which a person counts as seen.")] = 2
+    cameras: Annotated[
+        int, TableColumn("Number of drones that must see a person, so that the person counts.")
+    ] = 2
     seen: Annotated[
         float | None,
         TableColumn(
-            "Share of person-steps that enough drones see, in the plan of largest J.", **_PART
+            "Share of person-steps at which the person counts, in the plan of largest J.",
+            **_PART,
         ),
     ] = None
     seen_most: Annotated[
@@ -58,14 +61,14 @@ class TeamRow:
     ] = None
     apart: Annotated[
         float | None,
-        TableColumn("Share that two drones see from at least 30 degrees apart, in the plan of "
-                    "largest J.", **_PART),
+        TableColumn("Share of person-steps that two drones see from at least 30 degrees apart, in "
+                    "the plan of largest J.", **_PART),
     ] = None  # fmt: skip
     median_error: Annotated[
         float | None,
         TableColumn(
-            "RMS error of a point that half of all person-steps do not exceed, in the plan of "
-            "largest J; empty if the error of more than half is infinite.",
+            "RMS error of a point, which half of all person-steps do not exceed, in the plan of "
+            "largest J; empty if the error is infinite for more than half.",
             unit="mm",
         ),
     ] = None
@@ -79,8 +82,8 @@ class TeamRow:
     ] = None
     reason: Annotated[
         str,
-        TableColumn("Why the search for J stopped: optimal means that the plan is the best; error, "
-                    "exceeded or died means that there is no result."),
+        TableColumn("Why the search for J stopped. optimal: the plan is the best; error, exceeded "
+                    "or died: there is no result."),
     ] = ""  # fmt: skip
     reason_seen: Annotated[
         str, TableColumn("Why the search for views stopped; empty if such a team is impossible.")
@@ -88,25 +91,25 @@ class TeamRow:
     digest: Annotated[str, TableColumn("Digest of the team's scene.")] = ""
     plan: Annotated[str, TableColumn("File of the plan of largest J.")] = ""
     certificate: Annotated[str, TableColumn("File that proves bound.")] = ""
-    plan_seen: Annotated[str, TableColumn("File of the plan of most views.")] = ""
+    plan_seen: Annotated[str, TableColumn("File of the plan made for views alone.")] = ""
     certificate_seen: Annotated[
-        str, TableColumn("File that proves seen_bound, by the most views of any plan.")
+        str, TableColumn("File that proves seen_bound: a bound on the views of any plan.")
     ] = ""
     message: Annotated[str, TableColumn("Why there is no plan, in words.")] = ""
 
     @property
     def failed(self) -> bool:
-        """A computation has ended by an error, which is not a result."""
+        """A computation ended with an error, which is not a result."""
         return ERROR in (self.reason, self.reason_seen)
 
     @property
     def reached(self) -> float:
-        """The largest share that so many drones were found to see; -1 without a plan."""
+        """The larger share of the two plans; -1 without a plan."""
         return max([-1.0, *(s for s in (self.seen, self.seen_most) if s is not None)])
 
     @property
     def told_bound(self) -> str | None:
-        """The share that no plan exceeds, in %: that of the best plan, if that attains it."""
+        """The share that no plan exceeds, in %; the best plan's share if the two are equal."""
         if self.seen_bound is None:
             return None
         attains = self.reached >= self.seen_bound - _ROUNDING
@@ -114,7 +117,7 @@ class TeamRow:
 
     @property
     def most(self) -> float:
-        """The share that no plan exceeds."""
+        """The share that no plan exceeds; 1 if nothing is proved."""
         return 1.0 if self.seen_bound is None else self.seen_bound
 
 
@@ -127,7 +130,7 @@ def load_teams(folder: Path) -> list[TeamRow]:
     Raises
     ------
     FileError
-        If it is no such table, has no rows, or has a number that is out of range.
+        If it is not such a table, has no rows, or has a number that is out of range.
     """
     return [TeamRow(**values) for values in read_rows(folder / TEAMS, COLUMNS)]
 
@@ -163,7 +166,7 @@ def teams_table(rows: Sequence[TeamRow]) -> Listing:
         f"J, {cameras}, apart and mm describe the plan with the highest J",
         "at most: no plan has a higher J; gain: J compared with one drone fewer",
         f"{cameras}: % of person-steps that at least {cameras} drones see",
-        "best: the same in the plan made for it; none above: no plan exceeds this",
+        "best: the same in the plan made for these views; none above: no plan exceeds this",
         "apart: % of person-steps that two drones see from at least 30 degrees apart",
         "mm: RMS error of a point, which half of the person-steps do not exceed",
     ]
@@ -172,11 +175,11 @@ def teams_table(rows: Sequence[TeamRow]) -> Listing:
 
 
 def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
-    """Yields, for each camera and height, the fewest drones that reach a share, and the proof.
+    """Yields, for each camera and height, the smallest team found, and what is proved of fewer.
 
     Parameters
     ----------
-    share : of person-steps that `cameras` drones or more are to see
+    share : share of person-steps that at least `cameras` drones must see
     """
     solved = []
     for asked in grouped(rows):
@@ -190,14 +193,14 @@ def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
 
 
 def _best_of_all(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
-    """Yields which camera and height need the fewest drones, or reach the most."""
+    """Yields the camera and height that need the fewest drones; if none suffice, see the most."""
     enough = [row for row in rows if row.reached >= share - _ROUNDING]
     if enough:
         best = min(enough, key=lambda row: (row.drones, -row.reached))
         words = "The smallest of all these teams"
     else:
         best = max(rows, key=lambda row: (row.reached, -row.drones))
-        words = "The best of all teams"
+        words = "The best of all these teams"
     if best.reached >= 0:
         team = f"{counted(best.drones, 'drone')}, {kind_words(best)}"
         yield f"{words}: {team} ({percent(best.reached)} %)."
@@ -210,7 +213,7 @@ def kind_words(row: TeamRow) -> str:
 
 
 def grouped(rows: Sequence[TeamRow]) -> list[list[TeamRow]]:
-    """Returns rows by camera and height, in order; those of a group by the number of drones."""
+    """Returns rows grouped by camera and height; each group is sorted by the number of drones."""
     found: dict[tuple[str, float | None], list[TeamRow]] = {}
     for row in rows:
         found.setdefault((row.camera, row.height), []).append(row)
@@ -222,8 +225,8 @@ def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float)
 
     Parameters
     ----------
-    group : teams whose views were searched for
-    asked_for : all teams of the kind, those for which there is no room among them
+    group : teams with a search for views
+    asked_for : all teams of the kind, including those without room for all drones
     """
     cameras = group[0].cameras
     asked = f"{100 * share:g} % of person-steps by {number_in_words(cameras)} drones"
@@ -248,7 +251,7 @@ def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float)
 
 
 def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:
-    """Returns words for the share that no team exceeds that has fewer drones than are enough."""
+    """Returns a sentence with the share that no smaller team exceeds."""
     numbers = [str(row.drones) for row in group]
     if fewer:
         words = f"{counted(group[-1].drones, 'drone')}{fewer if numbers[1:] else ''}"
@@ -256,13 +259,13 @@ def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:
         words = f"{' or '.join(filter(None, (', '.join(numbers[:-1]), numbers[-1])))} drones"
     most = max(group, key=lambda row: row.most)
     if most.most >= 1:
-        return f"Open: {words} may be able to film all of them like this."
+        return f"Open: {words} may be able to film all person-steps like this."
     told = f"Proved: no plan of {words} exceeds {most.told_bound} %"
     return f"{told}." if most.most < share else f"{told}, which does not rule out such a team."
 
 
 def percent(part: float | None) -> str | None:
-    """Returns a share in %, with a decimal; only all of them are 100."""
+    """Returns a share in % with one decimal; only a share of 1 is 100."""
     if part is None or math.isnan(part):
         return None
     return "100" if part >= 1 else f"{min(100 * part, 99.9):.1f}"

@@ -31,7 +31,7 @@ def _delft(seed: int) -> Problem:
     The map is a real one, with a place on the Earth. Two friends come up the lane from the canal, a
     third comes to meet them, and somebody crosses the lane. Gardens are closed to the drones, which
     stay within their autopilot's limits, keep 4 m from people, and end where they can land. Seed 0
-    is the recipe as it stands; others choose the people's pace and how far they have walked at
+    is the unchanged recipe; other seeds choose the people's pace and how far they have walked at
     step 0.
     """
     return _of_recipe("delft", seed)

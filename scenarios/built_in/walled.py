@@ -1,6 +1,6 @@
 """Scenes in which walls funnel people and drones: corridor, bottleneck, passage and bridge.
 
-Cells are 1 m wide and walls 10 m high. A comment before each scene says what happens in it.
+Cells are 1 m wide and walls 10 m high. A comment before each scene explains what happens in it.
 """
 
 from collections.abc import Callable
@@ -27,11 +27,11 @@ from cocap_opt.world.workspace import HeightMap, Mesh
 # cells that trail the last person by 5 m: a second drone in the best cell adds 41 % to the reward
 # of the first, which is worth more than any other cell. Planned one by one, both go there.
 #
-# Why in the tight variant the optimum itself suffers. Two alike drones can exchange roles for
-# nothing, so a contested place costs something only if no other is as good. In a passage of
-# one cell, places are ordered by their distance to the people: two drones that start at its
-# mouth are there at the same steps, and the one that gives way sees everything from a metre
-# further until the end.
+# Why the optimum itself suffers in the tight variant. Two identical drones can exchange roles at no
+# cost, so a contested place costs something only if no other place is as good. In a passage of one
+# cell, places are ordered by their distance to the people: two drones that start at its mouth are
+# there at the same steps, and the one that gives way films everything from a metre farther away
+# until the end.
 
 
 def _corridor(seed: int) -> Problem:
@@ -94,11 +94,11 @@ def _any_corridor(name: str, seed: int, width: int, pace: float, starts: Room) -
 # leave few such places. A face that k drones see equally well is worth sqrt(k), so the best view of
 # four people beats a fresh view of one, and drones planned one by one meet there.
 #
-# Why in the tight variant the optimum itself suffers. Alike drones can exchange roles for
-# nothing, so a collision in a good plan can mostly be resolved without loss. Here all people
-# are soon in an exit of one cell. Whoever films them must be in line with it, and the places
-# in line are ordered by how well they see: the drones, at the mouth from the start, need the
-# same best place at the same steps, but only one gets it, the next is a metre behind, and so on.
+# Why the optimum itself suffers in the tight variant. Identical drones can exchange roles at no
+# cost, so most collisions in a good plan can be resolved without loss. Here all people are soon in
+# an exit of one cell. Drones that film them must be in line with it, and the places in line are
+# ordered by how well they see. The drones, which start at the mouth, need the same best place at
+# the same steps, but only one gets it, the next is a metre behind, and so on.
 
 
 def _bottleneck(seed: int) -> Problem:
@@ -132,15 +132,15 @@ def _any_bottleneck(
     Parameters
     ----------
     width : of corridors and exit, in cells
-    first, spacing : way (m) that the first person has left to the exit at step 0, and how
-        much longer that of each following one is
+    first, spacing : distance (m) of the first person from the exit at step 0, and the additional
+        distance of each following person
     """
     rng = np.random.default_rng(seed)
     steps = 11
     low, left, mouth = 15 - width // 2, square.x0 + 2, square.x1
     gate, middle = left + width / 2, low + width / 2
-    # Who comes from the north leaves on the south side and the other way round, so that the ways
-    # cross. People's boxes are 1 m wide and must stay off the walls.
+    # People from the north leave on the south side, and the other way round, so that their ways
+    # cross. Their boxes are 1 m wide and must stay off the walls.
     side = 0.8 * (width - 1) / 2
     north, south = middle + side, middle - side
     ways: list[list[Point]] = [
@@ -180,9 +180,9 @@ def _any_bottleneck(
 # before its mouth and are a little faster than the people, of whom two are in it at step 0 and
 # two walk through it below the drones. Each drone would be best off in line with the passage, 5 m
 # behind the people in it, or beyond it with the people who have left. Only one can fly in at a
-# step, and in the passage nobody can overtake, so a plan must say who enters when, who waits and
-# who films from the yard. Drones planned one by one, in an order that is not that of their places,
-# shut one another out; in the constraint tree each step of waiting is a conflict of its own.
+# step, and none can overtake in the passage, so a plan must decide which drone enters when, which
+# waits, and which films from the yard. Drones planned one by one, in another order than that of
+# their places, block each other; in the constraint tree, each step of waiting is its own conflict.
 
 
 def _passage(seed: int) -> Problem:
@@ -222,8 +222,8 @@ def _passage(seed: int) -> Problem:
 #             #     #                             ########
 #       R     #######                         3 m - - - - - - - - - - -   below it
 #
-# A height map has one top in each cell: in it the underpass would be solid rock, in which nobody
-# can be seen, and which drones must climb over. With the deck as a mesh drones fly through below
+# A height map has one top in each cell, so in it the underpass would be solid rock, in which nobody
+# can be seen, and which drones must fly over. As the deck is a mesh, drones can fly through below
 # it, and drones above it do not see through it.
 
 

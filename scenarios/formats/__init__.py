@@ -1,9 +1,9 @@
 """Readers of scene files, one module for each format, and the options of the formats.
 
-A reader has `read(path, seed)`, which returns the Problem; `read(path, seed, options)` where its
-format has options; and `read_plan(path, problem)`, which returns one path of states per robot,
-where plans of its format can be read. `parts(path)` returns the further files of a scene, none of
-which may be overwritten. Readers raise a ProblemError of one line that names the file. They are
+A reader has `read(path, seed)`, which returns the Problem, or `read(path, seed, options)` if its
+format has options. If it can read plans, it has `read_plan(path, problem)`, which returns one path
+of states per robot. `parts(path)` returns the further files of a scene, which must not be
+overwritten. Readers raise a ProblemError with a message of one line that names the file. They are
 listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them. Options are given as
 words, such as {"triangles": "no"}; `Options` maps the words to values.
 """
@@ -33,12 +33,12 @@ class Options(NamedTuple):
         return MappingProxyType({name: tuple(words) for name, words in self.values.items()})
 
     def chosen(self, given: Mapping[str, str]) -> dict[str, Any]:
-        """Returns the value of each option, given the words of some.
+        """Returns the values of all options; options without a given word have their default.
 
         Raises
         ------
         ProblemError
-            If there is no such option, or it has no such word; one line with what is allowed.
+            If an option or its word is unknown; the message lists in one line what is allowed.
         """
         for name, word in given.items():
             if name not in self.values:

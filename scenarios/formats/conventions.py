@@ -1,8 +1,8 @@
 """Conventions of a scene of Greedy Perspectives for which there are two choices: theirs and ours.
 
 Source: Suresh et al., "Greedy Perspectives", 2024 (arXiv 2310.10863), and the behaviour of its
-program. Differences of notation only (headings, angles of tilt, cells) are translated by the
-reader, `cocap_opt.scenarios.formats.greedy_perspectives`.
+program. The reader, `cocap_opt.scenarios.formats.greedy_perspectives`, translates mere differences
+of notation (headings, angles of tilt, cells).
 """
 
 from collections.abc import Mapping
@@ -20,12 +20,12 @@ class Conventions(NamedTuple):
     Attributes
     ----------
     triangles
-        True: each of an actor's rectangles is two faces, each with a square root of its own. Their
-        program has 12 triangles; the two at the bottom, which no camera above ground sees, are
-        omitted here, which leaves 10 faces. False: four sides and a top.
+        True: each rectangle of an actor is two faces, each with its own square root. Their program
+        has 12 triangles; the two at the bottom, which no camera above ground sees, are omitted
+        here, so 10 faces remain. False: four sides and a top.
     count_start
-        True: the views of the start poses, which no plan can change, are part of J. Their
-        program counts them: H rows, of which H - 1 are reached by a move.
+        True: the views of the start poses, which no plan can change, are part of J. Their program
+        counts them: its H rows are the start and H - 1 moves.
     tilt
         "own": each robot's camera has the tilt that the file gives it. "first": all cameras have
         the tilt of robot 0. The coverage cache of their program ignores which robot asks, so the
@@ -34,16 +34,16 @@ class Conventions(NamedTuple):
         `corridor` 4.2 % below "own" ("first": 11.9 % below), on `split` 3.7 % above ("first": 14.0
         % above).
     rules
-        Collisions. Their rule is that no two robots are in one cell at one step (`VERTEX_ONLY`);
-        ours is that they do not exchange cells either.
+        The collision rules. Theirs: no two robots are in one cell at one step (`VERTEX_ONLY`).
+        Ours: in addition, no two robots exchange their cells.
     corner_cutting
         True: a diagonal move may cut the corner of a blocked cell.
     start_set
         "seed": the seed chooses a set of `starts.csv`; without that file, the poses in the scene's
         own file are used. "yaml": always the poses in the scene's own file.
     bonus
-        True: the objective has the 100 that their planner adds for each move with dx + dy = 0
-        (`Objective.balanced`). The rewards that they report are without it.
+        True: the objective includes the 100 that their planner adds for each move with dx + dy = 0
+        (`Objective.balanced`). The rewards that they report do not include it.
     """
 
     triangles: bool = True
@@ -56,12 +56,12 @@ class Conventions(NamedTuple):
 
     @classmethod
     def of(cls, options: Mapping[str, str]) -> "Conventions":
-        """Returns the conventions that the given options choose, such as {"triangles": "no"}.
+        """Returns the conventions that the given options select, e.g. {"triangles": "no"}.
 
         Raises
         ------
         ProblemError
-            If there is no such option, or it has no such word; one line with what is allowed.
+            If an option or its word is unknown; the message lists in one line what is allowed.
         """
         changes = OPTIONS.chosen(options)
         base: Conventions = changes.pop("conventions", THEIRS)

@@ -16,9 +16,9 @@ actor                     box of 1 x 1 x 2.5 m, whatever the     the same
 
 Both count headings counter-clockwise. Options choose between two interpretations of faces, start,
 tilts, rules, corners and start set, see `Conventions`. Their planner's bonus for moves with dx + dy
-= 0 is no part of the reward that they report; here it is part of the objective only with the option
-`bonus`. `action_space`, `stepSize`, every `geometry` and `map.pose` are in the files, but their
-planner never uses them and they are not read here.
+= 0 is not part of the reward that they report; here it is part of the objective only with the
+option `bonus`. `action_space`, `stepSize`, every `geometry` and `map.pose` are in the files, but
+their planner never uses them, and they are not read here.
 """
 
 import math
@@ -54,7 +54,7 @@ from cocap_opt.world.workspace import HeightMap
 
 _CANNOT = "cannot be read as"
 _MOST_CELLS = 100_000_000  # cells of a map
-BONUS = 100.0  # that their planner adds for each move with dx + dy = 0
+BONUS = 100.0  # their planner adds this for each move with dx + dy = 0
 
 # msgspec has no constraint "finite"; a million kilometres serves as the limit.
 Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -142,8 +142,8 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     Raises
     ------
     ProblemError
-        If a file cannot be read or holds something not allowed, one line, naming the file; or
-        if an option is not allowed.
+        If a file cannot be read or contains something that is not allowed (the message is one line
+        that names the file), or if an option is not allowed.
     """
     conventions = Conventions.of(options)
     with naming(path):
@@ -176,9 +176,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
 
 
 def parts(path: Path) -> list[Path]:
-    """Returns the table of start sets. The map is not included: no output has the ending of its
-    name.
-    """
+    """Returns the table of start sets, without the map, whose suffix no output file has."""
     return [path.parent / "starts.csv"]
 
 
@@ -186,8 +184,8 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
     """Reads the paths that Greedy Perspectives' planner found for a problem made by `read`.
 
     The file has columns robot, t, x_cell, y_cell, heading_idx, one row per robot and step, in any
-    order. Returns one path of T+1 states per robot. The referee, not the reader, checks whether
-    they can be flown.
+    order. Returns one path of T+1 states per robot. The referee, not the reader, checks whether the
+    paths can be flown.
 
     Raises
     ------
@@ -224,8 +222,8 @@ def start_sets(path: Path) -> int:
     Raises
     ------
     ProblemError
-        If one of the two files cannot be read, or there are rows of no whole set; one line,
-        naming the file.
+        If one of the two files cannot be read, or the rows do not form complete sets; the message
+        is one line that names the file.
     """
     with naming(path):
         robots = len(_world(read_text(path, (JSON,))).agents)

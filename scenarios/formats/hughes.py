@@ -158,14 +158,13 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     seed
         Without effect: nothing in the scene is random.
     options
-        With {"bonus": "yes"} the objective is that of their planner; otherwise it is their
-        evaluation.
+        With {"bonus": "yes"} the objective is their planner's; otherwise their evaluation's.
 
     Raises
     ------
     ProblemError
-        If a file cannot be read or holds something not allowed, one line, naming the file; or
-        if an option is not allowed.
+        If a file cannot be read or contains something that is not allowed (the message is one line
+        that names the file), or if an option is not allowed.
     """
     bonus = OPTIONS.chosen(options).get("bonus", False)
     path, solutions = _scene_and_solutions(path)
@@ -205,7 +204,7 @@ def parts(path: Path) -> list[Path]:
 
 
 def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
-    """Reads the paths of a solution, one per robot; the referee says if they can be flown.
+    """Reads the paths of a solution, one per robot; the referee checks if they can be flown.
 
     Raises
     ------
@@ -248,7 +247,7 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
 
 
 def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_State]) -> float:
-    """Returns the view reward of a frame from any states of the robots, in metres."""
+    """Returns the view reward of a frame; the robots' states are in metres, on or off the grid."""
     coverage, opening = np.zeros(len(problem.face_weights)), Cone().opening
     planes, origin = geometry.planes(t), geometry.origin
     faces = zip(problem.face_owner.tolist(), planes.centres + origin, planes.normals, strict=True)

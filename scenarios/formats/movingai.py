@@ -138,8 +138,8 @@ def read(
     Raises
     ------
     ProblemError
-        If a file cannot be read, holds something not allowed, or has too few rows that can be
-        used; one line, naming the file.
+        If a file cannot be read, contains something that is not allowed, or has too few usable
+        rows; the message is one line that names the file.
     """
     with naming(path):
         chosen = {_ARGUMENTS.get(k, k): value for k, value in OPTIONS.chosen(options).items()}
@@ -227,7 +227,7 @@ class _Cast(NamedTuple):
         return (len(found.starts), len(found.walks)) == (self.robots, self.actors)
 
     def _too_few(self, found: _Found, trips: list[_Trip], free: BoolArray, graph: Graph) -> str:
-        """Says whether starts or walks are too few, with the counts of the whole file."""
+        """Explains whether starts or walks are too few, with the counts of the whole file."""
         starts = sum(1 for _ in _distinct_starts(trips, free))
         words = (
             f"must have a different free start for each of {self.robots} drones and, in other "
@@ -280,8 +280,8 @@ def _read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
     Raises
     ------
     ProblemError
-        If the version line, a row or the map is not as the format demands; one line, naming
-        the file.
+        If the version line, a row or the map does not match the format; the message is one line
+        that names the file.
     """
     with naming(path):
         lines = list(enumerate(read_text(path).splitlines(), start=1))

@@ -32,12 +32,12 @@ from cocap_opt.text import pair, plain
 Ring = Annotated[list[Point], Meta(min_length=3)]
 Meaning = Literal["obstacles", "walkable"]
 
-SLIVER = 0.01  # m2, which rings may enclose twice by rounding
+SLIVER = 0.01  # m2; rounding may make rings enclose this area twice
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
 _OTHER_JSON = {  # keys of other formats of polygons, and the names of the formats
-    "arcs": "is TopoJSON: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
-    "geometryType": "is JSON of Esri: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
-    "elements": "is JSON of Overpass: osmtogeojson writes it as GeoJSON",
+    "arcs": "is TopoJSON; convert it with `ogr2ogr NEW.geojson OLD.json`",
+    "geometryType": "is JSON of Esri; convert it with `ogr2ogr NEW.geojson OLD.json`",
+    "elements": "is JSON of Overpass; convert it with osmtogeojson",
 }
 _SOUND = "POLYGON ((0 0, 4 0, 4 3, 0 0))"
 

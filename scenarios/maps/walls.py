@@ -1,4 +1,4 @@
-"""The ground plans of a recipe, from which walls are extruded to meshes."""
+"""The ground plans of a recipe, and the extrusion of their walls to meshes."""
 
 import logging
 from pathlib import Path

@@ -5,8 +5,9 @@ format: one module with a function `read_..(path)` that returns `MeshFaces`, and
 `FORMATS`.
 
 The project has its own reader for each format, since libraries silently ignore what they do not
-support: trimesh 5.2 sparse accessors, strips beside faces and negative numbers of vertices, assimp
-5 strips and indented lines; plyfile 1.1 accepts lists of length -3, and bytes after the last row.
+support: trimesh 5.2 ignores sparse accessors, strips beside faces, and negative numbers of
+vertices; assimp 5 ignores strips and indented lines. plyfile 1.1 accepts lists of length -3, and
+bytes after the last row.
 """
 
 import math
@@ -75,7 +76,7 @@ class MeshTable(Table):
             return mesh
 
 
-_NOTHING = "must hold at least one triangle that is not a line or point"
+_NOTHING = "must contain at least one triangle with an area"
 
 
 def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:

@@ -1,8 +1,8 @@
 """Numbers in glTF: buffers of bytes, views of them, and accessors that describe the content of a
 view.
 
-Source: glTF 2.0 Specification, Khronos Group, sections 3.6 and 4.4; normalised integers are of
-KHR_mesh_quantization.
+Source: glTF 2.0 Specification, Khronos Group, sections 3.6 and 4.4; normalised integers are defined
+by KHR_mesh_quantization.
 """
 
 import base64
@@ -87,7 +87,7 @@ class Accessor(msgspec.Struct, rename="camel"):
 def item(items: Sequence[T], index: int, name: str) -> T:
     """Returns the item with a given number from a list of the file."""
     if not index < len(items):
-        raise ProblemError(f"{name}[{index}]: is named, but there are {len(items)} of {name}")
+        raise ProblemError(f"{name}[{index}]: is used, but the file has {len(items)} {name}")
     return items[index]
 
 
@@ -98,7 +98,7 @@ class Accessors:
     ----------
     accessors, views, buffers : as in the file
     folder : folder of the file, which may contain buffers at any depth
-    rest : the bytes after the JSON in a GLB; None: there are none
+    rest : the bytes after the JSON in a GLB; None if there are none
     """
 
     def __init__(
@@ -151,8 +151,8 @@ class Accessors:
             )
         if given.buffer_view is None and given.sparse is None:
             raise ProblemError(
-                f"{place}: has neither a bufferView nor sparse values, so that its numbers are in "
-                "an extension or nowhere"
+                f"{place}: must have a bufferView or sparse values; its numbers are missing, or in "
+                "an extension"
             )
         width, dtype = _WIDTHS[kind], _TYPES[given.component_type]
         if given.buffer_view is None:
@@ -247,8 +247,8 @@ class Accessors:
 def needs(extension: str) -> str:
     """Returns the message for a file whose geometry needs an unsupported extension."""
     return (
-        f"needs {extension}, which is not read; `gltf-transform cp OLD.glb NEW.glb`, or Blender's "
-        "export without compression, writes a file that does not"
+        f"needs {extension}, which is not supported; write the file without it, with "
+        "`gltf-transform cp OLD.glb NEW.glb` or Blender's export without compression"
     )
 
 
@@ -262,4 +262,4 @@ def _of_text(uri: str, index: int) -> bytes:
             return base64.b64decode(unquote(body), validate=True)
         return unquote_to_bytes(body)
     except (binascii.Error, ValueError) as error:
-        raise ProblemError(f"buffers[{index}].uri: must hold its bytes in base64") from error
+        raise ProblemError(f"buffers[{index}].uri: must contain its bytes in base64") from error

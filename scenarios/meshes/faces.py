@@ -17,7 +17,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.text import plain_number
 from cocap_opt.world.triangles import close, equal_rows, firsts
 
-_FLAT = 1e-9  # relative to a face's size squared; smaller areas count as none
+_FLAT = 1e-9  # relative to a face's size squared; smaller areas count as 0
 
 
 class MeshFaces(NamedTuple):
@@ -69,7 +69,7 @@ class MeshFaces(NamedTuple):
     def triangles(self) -> IntArray:
         """Cuts the faces into triangles [M, 3] with the same corners and edges.
 
-        MeshFaces of fewer than three corners are points and lines, and are left out.
+        Faces with fewer than three corners are points and lines, and are left out.
 
         Raises
         ------
@@ -146,7 +146,7 @@ def _turn_one_way(corners: FloatArray, flat: FloatArray) -> BoolArray:
     Parameters
     ----------
     corners : [F, n, 3]
-    flat : [F, n, 2], the same without the axis along which each face looks most
+    flat : [F, n, 2], the same without the axis closest to each face's normal
     """
     x, y = np.moveaxis(flat[:, 1:] - flat[:, :1], 2, 0)
     areas = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
@@ -185,7 +185,7 @@ def lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yields the lines of a file, numbered from 1; comments need not be UTF-8."""
     content = path.read_bytes()
     if b"\0" in content:
-        raise ProblemError("must be text of one byte a letter, not binary or UTF-16")
+        raise ProblemError("must be text with one byte per letter, not binary or UTF-16")
     text = content.decode("utf-8-sig", errors="replace")
     # Not with `splitlines`, which also ends lines at letters of other encodings.
     ends = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -193,7 +193,7 @@ def lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def numbers(values: Sequence[str], place: int | str) -> list[float]:
-    """Returns the numbers that words spell; `place` is a line number or a name for messages.
+    """Returns the numbers in words; `place` is a line number or a name for messages.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def numbers(values: Sequence[str], place: int | str) -> list[float]:
 
 
 def whole(values: Sequence[str], line: int) -> list[int]:
-    """Returns the whole numbers that words of a line spell.
+    """Returns the whole numbers in the words of a line.
 
     Raises
     ------

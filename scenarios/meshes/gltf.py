@@ -107,7 +107,7 @@ def read_gltf(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If geometry is in an unsupported extension, if bones bend a mesh, or if buffers, views and
+        If geometry is in an unsupported extension, if bones deform a mesh, or if buffers, views and
         accessors do not have the declared sizes.
     """
     text, rest = _parts(path.read_bytes())
@@ -170,7 +170,7 @@ def _decoded(text: bytes) -> _Model:
 def _old(version: str) -> str:
     return (
         f"asset.version: must be 2.0, not {version[:20]}; `gltf-pipeline -i OLD.gltf -o NEW.gltf` "
-        "writes it of 1.0"
+        "converts version 1.0"
     )
 
 
@@ -190,7 +190,7 @@ def _placed(model: _Model) -> Iterator[tuple[int, FloatArray]]:
         index, above = ahead.pop()
         node = item(model.nodes, index, "nodes")
         if index in met:
-            raise ProblemError(f"nodes[{index}]: must be the child of one node, not below itself")
+            raise ProblemError(f"nodes[{index}]: must have one parent, and not be below itself")
         met.add(index)
         transform = above @ _own_place(node, index)
         yield index, transform
@@ -202,7 +202,7 @@ def _roots(model: _Model) -> list[int]:
         return item(model.scenes, model.scene, "scenes").nodes
     if len(model.scenes) > 1:
         raise ProblemError(
-            f"scene: must say which of the {len(model.scenes)} scenes is meant; Blender exports one"
+            f"scene: must name one of the {len(model.scenes)} scenes; Blender exports only one"
         )
     if model.scenes:
         return model.scenes[0].nodes
@@ -216,7 +216,7 @@ def _own_place(node: _GltfNode, index: int) -> FloatArray:
         matrix: FloatArray = np.reshape(node.matrix, (4, 4)).T  # stored by columns
         if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-6):  # float32 accuracy
             raise ProblemError(
-                f"nodes[{index}].matrix: must turn, scale and shift, so that its last row is "
+                f"nodes[{index}].matrix: must rotate, scale and translate: its last row must be "
                 f"0 0 0 1, not {' '.join(f'{part:g}' for part in matrix[3])}"
             )
         return matrix
@@ -259,12 +259,12 @@ class _Reader:
             return
         if node.skin is not None:
             raise ProblemError(
-                f"nodes[{index}].skin: bones bend this mesh, which is not read; in Blender, apply "
-                "the armature modifier, then export"
+                f"nodes[{index}].skin: bones deform this mesh, which is not supported; in Blender, "
+                "apply the armature modifier, then export"
             )
         if node.extensions.get(_HIDDEN) == {"visible": False}:
             _log.warning(
-                "%s: nodes[%d] is hidden by %s, but is part of the scene all the same",
+                "%s: nodes[%d] is hidden by %s, but is still part of the scene",
                 self._path, index, _HIDDEN,
             )  # fmt: skip
         mesh = item(self._model.meshes, node.mesh, "meshes")
@@ -376,7 +376,7 @@ class _Reader:
             )
         whole = len(numbers) % 3 == 0 if primitive.mode == _TRIANGLES else len(numbers) != 1
         if not whole or len(numbers) == 2:
-            raise ProblemError(f"{place}: must be whole triangles, not of {len(numbers)} corners")
+            raise ProblemError(f"{place}: must have whole triangles, not {len(numbers)} corners")
         if primitive.mode == _TRIANGLES:
             return numbers.reshape(-1, 3)
         return fan(numbers) if primitive.mode == _FAN else strip(numbers)

@@ -54,8 +54,8 @@ def read_obj(path: Path) -> MeshFaces:
             drawn[name] += 1
         elif name in _FREE_FORM:
             raise ProblemError(
-                f"line {number}: {name} is of a curve or a free-form surface, and only polygons "
-                "are read; export it as a mesh"
+                f"line {number}: {name} belongs to a curve or a free-form surface, but only "
+                "polygons are read; export it as a mesh"
             )
         elif name not in _NO_GEOMETRY:
             raise ProblemError(f"line {number}: must be a statement of OBJ, not {name[:20]!r}")
@@ -83,7 +83,7 @@ def _statements(path: Path) -> Iterator[tuple[int, str]]:
 def _vertex(values: list[str], line: int) -> list[float]:
     if len(values) not in _COORDINATES:
         raise ProblemError(
-            f"line {line}: a vertex must be x, y, z and no more than a colour, not {len(values)} "
+            f"line {line}: a vertex must be x, y, z, with at most a colour, not {len(values)} "
             "numbers"
         )
     given = numbers(values, line)
@@ -97,13 +97,13 @@ def _corner(value: str, count: int, line: int) -> int:
     found = _CORNER.fullmatch(value)
     if not found:
         raise ProblemError(
-            f"line {line}: a corner must be such as 3, 3/1, 3//2 or 3/1/2, not {value[:20]!r}"
+            f"line {line}: a corner must be written like 3, 3/1, 3//2 or 3/1/2, not {value[:20]!r}"
         )
     given = int(found[1])
     if given == 0:
-        raise ProblemError(f"line {line}: vertices are numbered from 1, and a corner is 0")
+        raise ProblemError(f"line {line}: vertices are numbered from 1, but a corner is 0")
     if given < -count:
         raise ProblemError(
-            f"line {line}: corner {given} counts back from {count} vertices that are before it"
+            f"line {line}: corner {given} counts back beyond the {count} vertices before it"
         )
     return given - 1 if given > 0 else count + given

@@ -82,7 +82,7 @@ def read_ply(path: Path) -> MeshFaces:
             faces += [face for row in _corners(element, columns) for face in _cut(row)]
         elif element.lists_of_corners:
             raise ProblemError(
-                f"element {element.name}: lists corners, and only those of {_FACES} and "
+                f"element {element.name}: lists corners, but only those of {_FACES} and "
                 f"{_STRIPS[0]} are read; MeshLab writes faces"
             )
         elif element.rows and element.name not in _NO_GEOMETRY:
@@ -179,7 +179,7 @@ def _row(words: list[str], element: _Element, k: int) -> list[Any]:
     for given in element.properties:
         length = values[at] if given.length and at < len(values) else 0.0
         if given.length and not (0 <= length <= len(values) and length.is_integer()):
-            raise ProblemError(f"{element.name}[{k}]: must have lists whose length is before them")
+            raise ProblemError(f"{element.name}[{k}]: must have a length before each list")
         begin = at + 1 if given.length else at
         at = begin + int(length) if given.length else at + 1
         part = values[begin:at]

@@ -143,7 +143,7 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
         if not abs(angle) <= 90:
             raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
     if [*tilts] not in (sorted(set(tilts)), sorted(set(tilts), reverse=True)):
-        words = "must increase or decrease, for pitch_turn counts them in their order"
+        words = "must increase or decrease, as pitch_turn counts them in order"
         raise ProblemError(f"tilts: {words}, not {', '.join(f'{angle:g}' for angle in tilts)}")
     radians = tuple(math.radians(angle) for angle in tilts)
     if isinstance(given, CameraTable):
@@ -159,7 +159,7 @@ def say_cameras(given: Sequence[str | CameraTable | None]) -> None:
 
     Parameters
     ----------
-    given : for each table of drones, as in `camera_of`
+    given : camera of each table of drones, as in `camera_of`
     """
     if lacking := ", ".join(f"drones[{k}]" for k, each in enumerate(given) if each is None):
         assumed = camera_called(ASSUMED)
@@ -169,6 +169,4 @@ def say_cameras(given: Sequence[str | CameraTable | None]) -> None:
         )  # fmt: skip
     for name in dict.fromkeys(each for each in given if isinstance(each, str)):
         if film := film_of(name):
-            log.warning(
-                'camera = "%s" has the shape of its photos; "%s" is what it films', name, film
-            )
+            log.warning('camera = "%s" has the shape of its photos; use "%s" for film', name, film)

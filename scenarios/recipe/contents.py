@@ -67,8 +67,8 @@ def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:
     low = np.concatenate([wall.vertices for wall in walls]).min(axis=0)
     x, y = np.floor(low[:2] / _ROUND) * _ROUND
     return (
-        f"origin = [{x:.10g}, {y:.10g}] in [map] begins the map there, so that all keep their "
-        "coordinates; `at` moves these walls alone, `unit` scales them"
+        f"origin = [{x:.10g}, {y:.10g}] in [map] makes the map start there, so that everything "
+        "keeps its coordinates; `at` moves only these walls, `unit` scales them"
     )
 
 
@@ -92,8 +92,8 @@ def _say_moments(begins: dict[int, Epoch]) -> None:
         first = next(iter(begins))
         if begin.is_universal == begins[first].is_universal and begin != begins[first]:
             log.warning(
-                "tracks[%d]: step 0 is %s for its people, and %s for those of tracks[%d], who are "
-                'filmed as if it were at once; file = ["..", ".."] in one table puts files on one '
+                "tracks[%d]: step 0 is %s for its people, but %s for those of tracks[%d]; they are "
+                'filmed as if at the same time; file = ["..", ".."] in one table puts files on one '
                 "clock",
                 k, begin, begins[first], first,
             )  # fmt: skip
@@ -124,4 +124,4 @@ def people_of(
 def _require_views(recipe: Recipe, table: TracksTable | WalkTable) -> None:
     """Raises ProblemError if people have a factor for views that the objective does not count."""
     if table.views_weight is not None and recipe.objective.views is None:
-        raise ProblemError("views_weight: must be left out where [objective] has no views")
+        raise ProblemError("views_weight: must be left out if [objective] has no views")

@@ -172,14 +172,15 @@ class DronesTable(Table):
     ) -> list[Robot]:
         """Returns a team with the drones of this table added.
 
-        Drones without a stated start or area are placed in random free cells of their lowest layer,
-        apart from the rest of the team, from which they can come near somebody, and face the actor
-        that is nearest at step 0.
+        Drones without a stated start or area are placed in random free cells of their lowest layer.
+        They are apart from the rest of the team, can come near somebody from there, and face the
+        actor that is nearest at step 0.
 
         Raises
         ------
         ProblemError
-            If there is no such camera, place or layer, or too few free cells; one line.
+            If there is no such camera, place or layer, or too few free cells; the message is one
+            line.
         """
         chosen = isinstance(self.starts, _AreaTable)
         if (self.count is None) if chosen else (self.starts is None) == (self.count is None):
@@ -314,7 +315,7 @@ class DronesTable(Table):
         if self.airframe is not None and self.airframe not in AIRFRAMES:
             raise ProblemError(
                 f"airframe: must be one of {', '.join(AIRFRAMES)}, not {self.airframe!r}"
-                f"{meant(self.airframe, AIRFRAMES)}; limits states those of any other"
+                f"{meant(self.airframe, AIRFRAMES)}; for any other, set limits"
             )
         return self.limits.over(AIRFRAMES[self.airframe] if self.airframe else None)
 
@@ -417,8 +418,8 @@ def _require_people_on_map(around: Surroundings) -> None:
     if not ((first <= points) & (points < last)).all(axis=1).any():
         raise ProblemError(
             f"all people are off the map, at {rectangle(points.min(axis=0), points.max(axis=0))}, "
-            f"so that no drone can start near them; the map is {rectangle(first, last)}; origin "
-            "of [map] moves the map, `at` of the tracks people"
+            f"so no drone can start near them; the map is {rectangle(first, last)}; origin of "
+            "[map] moves the map, `at` of [[tracks]] moves the people"
         )
 
 
@@ -451,9 +452,9 @@ def _stated_heading(degrees: float, motion: Motion, field: str) -> int:
         beside = (heading + (1 if off > 0 else -1)) % motion.headings
         near = " and ".join(f"{k * step:.6g}" for k in sorted((heading, beside)))
         raise ProblemError(
-            f"{field}: must be one of the {motion.headings} directions, {step:.6g} degrees "
-            f"apart from 0 on, such as {near}, not {degrees:g}; motion.headings sets how "
-            "many there are"
+            f"{field}: must be one of the {motion.headings} directions from 0 in steps of "
+            f"{step:.6g} degrees, such as {near}, not {degrees:g}; motion.headings sets their "
+            "number"
         )
     return heading
 
@@ -472,7 +473,7 @@ def say_moved(tables: Sequence[DronesTable], height_map: HeightMap) -> None:
         return
     (x, y), (to_x, to_y) = stated[moved[0]].tolist(), middles[moved[0]].tolist()
     others = len(moved) - 1
-    more = f"; so {'are' if others > 1 else 'is'} {others} more" if others else ""
+    more = f"; {others} more {'are' if others > 1 else 'is'} moved, too" if others else ""
     log.warning(
         "a drone starts in the middle of its cell: the start at (%.10g, %.10g) m is moved by "
         "%.2g m to (%.10g, %.10g) m%s", x, y, away[moved[0]], to_x, to_y, more,

@@ -38,8 +38,8 @@ def ground_to_land_on(
     )
     if not found.any():
         raise ProblemError(
-            "must be left out here: no cell in which these drones may be is above free ground, "
-            "without roofs, obstacles, water and no-fly zones"
+            "must be left out here: none of the cells in which these drones may be is above free "
+            "ground, without roofs, obstacles, water and no-fly zones"
         )
     return GoalArea(cells=tuple((int(x), int(y)) for x, y in np.argwhere(found)))
 

@@ -153,10 +153,10 @@ class TracksTable(Table):
         self._require_dense(candidates)
         shown = candidates if self.ids else [who for who in candidates if len(who.spans()) > 1]
         shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
-        who = "; ".join(f"id {track.id} is there {track.presence()}" for track in shown[:4])
+        who = "; ".join(f"id {track.id} is present {track.presence()}" for track in shown[:4])
         self._require_lasting(candidates, wanted, step, steps, wished, who)
         raise ProblemError(
-            f"begin: must be a time from which {wanted} people are there for {steps * step:g} s, "
+            f"begin: must be the start of {steps * step:g} s in which {wanted} people are present, "
             f"but {when} only {most} are; {who}"
         )
 
@@ -168,8 +168,8 @@ class TracksTable(Table):
         late = next((track for track in tracks if not _is_there(track, first, seconds)), tracks[0])
         when = f", at their {begin:.12g} s" if abs(first) > SLACK else ""
         log.warning(
-            "%s: step 0 is %.6g s into the tracks%s, because only then %d people are there for "
-            "%.6g s; id %s is there %s; set begin for another time",
+            "%s: step 0 is %.6g s into the tracks%s, because only then are %d people present for "
+            "%.6g s; id %s is present %s; set begin to choose another time",
             self._named, begin - first, when, wanted, seconds, late.id, late.presence(),
         )  # fmt: skip
 
@@ -218,8 +218,8 @@ class TracksTable(Table):
             raise ProblemError(f"file: {words}; {self._way_out(apart)}")
         frames = round(apart * self.fps)
         raise ProblemError(
-            f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
-            f"for they go in steps of {frames}; at {self.fps:g} frames/s {words}"
+            f"fps: must be the rate of frame numbers, {frames} times the rate of rows, as frame "
+            f"numbers increase by {frames} per row; at {self.fps:g} frames/s {words}"
         )
 
     def _way_out(self, apart: float) -> str:
@@ -227,10 +227,10 @@ class TracksTable(Table):
         unit = likely_unit(apart) if self.time_unit is None and self.fps is None else None
         ways = []
         if unit not in (None, "s"):
-            ways.append(f'time_unit = "{unit}" says that they are in {unit}')
+            ways.append(f'if they are in {unit}, set time_unit = "{unit}"')
         if not ways or apart <= _LONGEST:
-            ways.append(f"gap = {math.ceil(apart)} lets people walk straight so long")
-        return f"are its times right? {', '.join(ways)}"
+            ways.append(f"gap = {math.ceil(apart)} lets people walk straight for that long")
+        return f"are its times right? {'; '.join(ways)}"
 
 
 class WalkTable(Table):
@@ -285,8 +285,8 @@ class WalkTable(Table):
         if ends >= _LEAST_WALK * seconds:
             return ""
         return (
-            f"ends after {ends:.4g} of {seconds:.4g} s, and the person stands there: are speed and "
-            "points right?"
+            f"ends after {ends:.4g} of {seconds:.4g} s, and then the person stands still: are "
+            "speed and points right?"
         )
 
     def _along(self, step: float, steps: int) -> FloatArray:
@@ -324,7 +324,7 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
     counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
     counts -= np.searchsorted(np.sort(lasting[:, 1]), moments + seconds - SLACK)
     if not len(lasting) or counts.max() == 0:
-        return f"{words}; nobody is there for {seconds:g} s" + (
+        return f"{words}; nobody is present for {seconds:g} s" + (
             "" if begin is None else f" from {begin:g} s on"
         )
     best = float(moments[np.argmax(counts)])
@@ -334,7 +334,7 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
         if any(a <= best + SLACK and best + seconds - SLACK <= b for a, b in track.spans())
     ]
     listed = f"{len(there)} ({_listed(there)})" if len(there) < len(tracks) else "all"
-    return f"{words}; {listed} are there for {seconds:g} s from {best:.12g} s on"
+    return f"{words}; {listed} are present for {seconds:g} s from {best:.12g} s on"
 
 
 def _is_there(track: Track, begin: float, seconds: float) -> bool:

@@ -51,7 +51,7 @@ class AirspaceTable(Table):
             with naming(f"no_fly[{k}]"):
                 solids.append(table.zone())
         if self.over_people is not None and not self.people:
-            raise ProblemError("airspace: over_people: must be left out where people is 0")
+            raise ProblemError("airspace: over_people: must be left out if people is 0")
         return Airspace(
             no_fly=tuple(solids),
             ceiling=self.ceiling,

@@ -59,7 +59,7 @@ def people_in_takes(
         within(spread.takes, 2, MOST_TAKES, "takes")
         require(spread.seed >= 0, "seed", f"must be 0 or more, not {spread.seed}")
         if tables:
-            raise ProblemError("must be left out if [[take]] says how people walk")
+            raise ProblemError("must be left out beside [[take]], which defines how people walk")
         if not actors:
             raise ProblemError("must be left out if there are no people")
         wide = Spread(spread.delay, spread.aside, spread.speed)

@@ -8,8 +8,8 @@ JuPedSim, and GPX. A track is the path of one person:
     there = [track for track in tracks if track.is_there(begin=5.0, step=0.5, steps=20)]
     actors = [track.actor(5.0, 0.5, 20) for track in there]
 
-People are there from their first frame to their last. Between frames they walk straight on. In a
-gap of more than `MOST_GAP` their position is unknown, and at a step inside it they are not there.
+People are present from their first frame to their last. Between frames, they walk straight. In a
+gap of more than `MOST_GAP`, their position is unknown, and at steps inside it they are not present.
 GPS receivers leave out points on straight paths and begin a new segment after losing their
 satellites, so the longer `MOST_GAP_GPX` applies to gaps within a segment of GPX. A step at the time
 of a frame has the point of that frame.
@@ -93,7 +93,7 @@ class Track(NamedTuple):
             A text file, a database or GPX; `cocap_opt.scenarios.tracks.text` describes the lines of
             text.
         columns
-            Names of all its columns: id, frame or time, x, y and, if there, z; others are not
+            Names of all its columns: id, frame or time, x, y and, if present, z; others are not
             read. None: the names in its header or in a comment, or else id, frame, x, y, z.
         unit
             Unit of x, y and z. None: as the file states.
@@ -168,7 +168,7 @@ class Track(NamedTuple):
         if absent.any():
             t = int(np.argmax(absent))
             raise ProblemError(
-                f"track {self.id}: must be there at step {t} ({times[t]:.12g} s), but is there "
+                f"track {self.id}: must be present at step {t} ({times[t]:.12g} s), but is present "
                 f"{self.presence()}"
             )
         return np.column_stack([np.interp(times, self.times, axis) for axis in self.points.T])

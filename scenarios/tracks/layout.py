@@ -57,7 +57,7 @@ _SPELLINGS = {
     "longitude": "lon lng long longitude",
 }
 _ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
-_AXES = {"x", "y"}, {"latitude", "longitude"}  # of which a file uses one pair
+_AXES = {"x", "y"}, {"latitude", "longitude"}  # a file uses one of these pairs
 
 _REFUSED = {"px", "pixel", "pixels", "inch", "inches", "yd", "yard", "yards", "dm", "km"}
 

@@ -156,7 +156,7 @@ def likely_unit(apart: float) -> str | None:
 
 
 def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> str:
-    """Says which unit implausibly late times may have instead of seconds."""
+    """Explains which unit implausibly late times may have instead of seconds."""
     value = float(values[np.argmax(np.abs(values))])
     words = f"time: {value:.16g} {unit or 's'} is not a plausible time"
     likely = [

@@ -105,15 +105,15 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
     below, known = np.flatnonzero(heights < 0), np.flatnonzero(heights > 0)
     if len(below):
         yield (
-            f"z of {len(below)} of {len(heights)} people is below 0, {heights[below[0]]:.3g} m of "
-            f"id {names[below[0]]}: does z point downwards? They get the height of the shape"
+            f"z is below 0 for {len(below)} of {len(heights)} people, {heights[below[0]]:.3g} m "
+            f"for id {names[below[0]]}: does z point downwards? They get the height of the shape"
         )
     odd = known[~_within(heights[known], HEIGHTS)]
     if len(odd):
         height = float(heights[odd[0]])
         yield (
-            f"height of {len(odd)} of {len(known)} people outside {HEIGHTS[0]:g}..{HEIGHTS[1]:g} "
-            f"m, {distance(height)} of id {names[odd[0]]}: is "
+            f"the height of {len(odd)} of {len(known)} people is outside {HEIGHTS[0]:g}.."
+            f"{HEIGHTS[1]:g} m, {distance(height)} for id {names[odd[0]]}: is "
             f"{_likely(height, table.unit, HEIGHTS) or 'z a height above the floor'}?"
             + (
                 " People who are lower get the height of the shape"
@@ -131,7 +131,7 @@ def _about_stamps(table: TrackTable) -> Iterator[str]:
     if abs(by_frames - by_times) > _CLOCKS * by_frames:
         yield (
             f"the column frame lasts {by_frames:.4g} s at fps = {table.rate:g}, the column time "
-            f"{by_times:.4g} s: frames count; without fps, times do"
+            f"{by_times:.4g} s: frames are used; without fps, times are"
         )
 
 
@@ -149,7 +149,7 @@ def _about_room(table: TrackTable) -> Iterator[str]:
         yield f"all points lie within {distance(extent)}: is the unit {table.unit} right?"
     elif (apart := _apart(table)) < APART[0]:
         unit_of = _likely(apart, table.unit, APART) or f"the unit {table.unit} right"
-        yield f"people are {apart:.2g} m from the next, on the median: is {unit_of}?"
+        yield f"the median distance to the nearest person is {apart:.2g} m: is {unit_of}?"
 
 
 def _may_be_degrees(table: TrackTable) -> bool:

@@ -132,9 +132,9 @@ FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
     "objective": (
         GOOD[1],
         lambda f: f.update(objective={"pixels": 0.5}),
-        "objective: must be that of trap-0",
+        "objective: must be the objective of trap-0",
     ),
-    "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "is of no instance"),
+    "digest": (GOOD[0], lambda f: f.update(digest="0" * 64), "does not match any instance"),
     "version": (
         GOOD[1],
         lambda f: f.update(version=99),
@@ -198,7 +198,7 @@ def test_only_what_is_better_is_accepted(empty: Library) -> None:
         for path in file["plan"]["paths"]:
             path[1:] = [path[0]] * (len(path) - 1)
 
-    with pytest.raises(FileError, match="no better than the 27"):
+    with pytest.raises(FileError, match="not better than the record, 27"):
         empty.submit(forged(empty, GOOD[0], stay))
     assert len(empty.records()) == 2
 
@@ -211,7 +211,7 @@ def test_a_claim_that_rests_on_a_search_is_refused(
     says = "no plan has more than 1.000000, by its multipliers; .."
     checker.write_text(f"import sys; print('instance'); print(f'{{sys.argv[4]}}: {says}'); exit(3)")
     monkeypatch.setattr("cocap_opt.experiments.library.judge._CHECKER", checker)
-    with pytest.raises(FileError, match="rests on a search"):
+    with pytest.raises(FileError, match="needs a search that is too large"):
         empty.submit(empty.folder / GOOD[1])
 
 
@@ -246,7 +246,7 @@ def test_a_plan_above_a_bound_is_told(empty: Library) -> None:
     told = path.read_text()
     path.write_text(told.replace(f",{record.value},", f",{record.value - 0.5},"))
     assert path.read_text() != told
-    with pytest.raises(FileError, match=r"records.csv: trap-0: a plan has J .* one of them is wr"):
+    with pytest.raises(FileError, match=r"records.csv: trap-0: a plan's J is .* one of them is wr"):
         empty.standings()
     other = next(entry.name for entry in empty.entries if entry.name != record.name)
     assert empty.standing(other).state == "none"
@@ -283,7 +283,7 @@ def test_a_stored_file_that_was_changed_is_noticed(empty: Library) -> None:
     record = empty.submit(empty.folder / GOOD[0])
     path = empty.folder / "files" / f"{record.file}.gz"
     path.write_bytes(gzip.compress(empty.content(record) + b" "))
-    with pytest.raises(FileError, match="SHA-256 is another"):
+    with pytest.raises(FileError, match="SHA-256 differs"):
         empty.content(record)
 
 
@@ -424,7 +424,7 @@ def test_a_scene_by_reference_must_be_the_one_that_is_published(
     for file in ("map.npy", "seq.yaml", "starts.csv"):
         (tmp_path / file).write_bytes(b"1")
     assert commands.run([*get, "--from", str(tmp_path)]) == 2
-    assert "another file than that of the library" in capsys.readouterr().err
+    assert "is not the file that the library lists" in capsys.readouterr().err
 
 
 def test_a_scene_by_reference_is_got_with_its_files(tmp_path: Path) -> None:

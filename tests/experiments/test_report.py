@@ -97,7 +97,7 @@ def _without_rows(folder: Path) -> str:
 def _of_another_run(folder: Path) -> str:
     name = folder / "plans" / "bottleneck-0-greedy.json"
     shutil.copy(folder / "plans" / "bottleneck-0-sequential.json", name)
-    return "is of another run"
+    return "belongs to another run"
 
 
 @pytest.mark.slow
@@ -175,10 +175,10 @@ def test_limitations_say_which_crossings_are_conflicts() -> None:
     papers, apart = CollisionRules(), CollisionRules(separation=2.0)
     rules = {"a": papers, "b": apart, "c": papers, "d": NO_RULES}
     told = {words[:8]: words for words in limitations([row("cocap", 0, 99.0)], run, rules)}
-    assert "vertex+swap" in told["In a, c "] and "are not in conflict" in told["In a, c "]
-    assert "separation 2 m at every moment" in told["In b dro"]
-    assert "not in conflict" not in told["In b dro"]
-    assert "no rule" in told["In d no "]
+    assert "vertex+swap" in told["In a, c,"] and "are not in conflict" in told["In a, c,"]
+    assert "separation 2 m at every moment" in told["In b, dr"]
+    assert "not in conflict" not in told["In b, dr"]
+    assert "no rule" in told["In d, no"]
     only = "\n".join(limitations([row("cocap", 0, 99.0)], run, {"b": apart}))
     assert "diagonally" not in only and "are in conflict, too" in only
 

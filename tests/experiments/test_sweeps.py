@@ -288,7 +288,7 @@ def test_rows_that_do_not_fit_leave(
     capsys.readouterr()
     rows = swept(some, tmp_path)
     assert in_table(load_results(tmp_path)) == in_table(rows)
-    assert "no longer in results.csv" in capsys.readouterr().err
+    assert "removed from results.csv" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -866,7 +866,7 @@ def test_one_command_at_a_time_writes_into_a_folder(
     """A second one would write over the first one's rows."""
     with only_writer(tmp_path):
         assert gap(tmp_path, "tiny-share", "--planner", "greedy") == 2
-    assert "another command writes there" in capsys.readouterr().err
+    assert "another command is writing here" in capsys.readouterr().err
     assert gap(tmp_path, "tiny-share", "--planner", "greedy") == 0
 
 

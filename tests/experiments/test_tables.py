@@ -218,7 +218,7 @@ def test_all_formats_say_what_columns_mean(capsys: pytest.CaptureFixture[str]) -
             for words in (
                 ("95 % bootstrap", "Optimum known: seeds on which", "the shift of")
                 if ("Time" in tables)
-                else ("corrected for the number of tests", "share of scenes on which J")
+                else ("corrected for the number of tests", "Share of scenes on which J")
             ):
                 assert words in plain, (words, text)
 

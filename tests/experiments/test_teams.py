@@ -124,7 +124,7 @@ def test_words_say_what_is_proved_and_what_is_not() -> None:
         "Proved: no plan of 2 drones exceeds 96.0 %, which does not rule out such a team."
     )
     (words,) = sentences([*proved[:1], row(2, 0.88, 1.0), proved[2]], 0.95)
-    assert words.endswith("Open: 2 drones may be able to film all of them like this.")
+    assert words.endswith("Open: 2 drones may be able to film all person-steps like this.")
     (words,) = sentences([row(2, 0.88, 0.91), row(5, 0.97, 1.0)], 0.95)
     assert words.endswith("Proved: no plan of 2 drones exceeds 91.0 %. Not asked about: 3-4.")
     (words,) = sentences([*proved[:2], row(3, 0.9, 0.92)], 0.95)
@@ -139,7 +139,7 @@ def test_words_say_what_is_proved_and_what_is_not() -> None:
     assert [words.split(":")[0] for words in each] == ["airsim", "skydio-2"]
     assert best == "The smallest of all these teams: 2 drones, skydio-2 (100 %)."
     *_, best = sentences([two[0], row(2, 0.6, 0.6, "skydio-2")], 0.95)
-    assert best == "The best of all teams: 2 drones, skydio-2 (60.0 %)."
+    assert best == "The best of all these teams: 2 drones, skydio-2 (60.0 %)."
     (words,) = sentences([row(2, 0.5, 0.6), row(9, 0.97, 1.0)], 0.95)
     assert words.endswith("Not asked about: 3-8.")
     refused = TeamRow(scene="s", seed=0, camera="", height=None, drones=9, message="no room")

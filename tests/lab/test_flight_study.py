@@ -146,7 +146,7 @@ def test_what_cannot_be_simulated_is_refused(
         err = capsys.readouterr().err.splitlines()
         assert len(err) == 1 and expected in err[0]
         assert not out.exists()
-    with pytest.raises(ValueError, match=r"bad\.csv: must be what"):
+    with pytest.raises(ValueError, match=r"bad\.csv: must be a file of"):
         FlightRun.read(bad)
 
 

@@ -409,7 +409,7 @@ def test_what_is_missing_is_named(
     errors = capsys.readouterr().err
     for words in (
         "Hughes et al.: cluster, cross_mix", "Perspectives: corridor, forest",
-        "broken/seq.yaml: is left out", "alone/alone_data.json: is left out", "no peer_paths.csv",
+        "broken/seq.yaml: left out", "alone/alone_data.json: left out", "no peer_paths.csv",
     ):  # fmt: skip
         assert words in errors
 
@@ -429,7 +429,7 @@ def test_scenes_of_one_name_are_told_apart(sequence: Path) -> None:
     [
         ([], "FOLDER"),
         (["NOWHERE"], "must be a folder of scenes"),
-        (["EMPTY"], "must hold folders with a seq.yaml"),
+        (["EMPTY"], "must contain folders with a seq.yaml"),
         (["SEQ", "--sets", "0-2"], "no scene can be read"),
         (["SEQ", "--sets", "x"], "--sets"),
         (["SEQ", "--limit", "0"], "--limit"),

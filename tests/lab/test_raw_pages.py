@@ -324,12 +324,12 @@ QUOTED = "<!-- quote: b -->\nx\n<!-- end of quote -->\n"
     {
         f"<!-- quote: a -->\nold\n\nPROSE\n\n{QUOTED}": "quote: a -->: must end with .* before",
         f"{QUOTED}\n<!-- quote: a -->\nold\n\nPROSE\n": "quote: a -->: must end with",
-        f"{QUOTED}\nPROSE\n<!-- end of quote -->\n": "<!-- end of quote -->: ends no mark",
+        f"{QUOTED}\nPROSE\n<!-- end of quote -->\n": "<!-- end of quote -->: has no opening mark",
         "a <!-- n: y -->1, b <!-- n: z -->2<!-- /n -->": "n: y -->: must end with .* before",
         "a <!-- n: y -->1<!-- /n -->, b <!-- n: z -->2": "n: z -->: must end with <!-- /n -->",
-        "a 1<!-- /n -->, b <!-- n: z -->2<!-- /n -->": "<!-- /n -->: ends no mark",
+        "a 1<!-- /n -->, b <!-- n: z -->2<!-- /n -->": "<!-- /n -->: has no opening mark",
         f"a <!-- n: y -->1\n{QUOTED}<!-- /n -->": "n: y -->: must end with .* before",
-        "<!-- quote: a -->\n1<!-- /n -->\n": "<!-- /n -->: ends no mark",
+        "<!-- quote: a -->\n1<!-- /n -->\n": "<!-- /n -->: has no opening mark",
         "<!-- quote: a --> x\n<!-- end of quote -->\n": "quote: a -->: must be alone",
         "<!-- quote: a -->\nx <!-- end of quote -->\n": "end of quote -->: must be alone",
         f"<!-- off the site -->\na\n\n{QUOTED}<!-- end -->\n": "off the site -->: must end",
@@ -349,7 +349,7 @@ def test_marks_that_would_take_prose_are_refused(page: str, words: str) -> None:
 def test_an_entry_says_something(monkeypatch: pytest.MonkeyPatch) -> None:
     """A name that stands for nothing is refused."""
     monkeypatch.setattr(entries, "ENTRIES", {"none": lambda: " \n"})
-    with pytest.raises(FileError, match="none: stands for nothing"):
+    with pytest.raises(FileError, match="none: its text is empty"):
         all_entries(app, co)("none")
 
 

@@ -204,7 +204,7 @@ def test_tables_of_separation_say_what_is_above_the_goal(tmp_path: Path) -> None
     save_csv(path, [one._asdict() for one in points])
     assert SeparationPoint.read(path) == points
     path.write_text("scene,seed\nmade,x\n")
-    with pytest.raises(FileError, match=r"separation\.csv: must be what .* must be scene,seed,"):
+    with pytest.raises(FileError, match=r"separation\.csv: must be a file .* must be scene,seed,"):
         SeparationPoint.read(path)
 
 

@@ -447,9 +447,15 @@ def test_rings_in_degrees_are_judged_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('{"type": "Topology", "arcs": [], "objects": {}}', "is TopoJSON: `ogr2ogr"),
-        ('{"geometryType": "esriGeometryPolygon", "features": []}', "is JSON of Esri: `ogr2ogr"),
-        ('{"version": 0.6, "elements": []}', "is JSON of Overpass: osmtogeojson"),
+        (
+            '{"type": "Topology", "arcs": [], "objects": {}}',
+            "is TopoJSON; convert it with `ogr2ogr",
+        ),
+        (
+            '{"geometryType": "esriGeometryPolygon", "features": []}',
+            "is JSON of Esri; convert it with `ogr2ogr",
+        ),
+        ('{"version": 0.6, "elements": []}', "is JSON of Overpass; convert it with osmtogeojson"),
         ("TRIANGLE ((0 0, 9 0, 9 9, 0 0))", "at least one polygon|cannot be read as WKT"),
     ],
 )

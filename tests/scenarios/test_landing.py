@@ -112,7 +112,7 @@ def test_nothing_but_ground_is_landed_on(tmp_path: Path) -> None:
     ("land", "more", "words"),
     [
         (LAND, "lowest = 3\n[[no_fly]]\npolygon = [[0, 0], [18, 0], [18, 14], [0, 14]]\nbottom = 9",
-         r"drones\[0\].land: must be left out here: no cell .* is above free ground"),
+         r"drones\[0\].land: must be left out here: none of .* is above free ground"),
         (f"{LAND}\nhomes = [[3, 3]]", "", r"drones\[0\].land: must be left out beside homes"),
         ('land = "roof"', "", r"""land: must be "ground", not 'roof'"""),
     ],

@@ -116,22 +116,22 @@ def test_lines_and_points_are_left_out_and_said(
     """They are no surfaces; a file of nothing else is refused."""
     shape(saved(tmp_path, "a.obj", OBJ + "p 1 2\nl 1 2\nl 3 4\n"))
     assert "1 points, 2 lines are not surfaces and are left out" in caplog.text
-    with pytest.raises(ProblemError, match="must hold at least one triangle"):
+    with pytest.raises(ProblemError, match="must contain at least one triangle"):
         shape(saved(tmp_path, "b.obj", rows(BOX, "v ") + "l 1 2 3\n"))
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (OBJ + "f 0 1 2\n", r"line 15: vertices are numbered from 1, and a corner is 0"),
+        (OBJ + "f 0 1 2\n", r"line 15: vertices are numbered from 1, but a corner is 0"),
         (OBJ + "f 1 2 9\n", r"faces: must name vertices 0\.\.7, not 8"),
-        (OBJ + "f 1 2 -9\n", r"line 15: corner -9 counts back from 8 vertices"),
-        (OBJ + f"f 1 2 {10**30}\n", r"line 15: a corner must be such as 3"),
+        (OBJ + "f 1 2 -9\n", r"line 15: corner -9 counts back beyond the 8 vertices"),
+        (OBJ + f"f 1 2 {10**30}\n", r"line 15: a corner must be written like 3"),
         (OBJ + "f 1 2\n", r"line 15: a face must have at least 3 corners"),
-        (OBJ + "f 1 2 x\n", r"line 15: a corner must be such as 3, 3/1"),
-        (OBJ + "f 1 2 3.0\n", r"line 15: a corner must be such as 3, 3/1"),
-        (OBJ + "cstype bezier\ndeg 3 3\nsurf 0 1 0 1 1 2 3 4\nend\n", r"cstype is of a curve or"),
-        (OBJ + "curv 0 1 1 2 3\n", r"line 15: curv is of a curve or a free-form surface"),
+        (OBJ + "f 1 2 x\n", r"line 15: a corner must be written like 3, 3/1"),
+        (OBJ + "f 1 2 3.0\n", r"line 15: a corner must be written like 3, 3/1"),
+        (OBJ + "cstype bezier\ndeg 3 3\nsurf 0 1 0 1 1 2 3 4\nend\n", r"cstype belongs to a curve"),
+        (OBJ + "curv 0 1 1 2 3\n", r"line 15: curv belongs to a curve or a free-form surface"),
         (OBJ + "call other.obj\n", r"line 15: must be a statement of OBJ, not 'call'"),
         (OBJ + "v 1,5 2 3\n", r"line 15: must be numbers with a decimal point"),
         (OBJ + "v 1 2 3 0.5\n", r"line 15: the weight of a vertex must be 1, not 0\.5"),

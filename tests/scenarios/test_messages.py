@@ -26,7 +26,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty nothing x\nend_header\n
         (FLAT.replace("9]", "9]\nsize = [1, 1]"), "", "", "line 4.* each key and each table must"),
         (FLAT + "[map]\n", "", "", "line 6, column 5: each key and each table must be given once"),
         (FLAT + "x = [", "", "", "ends before its TOML is complete"),
-        ("\udcff\udcfe", "", "", "must be a text file in UTF-8; it has nothing but a mark"),
+        ("\udcff\udcfe", "", "", "must be a text file in UTF-8; it has only a byte order mark"),
         (FLAT + "# \udcff", "", "", "must be a text file in UTF-8, but byte 76, in line 6, is not"),
         (WALLS, "a.geojson", POLYGON[:-1] + ",}", r"line 1, byte \d+: must be JSON; a bracket"),
         (WALLS, "a.geojson", POLYGON.replace("[1, 1]]", "[1, 3]]"), "GeoJSON: rings must end at"),
@@ -39,7 +39,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty nothing x\nend_header\n
         (WALLS.replace('polygons = "obstacles"', ""), "a.json", '{"a": {"walkable": [[0, 1e999]]}}',
          r"walkable\[0\]\[1\]: must be a number within \+-1.8e308; ground plans are"),
         (MESH, "a.ply", PLY, "line 4: must be a line of PLY's header"),
-        (MESH, "a.obj", "v 1 2 3\nf 1 2 x\n", "line 2: a corner must be such as 3"),
+        (MESH, "a.obj", "v 1 2 3\nf 1 2 x\n", "line 2: a corner must be written like 3"),
         (MESH, "a.glb", "glTF", "ends within the header of its GLB"),
     ],
 )  # fmt: skip

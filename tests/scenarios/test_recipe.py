@@ -258,7 +258,7 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
             r"no_fly.0..polygon: must not cross itself, as it does at \(1, 1\) m",
         ),
         ("[[no_fly]]\npolygon = [[0, 0], [2, 0], [2, 2]]\ntop = 1\nbottom = 2", "top: must be ab"),
-        ("[airspace]\nover_people = 3", "airspace: over_people: must be left out where people is"),
+        ("[airspace]\nover_people = 3", "airspace: over_people: must be left out if people is"),
         ("[airspace]\nceiling = 1", r"drones.0..starts.0.: cell .* above the ceiling"),
         (
             "[airspace]\npeople = 4",
@@ -318,8 +318,8 @@ starts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]
         20 * surface.max() * 0.3048
     )
     assert warnings(read(write(tmp_path, text))) == [
-        "the map rises by 8.42 m a metre at half of its cells: are its heights in centimetres? "
-        "In a recipe `unit` of [map] says so"
+        "the map rises by 8.42 m per metre or more at half of its cells: are its heights in "
+        "centimetres? If so, set `unit` in the recipe's [map]"
     ]
     write_tif(tmp_path / "dtm.tif", ground)
     write_tif(tmp_path / "dsm.tif", surface)
@@ -435,7 +435,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective.views = { at_least = 0 }"),
          "objective.views.at_least: must be > 0, not 0.0; with 0, all drones"),
         (("speed = 1.5", "views_weight = 2"),
-         r"walk\[0\].views_weight: must be left out where \[objective\] has no views"),
+         r"walk\[0\].views_weight: must be left out if \[objective\] has no views"),
         (("speed = 1.5", "views_weight = -2\n[objective.views]"),
          r"walk\[0\].views_weight: must be a number >= 0, not -2"),
     ],
@@ -509,9 +509,7 @@ def test_views_of_a_recipe_survive_a_file(tmp_path: Path) -> None:
 def test_people_off_the_map_are_the_cause(tmp_path: Path) -> None:
     """Drones that find no place near them are not to blame."""
     text = FLAT.replace("[[5, 6], [15, 6]]", "[[105, 6], [115, 6]]") + "[[drones]]\ncount = 1\n"
-    words = (
-        "all people are off the map, at x 105..111 and y 6..6 m, so that no drone can start near"
-    )
+    words = "all people are off the map, at x 105..111 and y 6..6 m, so no drone can start near"
     with pytest.raises(ProblemError, match=words) as error:
         read(write(tmp_path, text))
     assert "the map is x 0..20 and y 0..12 m" in str(error.value)
@@ -609,13 +607,13 @@ def test_people_who_are_not_there_are_named(parts: Path) -> None:
     table = '[[tracks]]\nfile = "people.txt"\nunit = "cm"\nfps = 16\n'
     for more, message in (
         ("ids = [12, 99]", r"tracks\[0\].ids: 99 is not in the file, which has 12, 15, 16"),
-        ("count = 4", "begin: must be a time from which 4 people .* at any time only 3 are"),
+        ("count = 4", "begin: must be the start of .* in which 4 people .* at any time only 3 are"),
         ("count = 3\nbegin = 70", "from 70 s on only 0 are"),
         (
             "",
-            r"who is filmed: write ids = \[12, 15\] or count = 2 in .*; all are there for 4 s f",
+            r"who is filmed: write ids = \[12, 15\] or count = 2 in .*; all are present for 4 s f",
         ),
-        ("begin = 70", r"who is filmed: write .*; nobody is there for 4 s from 70 s on"),
+        ("begin = 70", r"who is filmed: write .*; nobody is present for 4 s from 70 s on"),
     ):
         with pytest.raises(ProblemError, match=message):
             read(write(parts, FLAT + table + more + DRONE))
@@ -629,13 +627,13 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     path.write_text("id frame x y\n1 0 5 5\n2 0 6 5\n")
     with pytest.raises(
         ProblemError,
-        match=r"for 4 steps of 1 s, 4 s, but the tracks of 2 last 0 s .*walk.*; id 1 is there",
+        match=r"for 4 steps of 1 s, 4 s, but the tracks of 2 last 0 s .*walk.*; id 1 is present",
     ):
         read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in rows))
     for more in ("count = 2", "ids = [1, 2]"):
         with pytest.raises(
-            ProblemError, match=r"fps: .* steps of 10; at 2.5 frames.s rows of a person are 4 s"
+            ProblemError, match=r"fps: .* by 10 per row; at 2.5 frames.s rows of a person are 4 s"
         ):
             read(write(tmp_path, FLAT + table + f"fps = 2.5\n{more}\n" + DRONE))
     read(write(tmp_path, FLAT + table + "fps = 25\ncount = 2\n" + DRONE))
@@ -645,11 +643,11 @@ def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
     kept = [row for row in rows if row[0] != 2 or not 10 < row[1] < 25]
     path.write_text("id frame x y\n" + "".join(f"{i} {f} {x} {y}\n" for i, f, x, y in kept))
     with pytest.raises(
-        ProblemError, match=r"only 0 are; id 2 is there from 0 to 1 s and from 2.5 "
+        ProblemError, match=r"only 0 are; id 2 is present from 0 to 1 s and from 2.5 "
     ):
         read(write(tmp_path, FLAT + table + "fps = 10\ncount = 3\nbegin = -1\n" + DRONE))
     with pytest.raises(
-        ProblemError, match=r"3 people .*; 2 \(1, 3\) are there for 3.6 s from 0 s "
+        ProblemError, match=r"3 people .*; 2 \(1, 3\) are present for 3.6 s from 0 s "
     ):
         read(write(tmp_path, "step = 0.9" + FLAT + table + "fps = 10\n" + DRONE))
 
@@ -733,7 +731,7 @@ def test_an_open_mesh_is_doubted(tmp_path: Path) -> None:
     assert not mesh.is_solid
     problem = load_scene("bridge", 0)
     problem = problem.replace(meshes=(*problem.meshes, mesh))
-    assert warnings(problem) == ["meshes[1] is not closed, so that only its surface is solid"]
+    assert warnings(problem) == ["meshes[1] is not closed, so only its surface is solid"]
 
 
 def test_cameras_that_look_up_are_asked_about(tmp_path: Path) -> None:
@@ -852,7 +850,7 @@ def test_walls_in_coordinates_of_a_zone_ask_for_the_origin_of_the_map(tmp_path: 
         "POLYGON ((367958 5807421, 367970 5807421, 367970 5807431, 367958 5807421))"
     )
     wall = '[[walls]]\nfile = "walls.wkt"\npolygons = "obstacles"\nheight = 2\n'
-    with pytest.raises(ProblemError, match=r"; origin = \[367955, 5807420\] in \[map\] begins the"):
+    with pytest.raises(ProblemError, match=r"; origin = \[367955, 5807420\] in \[map\] makes the"):
         read(write(tmp_path, FLAT + wall + DRONE))
 
 
@@ -1213,9 +1211,9 @@ def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None
 @pytest.mark.parametrize(
     ("size", "at", "words"),
     [
-        ((2, 2, 2), (0, 0, 690), "is 682 m above all of the map: is its altitude right?"),
+        ((2, 2, 2), (0, 0, 690), "is 682 m above the top of the map: is its altitude right?"),
         ((2, 2, 2000), (0, 0, 1000), "is 2000 m high: is its unit or height right?"),
-        ((0.02, 0.02, 0.02), (0, 0, 1), "is 0.02 m long, wide and high: is its unit right?"),
+        ((0.02, 0.02, 0.02), (0, 0, 1), "is no more than 0.02 m in size: is its unit right?"),
         ((20, 2, 60), (0, 0, 90), None),
     ],
 )
@@ -1239,7 +1237,7 @@ def test_vertices_that_no_triangle_has_are_no_part_of_a_mesh() -> None:
     mesh = Mesh(vertices=corners, triangles=np.array([[0, 1, 2]]))
     problem = load_scene("bridge", 0)
     found = warnings(problem.replace(meshes=(*problem.meshes, mesh)))
-    assert "meshes[1] is wholly below the ground: its top is at 0 m" in found
+    assert "meshes[1] is all below the ground: its top is at 0 m" in found
     assert not any("high: is its unit" in warning for warning in found)
 
 
@@ -1250,7 +1248,7 @@ def test_a_mesh_of_lines_is_doubted(corners: list[int]) -> None:
     bridge = load_scene("bridge", 0)
     lines = Mesh(vertices=line, triangles=np.array([corners]))
     problem = bridge.replace(meshes=(*bridge.meshes, lines))
-    words = "meshes[1] has no triangle that is no line or point, so that nothing is there"
+    words = "meshes[1] has no triangle with an area, so it has no effect"
     assert [found for found in warnings(problem) if found.startswith("meshes[1]")] == [words]
     assert (problem.workspace.columns.high == bridge.workspace.columns.high).all()
 
@@ -1260,7 +1258,7 @@ def test_a_mesh_file_of_lines_is_refused(tmp_path: Path) -> None:
     (tmp_path / "line.obj").write_text("v 1 1 0\nv 2 1 0\nv 3 1 0\nf 1 2 3\n")
     scene = tmp_path / "scene.toml"
     scene.write_text('steps = 1\n[map]\nsize = [9, 9]\n[[mesh]]\nfile = "line.obj"\n')
-    with pytest.raises(co.FileError, match=r"line\.obj: must hold at least one triangle that is"):
+    with pytest.raises(co.FileError, match=r"line\.obj: must contain at least one triangle with"):
         load_scene(str(scene), 0)
 
 

@@ -119,7 +119,7 @@ def test_tilts_are_in_order(tmp_path: Path, tilts: list[float]) -> None:
 def test_photos_are_pointed_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """One line says which name films, and nothing is said of cameras that have no other."""
     camera(tmp_path, '"skydio-2"')
-    words = 'camera = "skydio-2" has the shape of its photos; "skydio-2-4k" is what it films'
+    words = 'camera = "skydio-2" has the shape of its photos; use "skydio-2-4k" for film'
     assert caplog.messages == [words]
     caplog.clear()
     for name in ("skydio-2-4k", "px4-mono", "greedy-perspectives"):

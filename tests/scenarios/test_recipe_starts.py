@@ -84,7 +84,7 @@ def test_a_start_that_is_none_is_named_by_its_row(tmp_path: Path) -> None:
     for wrong, words in (
         (
             "x = 9, y = 6, heading = 200",
-            r"\[1\].heading: must be one of the 4 directions, .* 200; ",
+            r"\[1\].heading: must be one of the 4 directions from 0 .* 200; ",
         ),
         ("x = 9, y = 6, height = 5", r"\[1\].height: must be one of the layers 4, 6 m, not 5 m"),
         ("x = 9, y = 60", r"\[1\]: must lie on the map"),

@@ -90,11 +90,11 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
         ("", TWO.replace("0.25", "0.3"), r"take: probabilities must sum to 1, not 1\.05$"),
         ("", TWO.replace("0.25", "-1"), r"take\[1\].probability: must be 0\.\.1, not -1\.0$"),
         ("", TWO.replace("late", "usual"), r"take: must have distinct names; two are 'usual'$"),
-        ("", "[spread]\n", r"spread.delay: or aside or speed must be more than 0, or all takes"),
+        ("", "[spread]\n", r"spread.delay: must be more than 0 if aside and speed are 0"),
         ("", "[spread]\naside = -1\n", r"spread.aside: must be 0\.\.100 m, not -1\.0$"),
         ("", "[spread]\naside = 1\ntakes = 1\n", r"spread.takes: must be 2\.\.100, not 1$"),
         ("", "[spread]\naside = 1\nseed = -1\n", r"spread.seed: must be 0 or more, not -1$"),
-        ("", f"{TWO}[spread]\naside = 1\n", r"spread: must be left out if \[\[take\]\] says"),
+        ("", f"{TWO}[spread]\naside = 1\n", r"spread: must be left out beside \[\[take\]\], which"),
     ],
 )
 def test_takes_that_do_not_fit_are_refused(

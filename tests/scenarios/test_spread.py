@@ -122,13 +122,13 @@ def test_some_may_be_those_who_vary() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({}, "delay: or aside or speed must be more than 0"),
+        ({}, "delay: must be more than 0 if aside and speed are 0"),
         ({"delay": -1}, r"delay: must be 0\.\.3600 s, not -1"),
         ({"speed": 2}, r"speed: must be 0\.\.1, not 2"),
         ({"aside": 1, "count": 1}, r"count: must be 2\.\.100 takes, not 1"),
-        ({"aside": 1, "people": []}, "people: must be somebody, or left out for all"),
+        ({"aside": 1, "people": []}, "people: must name a person, or be left out"),
         ({"aside": 1, "people": [0.5]}, "people: must be a whole number"),
-        ({"aside": 1, "people": [0, 0]}, "people: must be numbers that differ"),
+        ({"aside": 1, "people": [0, 0]}, "people: must be different numbers"),
         ({"aside": 1, "people": [3]}, r"people: must be 0\.\.0, not 3"),
         ({"aside": 1, "probabilities": [1]}, "probabilities: must be one for each of 3 takes"),
         ({"aside": 1, "probabilities": [1, 1, 1]}, "takes: probabilities must sum to 1, not 3"),

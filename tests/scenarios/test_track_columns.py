@@ -332,9 +332,7 @@ def test_a_height_that_is_one_is_taken(tmp_path: Path, caplog: pytest.LogCapture
     assert [one.height for one in read(tmp_path, text, unit="m", fps=1)] == [1.6, 1.8]
     flat = "id,frame,x,y,z\n1,0,1,2,0.02\n2,0,3,4,1.8\n"
     assert [one.height for one in read(tmp_path, flat, unit="m", fps=1)] == [None, 1.8]
-    assert (
-        "0.02 m of id 1: is z a height above the floor? People who are lower get the" in caplog.text
-    )
+    assert "0.02 m for id 1: is z a height above the floor? People who are lower get" in caplog.text
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])

@@ -338,8 +338,8 @@ def test_rows_in_any_order_and_among_words(
     [
         ([(0, 0, 170), (130, 0, 170)], "cm", []),
         ([(0, 0, 170), (130, 0, 170)], "m", ["130 m/s: is the unit cm, or is fps = 1 right?",
-                                             "height of 1 of 1 people outside 0.4..2.6 m, 170 m "
-                                             "of id 1: is the unit cm?"]),
+                                             "height of 1 of 1 people is outside 0.4..2.6 m, 170 m "
+                                             "for id 1: is the unit cm?"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
         ([(0, 0, 1.7), (0, 0, 1.7)], "m", []),  # somebody stands
@@ -348,7 +348,7 @@ def test_rows_in_any_order_and_among_words(
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
         ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 500 km"]),
         ([(13.059, 52.4, 1.7), (13.06, 52.4, 1.7)], "m", ["are they degrees?"]),
-        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["1 people is below 0, -1.7 m of id 1: does z"]),
+        ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["below 0 for 1 of 1 people, -1.7 m for id 1: does z"]),
     ],
 )  # fmt: skip
 def test_odd_tracks_are_warned_of(
@@ -381,8 +381,8 @@ def test_when_step_0_is_is_said_if_tracks_begin_before(
         actors, _ = table.actors(tmp_path, terrain, 1.0, steps, NOWHERE)
         assert [actor.begin for actor in actors] == [begin, begin]
         assert actors[0].poses[0, 0] == begin
-        assert ("step 0 is 7 s into the tracks, because only then 2 people are there for 9 s; id "
-                "bob is there from 0 to 3 s and from 7 to 19 s; set begin" in caplog.text) == (
+        assert ("step 0 is 7 s into the tracks, because only then are 2 people present for 9 s; id "
+                "bob is present from 0 to 3 s and from 7 to 19 s; set begin" in caplog.text) == (
             steps == 9
         )  # fmt: skip
     words = r"last 3 s at most from begin = 0 s on; set steps = 3, or another begin"
@@ -417,7 +417,7 @@ def test_people_in_one_place_raise_warnings(
     read(tmp_path, text, unit="m", fps=25)
     assert not caplog.messages
     read(tmp_path, text, unit="cm", fps=25)
-    assert "people are 0.022 m from the next, on the median: is the unit m?" in caplog.text
+    assert "to the nearest person is 0.022 m: is the unit m?" in caplog.text
 
 
 # -- at steps -----------------------------------------------------------------------------
@@ -473,14 +473,16 @@ def test_rounding_takes_nobody_away() -> None:
 def test_absence_is_said() -> None:
     """Before the first frame, after the last, and when there are spans between."""
     tracked = track([1.0, 2.0, 5.0, 5.5], [(0, 0)] * 4)
-    words = r"^track 7: must be there at step 2 \(3 s\), but is there from 1 to 2 s and from 5 to"
+    words = (
+        r"^track 7: must be present at step 2 \(3 s\), but is present from 1 to 2 s and from 5 to"
+    )
     with pytest.raises(ProblemError, match=words):
         tracked.at_steps(1.0, 1.0, 4)
     rare = track([60.0 * k for k in range(9)], [(0, 0)] * 9)
     with pytest.raises(ProblemError, match=r"from 120 to 120 s and at 6 more times$"):
         rare.at_steps(0.0, 1.0, 1)
     for begin, step in ((0.5, 0.5), (5.25, 0.5)):
-        with pytest.raises(ProblemError, match="must be there"):
+        with pytest.raises(ProblemError, match="must be present"):
             tracked.at_steps(begin, step, 1)
 
 
@@ -489,7 +491,7 @@ def test_gaps_are_not_walked_over() -> None:
     points = [(0.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
     short, long = track([0.0, 1.0, 2.0], points), track([0.0, 1.1, 2.0], points)
     assert short.at_steps(0.0, 0.5, 4)[1].tolist() == [2.0, 0.0]
-    with pytest.raises(ProblemError, match="must be there at step 1"):
+    with pytest.raises(ProblemError, match="must be present at step 1"):
         long.at_steps(0.0, 0.5, 4)
     assert long.at_steps(0.0, 1.1, 1).tolist() == [[0.0, 0.0], [4.0, 0.0]]
     assert track([0.0, 60.0], points[:2]).at_steps(0.0, 60.0, 1).tolist() == [[0, 0], [4, 0]]
@@ -821,5 +823,5 @@ def test_frames_that_last_otherwise_than_times_are_told(
     rows = "".join(f"1,{k},{t},{0.1 * k:.1f},0\n" for k, t in enumerate(["0", "0.1", last]))
     (found,) = read(tmp_path, f"id,frame,time,x,y\n{rows}", unit="m", fps=fps)
     assert found.times[-1] == 2 / fps
-    words = "the column frame lasts 0.4 s at fps = 5, the column time 0.2 s: frames count"
+    words = "the column frame lasts 0.4 s at fps = 5, the column time 0.2 s: frames are used"
     assert (words in caplog.text) == warned

@@ -1,16 +1,16 @@
-// Blocks: buildings, walls and meshes, each as a whole. Those before the action are cut off near
-// their feet, and above that only outlined.
+// Blocks: whole buildings, walls and meshes. Blocks in front of the action are cut off near their
+// feet, and only outlined above the cut.
 
 import { triples } from "./geometry.js";
 import { groundAt } from "./rays.js";
 
-const ONE_ROOF = 1; // m, by which the tops of neighbours in one block may differ
-const CUT = 0.4; // m, above the highest ground below a block, where it is cut off
-const HANGS = 1; // m, above the ground, from where on nothing is left of a block that is cut
-const MOST_LOOKS = 200; // rays to the eye
-const OVER = 0.1; // m, above the ground, from where people's feet look
+const ONE_ROOF = 1; // m, largest difference in height of neighbouring cells in one block
+const CUT = 0.4; // m, height of the cut above the highest ground below a block
+const HANGS = 1; // m; a cut block whose foot is higher above the ground disappears completely
+const MOST_LOOKS = 200; // most rays to the eye
+const OVER = 0.1; // m above the ground, where rays from people's feet start
 
-// Numbers 0..n in sets that can be joined.
+// Disjoint sets of the numbers 0..n-1, which can be joined.
 class Sets {
   constructor(n) {
     this.over = Int32Array.from({ length: n }, (_, k) => k);
@@ -26,8 +26,8 @@ class Sets {
   }
 }
 
-// Numbers of the blocks: of each cell, -1 where nothing stands, of each triangle of each mesh, and
-// of each box.
+// Numbers of the blocks: for each cell (-1 if nothing stands there), for each triangle of each
+// mesh, and for each box.
 export class Blocks {
   constructor({ terrain, meshes, boxes }) {
     this.count = 0;
@@ -37,7 +37,7 @@ export class Blocks {
     this.cuts = this.altitudes(terrain, meshes, boxes);
   }
 
-  // Where each block is cut off; far below all that is, where it hangs above the ground.
+  // The altitude of each block's cut; -Infinity if the block hangs above the ground.
   altitudes(terrain, meshes, boxes) {
     const feet = new Float64Array(this.count).fill(Infinity), grounds = new Float64Array(this.count).fill(-Infinity);
     const take = (block, foot, ground) => {
@@ -53,7 +53,7 @@ export class Blocks {
     return feet.map((foot, block) => (foot > grounds[block] + HANGS ? -Infinity : grounds[block] + CUT));
   }
 
-  // Numbers from 0 on of sets, behind those that are taken.
+  // Numbers the sets, starting after the numbers in use.
   numbered(sets, members) {
     const numbers = new Map();
     const number = (k) => {
@@ -79,7 +79,7 @@ export class Blocks {
     return Int32Array.from(this.numbered(sets, heights.map((_, k) => (stands(k) ? k : -1))));
   }
 
-  // Triangles that have corners in common, wherever a file repeats these.
+  // Connected triangles; corners at the same place count as one, even if a file repeats them.
   parts({ vertices, triangles }) {
     const first = new Map(), sets = new Sets(vertices.length / 3);
     triples(vertices).forEach((point, k) => {
@@ -109,7 +109,7 @@ export class Blocks {
   }
 }
 
-// Points of the action, few enough to look from each of them: people from feet to head, and drones.
+// Points of the action, few enough to cast a ray from each: people from feet to head, and drones.
 export function lookouts(people, paths) {
   const walks = people.flatMap(({ poses, height }) =>
     poses.flatMap(([x, y, z]) => [OVER, height / 2, height].map((up) => [x, y, z + up])));

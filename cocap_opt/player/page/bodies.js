@@ -1,4 +1,4 @@
-// What moves: people, and drones with their tracks, at any time.
+// Everything that moves: people, and drones with their tracks, at any time.
 
 import { CLOSED, mixed, palette, rgb, seenColour } from "./colours.js";
 import { ellipse, PERSONS, PHASES, QUADROTORS } from "./figures.js";
@@ -9,9 +9,10 @@ import { groundAt } from "./rays.js";
 
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
-const RING = 0.3, RING_SIDES = 12; // radius, of a person's height, and corners of a disc
-const TRAIL = 5; // steps of tracks that are drawn in a crowd
-const FINE_BODY = 38; // px, size from which bodies are fine
+// Of a disc: radius as a share of a person's height, and corners
+const RING = 0.3, RING_SIDES = 12;
+const TRAIL = 5; // number of steps of a track that are drawn in a crowd
+const FINE_BODY = 38; // px; bodies of at least this size are drawn in detail
 
 // Draws one plan at one time.
 export class Bodies {
@@ -48,8 +49,8 @@ export class Bodies {
     return seenColour(this.plan.seen[Math.round(time)][this.first[j] + f], this.data.most);
   }
 
-  // People in the colours of px/m2 at the step: figures, or the faces that count. Among a crowd of
-  // drones, they stand on discs in the colour of their group.
+  // People, as figures or as the faces that count, in the colours of px/m2 at the step. If there is
+  // a crowd of drones, people stand on discs in the colour of their group.
   people(pen, time, { faces }) {
     this.data.people.forEach((_, j) => {
       const pose = this.person(j, time);
@@ -65,12 +66,12 @@ export class Bodies {
     });
   }
 
-  // Height of somebody (m) as it is drawn.
+  // A person's height (m) as drawn.
   tall(pen, j) {
     return Math.max(this.data.people[j].height, (SMALLEST * pen.crowding * pen.fine) / pen.metre);
   }
 
-  // Somebody whose shirt is coloured, all around, like the face that looks the same way.
+  // A person whose shirt has, on each side, the colour of the face with the same direction.
   figure(pen, j, pose, time) {
     const size = this.tall(pen, j);
     if (!pen.metreAround(pose, 1.5 * size)) return;
@@ -82,7 +83,7 @@ export class Bodies {
     pen.body(body, pose, size, colourOf);
   }
 
-  // How far somebody is in a pace.
+  // The phase of a person's pace.
   phase(j, time) {
     const walked = this.walked[j], t = Math.floor(time), next = walked[Math.min(t + 1, walked.length - 1)];
     if (next === walked[t]) return 0;
@@ -90,7 +91,7 @@ export class Bodies {
     return Math.floor((paces % 1) * PHASES);
   }
 
-  // Where drones are too near to people: upright cylinders.
+  // Upright cylinders around people, which drones must not enter.
   keptFrom(pen, time) {
     const { aside, above, sky } = this.data.airspace, how = { aside: true };
     if (aside === null) return;
@@ -106,7 +107,7 @@ export class Bodies {
     });
   }
 
-  // Where people have walked, in the colours of their takes.
+  // People's walks, in the colours of their takes.
   walks(pen, time) {
     this.data.people.forEach((person, j) => {
       const done = person.poses.slice(this.isCrowd ? Math.max(Math.floor(time) - TRAIL, 0) : 0, Math.floor(time) + 1);
@@ -122,7 +123,7 @@ export class Bodies {
     return isCrowd(this.plan.paths);
   }
 
-  // Where drones have flown, and thinner, where they will; in a crowd only of late.
+  // Drones' tracks: past, and thinner, future; in a crowd only the most recent steps.
   tracks(pen, time, { picked, alone }) {
     this.plan.paths.forEach((path, i) => {
       if (!path.length || (alone && i !== picked)) return;
@@ -144,10 +145,10 @@ export class Bodies {
     });
   }
 
-  // Drones, with a thread to the ground below them; all but the one that is `alone` are grey.
+  // Drones, each with a line to the ground below; if one is shown `alone`, all others are grey.
   drones(pen, time, size, { picked, alone, own = false }) {
     this.plan.paths.forEach((_, i) => {
-      if (!isThere(this.plan, i) || (own && i === picked)) return; // it does not see itself
+      if (!isThere(this.plan, i) || (own && i === picked)) return; // a drone does not see itself
       const pose = this.drone(i, time);
       const colour = alone && i !== picked ? mixed(palette.ground, palette.unseen, 0.6) : this.colours[i];
       if (!own) this.thread(pen, pose, size);
@@ -173,7 +174,7 @@ export class Bodies {
   }
 }
 
-// For simple and fine figures in each phase, of each polygon the face that looks the same way.
+// For simple and fine figures in each phase: the face with the same direction as each polygon.
 function facesTowards({ faces }) {
   const normals = faces.map(normalOf);
   const nearest = (normal) => {

@@ -1,19 +1,22 @@
-// The camera that looks at the scene from outside, in perspective; straight from above the picture
-// is a map, as it is from very far away.
+// The camera that looks at the scene from outside, in perspective. From straight above it is very
+// far away, so the picture is a map.
 
 import { DEGREE, dot, minus, triples } from "./geometry.js";
 import { groundAt } from "./rays.js";
 
-const AROUND = [62, 118]; // degrees, directions that it may look along: north is far away
-const FAVOUR = 1.06; // how much better another direction must be than those before it
-const TILTS = [46, 38, 32, 54]; // degrees, how steeply it may look down at first
-const MOST_RAYS = 300, LOOK = 60; // m, and how many, to tell how much is hidden
-const FOCAL = 1.3; // focal length, of the picture's diagonal
-const STEEP = 60, FLAT = 60; // degrees, from which on it moves away, and how many times as far
-const LEAST = 5; // m, that are in the picture along each axis
-const PADDING = { side: 34, top: 46, bottom: 40 }; // px around all that happens; less above and below in low pictures
-const LOW = 500; // px
-const ROUNDS = 8; // of moving and zooming until all that happens just fits
+const AROUND = [62, 118]; // degrees, allowed first directions; north is at the far side
+// Factor by which a direction must be better than those tried before it
+const FAVOUR = 1.06;
+const TILTS = [46, 38, 32, 54]; // degrees, allowed first tilts downwards
+// Number, and length (m), of rays that test how much is hidden
+const MOST_RAYS = 300, LOOK = 60;
+const FOCAL = 1.3; // focal length, as a multiple of the picture's diagonal
+// Degrees; above this tilt it moves away, up to so many times as far
+const STEEP = 60, FLAT = 60;
+const LEAST = 5; // m, smallest extent of the picture along each axis
+const PADDING = { side: 34, top: 46, bottom: 40 }; // px around the action; less above and below in low pictures
+const LOW = 500; // px, largest height of a low picture
+const ROUNDS = 8; // of moving and zooming until the action just fits
 
 export class Camera {
   constructor(data, rays) {
@@ -40,7 +43,7 @@ export class Camera {
     return this.elevation > 80;
   }
 
-  // How far it is (m) from the middle of the picture, where `scale` px are a metre.
+  // Its distance (m) from the middle of the picture, where `scale` px are a metre.
   get away() {
     const steep = Math.max(this.elevation - STEEP, 0) / (90 - STEEP);
     return ((1 + (FLAT - 1) * steep ** 3) * this.focal) / this.scale;
@@ -54,7 +57,7 @@ export class Camera {
     this.ahead = [ca * ce, sa * ce, -se];
   }
 
-  // The direction in which least is hidden; pages of one scene look at it from the same side.
+  // The direction in which least is hidden; all pages of a scene use the same one.
   leastHidden(points) {
     [this.elevation] = TILTS;
     const seen = (azimuth) => {
@@ -65,8 +68,8 @@ export class Camera {
     return AROUND.map((azimuth) => [azimuth, seen(azimuth)]).reduce((a, b) => (b[1] > a[1] * FAVOUR ? b : a))[0];
   }
 
-  // Put all that happens into a canvas of this size; unless somebody has turned the camera, by the
-  // tilt that makes it largest there.
+  // Fit the action into a canvas of this size; unless the user has turned the camera, with the tilt
+  // that shows it largest.
   fit(width, height) {
     const scaleAt = (tilt) => {
       this.elevation = tilt;
@@ -80,7 +83,7 @@ export class Camera {
     Object.assign(this, { fitted: true, isOwn: true, size: [width, height] });
   }
 
-  // A canvas has this size now: unless somebody has moved the camera, all that happens fits anew.
+  // A canvas now has this size: fit the action again, unless the user has moved the camera.
   settle(width, height) {
     if (this.isOwn && (width !== this.size[0] || height !== this.size[1])) this.fitted = false;
   }
@@ -107,7 +110,7 @@ export class Camera {
     this.whole = this.scale;
   }
 
-  // Move and zoom so that the projections of all that happens come closer to the free part (px).
+  // Move and zoom so that the projection of the action comes closer to the free part (px).
   adjust(free) {
     const low = [Infinity, Infinity], high = [-Infinity, -Infinity], { away, scale } = this, reach = away * scale;
     for (const point of this.points) {
@@ -121,7 +124,7 @@ export class Camera {
     this.scale *= Math.min(...free.map((long, k) => long / Math.max(high[k] - low[k], LEAST * scale)));
   }
 
-  // Share of points before which no obstacle stands.
+  // Share of points that no obstacle hides.
   shareSeen(points) {
     const every = Math.max(Math.floor(points.length / MOST_RAYS), 1), back = this.ahead.map((v) => -v);
     const some = points.filter((_, k) => k % every === 0);
@@ -143,7 +146,7 @@ export class Camera {
     this.centre = this.centre.map((v, k) => v - (dx * this.right[k] - dy * this.up[k]) / this.scale);
   }
 
-  // Zoom about a point of the canvas, given from its middle.
+  // Zoom about a point of the canvas, given relative to its middle.
   zoom(factor, x, y) {
     this.pan(-x, -y);
     this.scale *= factor;
@@ -151,8 +154,8 @@ export class Camera {
   }
 }
 
-// Where drones and people are at the steps of all plans, not too far off the map; the whole map,
-// where drones may choose their starts.
+// The action: drones and people at the steps of all plans, not too far off the map; or the whole
+// map, if drones may choose their starts.
 function happenings({ plans, people, terrain, meshes, starts, scope: [low, high] }) {
   const within = (point) => point.map((v, k) => Math.min(Math.max(v, low[k]), k < 2 ? high[k] : Infinity));
   const drones = plans.flatMap((plan) => plan.paths.flat()).map(([x, y, z]) => [x, y, z]);
@@ -160,7 +163,7 @@ function happenings({ plans, people, terrain, meshes, starts, scope: [low, high]
   return starts || !inside.length ? [...inside, ...wholeMap(terrain, meshes)] : inside;
 }
 
-// What is the same for all plans of a scene: starts and people.
+// Points that are the same for all plans of a scene: starts and people.
 function surroundings({ plans: [{ paths }], people, terrain }) {
   return [...paths.flatMap((path) => path.slice(0, 1)).flatMap((start) => aboveGround(terrain, start)), ...people.flatMap(walked)];
 }

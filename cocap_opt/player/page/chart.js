@@ -1,4 +1,4 @@
-// Reward per step as bars, with marks above them; a press goes to the mark or the step.
+// Reward per step as bars, with marks above them; pressing goes to the mark or the step.
 
 import { AMBER, OTHER, RED, VIOLET, words } from "./colours.js";
 import { TAU } from "./geometry.js";
@@ -7,22 +7,23 @@ import { MOST_WORDS, percent, rounded, several, short } from "./numbers.js";
 import { colourOf } from "./plans.js";
 
 export const MARGIN = { left: 46, right: 10, top: 26, bottom: 20 };
-const LEFT = [46, 150, 0.22]; // px at least and at most, and at most so much of the window
+// Margin: smallest and largest px, and largest share of the window
+const LEFT = [46, 150, 0.22];
 const MARK_ROW = { conflict: 8, near: 8, costly: 18 }; // px from the top
 const TOUCH = 9; // px around a mark
-const TICK = 14; // px from one number to the next
+const TICK = 14; // px between two numbers
 
 const widest = () => Math.min(LEFT[1], LEFT[2] * window.innerWidth);
 
-// Whether names of a width have room in the margin.
+// True if names of a width fit into the margin.
 export const fitsMargin = (wide) => wide + 12 <= Math.max(LEFT[0], widest());
 
-// The margin becomes as wide as names need it.
+// Makes the margin as wide as the names.
 export function fitMargin(wide) {
   MARGIN.left = Math.max(LEFT[0], Math.min(wide + 12, widest()));
 }
 
-// From one number of an axis to the next: round, few, and far enough apart to be read.
+// The distance between numbers on an axis: round, and large enough to read them.
 function tickGap(most, long) {
   let gap = rounded(most / 1.9);
   while (gap < most && (long * gap) / most < TICK) gap = rounded(2.5 * gap); // 1, 2, 5, 10, ..
@@ -50,7 +51,7 @@ export class Chart {
     return this.canvas.clientWidth - MARGIN.left - MARGIN.right;
   }
 
-  // Middle of a step's bar.
+  // The middle of a step's bar.
   x(step) {
     return MARGIN.left + ((step + 0.5) / (this.data.steps + 1)) * this.width;
   }
@@ -66,7 +67,7 @@ export class Chart {
     return nearest && far(nearest) <= TOUCH ? nearest : undefined;
   }
 
-  // What marks of a kind at one moment mean.
+  // Explains the marks of a kind at one moment.
   wordsAt(event) {
     const found = this.markAt(event);
     const alike = this.marks.filter(({ kind, time }) => kind === found?.kind && time === found.time);
@@ -123,7 +124,7 @@ export class Chart {
     });
   }
 
-  // What a step would lack without the picked drone.
+  // The reward that the picked drone adds at a step.
   added(context, y, picked) {
     context.fillStyle = colourOf(this.data, this.plan, picked);
     (this.plan.adds[picked] ?? []).forEach((reward, step) => {
@@ -145,7 +146,7 @@ export class Chart {
     context.stroke();
   }
 
-  // A strip below the bars: the more violet, the more is lost by leaving a step.
+  // A strip below the bars: the more violet, the higher the loss by the moves after a step.
   losses(context, y) {
     const { losses } = this.plan.gap, steps = losses[0].map((_, t) => losses.reduce((sum, row) => sum + row[t], 0));
     const most = Math.max(...steps), wide = this.width / (this.data.steps + 1);
@@ -180,7 +181,7 @@ export const MARKS = {
   costly: { colour: VIOLET, sign: "▲", one: "costly move", many: "costly moves", key: "M" },
 };
 
-// Moments of a plan that one may want to see.
+// Moments of a plan that deserve attention.
 export function marksOf(plan) {
   const conflicts = plan.conflicts.map((one) => ({ ...one, kind: "conflict", time: one.step + (one.between ? 0.5 : 0) }));
   const near = plan.near.map((one) => ({ ...one, kind: "near" }));

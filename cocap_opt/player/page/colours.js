@@ -19,10 +19,10 @@ export function mixed(a, b, share) {
 // The colour of ground above which drones may start.
 export const startable = (ground, { colour }) => mixed(ground, rgb(colour), night.matches ? 0.25 : 0.6);
 
-// The colour of ground whose land has a colour of its own, as water and streets have; others as it is.
+// The colour of ground with land that has its own colour, e.g. water or a street; other ground is unchanged.
 export const landed = (ground, colour) => (colour ? mixed(ground, rgb(colour), night.matches ? 0.3 : 1) : ground);
 
-// A colour in the light k of 256, which is cut to a whole number.
+// A colour in light k, of 256; k is cut to a whole number.
 export function shaded(colour, light) {
   const k = Math.min(light, 256) | 0;
   const redBlue = (((colour & 0xff00ff) * k) >>> 8) & 0xff00ff, green = (((colour & 0xff00) * k) >>> 8) & 0xff00;
@@ -49,28 +49,28 @@ const PAGE = {
     ink: "#e8ebef", soft: "#a2a9b4", line: "#333a45", halo: "rgba(16,20,26,.9)", ahead: "#3d4b5a", done: "#6ba6d6",
   },
 };
-// Each stands out by 3 to 1 from the page by day and by night.
+// Each has a contrast of at least 3 to 1 to the page, by day and by night.
 export const RED = "#e0142d";
 export const AMBER = "#c47600";
 export const VIOLET = "#9a52dc";
 export const OTHER = "#c65d1e";
-export const CLOSED = rgb("#d0021b"); // to drones, see-through
-export const NOBODY = "#7f7f7f"; // drones of a crowd that film nobody
-export const palette = {}; // of the raster, filled by `paint`
-export const words = {}; // of canvases, and the version of all colours
+export const CLOSED = rgb("#d0021b"); // zones closed to drones, translucent
+export const NOBODY = "#7f7f7f"; // drones in a crowd that film nobody
+export const palette = {}; // colours of the raster, filled by `paint`
+export const words = {}; // colours of canvases, and the version of all colours
 
 export const night = window.matchMedia("(prefers-color-scheme: dark)");
 
 export function paint() {
-  words.version = (words.version ?? 0) + 1; // of these colours, for pictures that are kept
+  words.version = (words.version ?? 0) + 1; // tells if cached pictures have old colours
   for (const [name, value] of Object.entries(night.matches ? NIGHT : DAY)) palette[name] = rgb(value);
   Object.assign(words, night.matches ? PAGE.night : PAGE.day);
 }
 paint();
 
-export const SCALE = ["#472a78", "#8e2f8e", "#cc4778", "#f0804e", "#fdc328", "#fbf18a"].map(rgb); // little to much
+export const SCALE = ["#472a78", "#8e2f8e", "#cc4778", "#f0804e", "#fdc328", "#fbf18a"].map(rgb); // from little to much
 
-// Colour of px/m2: even steps of its root, which is what J sums.
+// Colour of px/m2, with even steps of its square root, as J sums these roots.
 export function seenColour(pixels, most) {
   if (!(pixels > 0)) return palette.unseen;
   const at = Math.min(Math.sqrt(pixels / most), 1) * (SCALE.length - 1);
@@ -78,7 +78,7 @@ export function seenColour(pixels, most) {
   return mixed(SCALE[k], SCALE[k + 1], at - k);
 }
 
-// Black or white, which can be read better on a colour.
+// Black or white, whichever is easier to read on a colour.
 export function inkOn(colour) {
   const n = rgb(colour), linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
   const [r, g, b] = [0, 8, 16].map((shift) => linear(((n >> shift) & 255) / 255));

@@ -1,13 +1,13 @@
 // Elements of the page.
 
 export const PHONE = 500; // px
-export const NARROW = 760; // px, up to which a page has one column
+export const NARROW = 760; // px; narrower pages have one column
 
 export const find = (id) => document.getElementById(id);
 export const make = (name, cls, text) => {
   const element = document.createElement(name);
   if (cls) element.className = cls;
-  if (text !== undefined) element.textContent = text; // never as HTML: names may be anything
+  if (text !== undefined) element.textContent = text; // never as HTML, as names may contain anything
   return element;
 };
 

@@ -1,4 +1,4 @@
-// What one drone's camera takes in, in perspective: people as the faces that count.
+// What one drone's camera sees, in perspective; people are drawn as the faces that count.
 
 import { mixed, palette, shaded } from "./colours.js";
 import { clipped, DEGREE } from "./geometry.js";
@@ -6,10 +6,10 @@ import { Shade } from "./light.js";
 import { FINE, NEAR, Pen } from "./pen.js";
 import { newRaster } from "./renderers.js";
 
-const NEAREST = 1.1 / NEAR; // 1 / m, of what is drawn
+const NEAREST = 1.1 / NEAR; // 1 / m, for the nearest things that are drawn
 const EYE_FINE = 1.5; // samples per pixel of the page while nothing moves
-const WIDEST = 55 * DEGREE; // half of what is shown of a cone, which may look all around
-const CONE_SHAPE = 0.62; // height of its picture, of its width
+const WIDEST = 55 * DEGREE; // largest half angle that is shown of a cone, which may be wider
+const CONE_SHAPE = 0.62; // height of its picture, as a share of its width
 
 export class Eye {
   constructor(data, plan, scene, bodies, canvas) {
@@ -17,7 +17,7 @@ export class Eye {
     this.begin();
   }
 
-  // With an empty picture.
+  // Start with an empty picture.
   begin() {
     this.raster = newRaster(0);
     this.raster.reach(0, NEAREST);
@@ -41,7 +41,7 @@ export class Eye {
     this.raster.finish(this.canvas.getContext("2d"));
   }
 
-  // Those who are not behind the camera.
+  // The people who are not behind the camera.
   people(time) {
     this.data.people.forEach(({ height }, j) => {
       const pose = this.bodies.person(j, time);
@@ -74,7 +74,7 @@ export class Eye {
     return (x - from[0]) * ahead[0] + (y - from[1]) * ahead[1] + (z - from[2]) * ahead[2];
   }
 
-  // Put a point of the world as x, y (samples) and 1 / depth; tells if it is before the camera.
+  // Put a point of the world as x, y (samples) and 1 / depth; return true if it is in front of the camera.
   put(px, py, pz, into, at) {
     const { right, up, from, raster: { width, height } } = this, scale = 1 / this.depth(px, py, pz);
     const x = px - from[0], y = py - from[1], z = pz - from[2];
@@ -89,7 +89,7 @@ export class Eye {
     return depths.every((depth) => depth >= NEAR) ? points : clipped(points, depths, NEAR);
   }
 
-  // What stands still is drawn again only where the camera has moved.
+  // Draw static things again, but only if the camera has moved.
   still() {
     const { from, ahead, raster: { width, height }, scene: { world } } = this;
     const stamp = [...from, ...ahead, this.wide, width, height].join();
@@ -111,7 +111,7 @@ export class Eye {
     return new Shade(light, slopes(0), slopes(1), 0);
   }
 
-  // The sky down to the horizon, and below it land without end.
+  // The sky down to the horizon, and endless land below it.
   sky() {
     const { height } = this.raster;
     const horizon = height / 2 - this.focal * Math.tan(this.down);

@@ -1,21 +1,21 @@
-// What people and drones look like: bodies of polygons that look along x, people of height 1 on
-// their feet, drones of radius 1 around their middle. Small pictures get simpler bodies.
+// The shapes of people and drones: bodies of polygons that face along x. People have height 1, with
+// the feet at the origin; drones have radius 1 around the origin. Small pictures get simpler bodies.
 
 import { normalOf, ring, TAU } from "./geometry.js";
 
 export const ellipse = (n, along, across, z, x = 0, y = 0) => ring(n, 1).map(([c, s]) => [x + along * c, y + across * s, z]);
 
-// Polygons, each with a part that says which colour it gets; all in flat arrays, to be drawn fast.
+// Polygons, each with a part that selects its colour, in flat arrays, which can be drawn fast.
 class Body {
   constructor(polygons) {
     this.parts = polygons.map(({ part }) => part);
     this.corners = polygons.map(({ points }) => Float64Array.from(points.flat()));
     this.normals = polygons.map(({ points }) => normalOf(points));
-    this.hollow = polygons.map(({ hollow }) => Boolean(hollow)); // seen from both sides
+    this.hollow = polygons.map(({ hollow }) => Boolean(hollow)); // visible from both sides
   }
 }
 
-// The hull of rings of as many corners, from below to above, with a lid.
+// The hull of rings with equal numbers of corners, from bottom to top, with a lid.
 function loft(part, rings) {
   const polygons = [];
   for (let r = 1; r < rings.length; r++) {
@@ -28,7 +28,7 @@ function loft(part, rings) {
   return [...polygons, { part, points: rings[rings.length - 1] }];
 }
 
-// Torso and head with rings of n corners.
+// Torso and head, with rings of n corners.
 function trunk(n, isFine) {
   const torso = loft("shirt", [
     ellipse(n, 0.075, 0.11, 0.48), ellipse(n, 0.095, 0.175, 0.79), ellipse(n, 0.05, 0.08, 0.855),
@@ -47,10 +47,10 @@ function limb(part, n, [high, low], y, [along, across], angle) {
   return loft(part, [low, high].map((z) => ellipse(n, along, across, z, 0, y).map(swung))).slice(0, -1);
 }
 
-const STRIDE = 0.42; // rad, how far legs swing
+const STRIDE = 0.42; // rad, by which legs swing
 export const PHASES = 12; // of a pace
 
-// Somebody in a phase of a pace.
+// A person in a phase of a pace.
 function person(isFine, phase) {
   const n = isFine ? 6 : 4, swing = STRIDE * Math.sin((phase / PHASES) * TAU);
   const legs = [1, -1].flatMap((side) => limb("legs", n, [0.53, 0], 0.06 * side, [0.06, 0.05], side * swing));

@@ -1,5 +1,5 @@
-// The drones of a plan in a list: whom each films and what it adds, and if that is asked for, what
-// its camera sees. A press picks a drone.
+// The list of a plan's drones: whom each films, what it adds to the reward, and, on request, what
+// its camera sees. Pressing picks a drone.
 
 import { inkOn, words } from "./colours.js";
 import { button, make, put } from "./dom.js";
@@ -9,8 +9,8 @@ import { short } from "./numbers.js";
 import { COARSE, FINE } from "./pen.js";
 import { colourOf, heightOf, isCrowd, isThere, present } from "./plans.js";
 
-const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
-export const ROOM = 900; // px of a panel, from which on pictures of drones are shown at first
+const SPENT = 9; // ms per frame that drones' pictures may take while something moves
+export const ROOM = 900; // px; panels of at least this width show drones' pictures at first
 
 export class Fleet {
   // `actions`: pick(drone), refresh().
@@ -38,7 +38,7 @@ export class Fleet {
     this.rove();
   }
 
-  // The Tab key comes to one drone only; up and down lead from it to the others.
+  // The Tab key reaches only one drone; the up and down keys lead to the others.
   rove() {
     const chips = present(this.plan).map((i) => this.rows[i].chip);
     const reach = (chip) => chips.forEach((other) => (other.tabIndex = other === chip ? 0 : -1));
@@ -78,15 +78,15 @@ export class Fleet {
     });
   }
 
-  // Bring a drone into view, if the list is longer than its box.
+  // Scroll to a drone, if the list is longer than its box.
   show(i) {
     const { chip } = this.rows[i], { root } = this, inner = root.getBoundingClientRect(), outer = chip.getBoundingClientRect();
     if (outer.top < inner.top || outer.bottom > inner.bottom) root.scrollTop += outer.top - inner.top - inner.height / 3;
     if (outer.left < inner.left || outer.right > inner.right) root.scrollLeft += outer.left - inner.left - inner.width / 3;
   }
 
-  // Pictures of the drones that are in view; while something moves as many as there is time for, in
-  // turns. Returns true if all are as they should be.
+  // Draw pictures of the drones in view; while something moves, only as many as there is time for,
+  // in turn. Return true if all are up to date.
   draw(time, { views, quality }) {
     this.root.classList.toggle("views", views);
     if (!views) return true;

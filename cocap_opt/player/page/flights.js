@@ -1,12 +1,14 @@
-// Where a drone of a plan is at any time: on its smooth flight, if there is one, whose rows are the
-// step, the pose, its rates and its accelerations; else straight from step to step.
+// The position of a plan's drone at any time: on its smooth flight, if there is one, else on straight
+// lines from step to step. Rows of a flight are the step, the pose, its rates and its accelerations.
 
 import { dot, minus } from "./geometry.js";
 import { between } from "./plans.js";
 
 const POSE = 5; // numbers of a pose: x, y, z, yaw and tilt
-const MOST = 6; // lines of a step that bends
-const NEAR = 0.02; // m, as they come to it
+// Largest number of lines for the curve of a step
+const MOST = 6;
+// m, largest distance of the lines from the curve
+const NEAR = 0.02;
 
 export class Flight {
   constructor({ paths, knots }, drone) {
@@ -19,13 +21,13 @@ export class Flight {
   at(time) {
     const { rows, path } = this;
     if (!rows) return between(path, time);
-    let k = Math.max(Math.min(Math.floor(time), path.length - 2), 0); // of all rows the first that it may be
+    let k = Math.max(Math.min(Math.floor(time), path.length - 2), 0); // the first row that is possible
     while (k + 2 < rows.length && rows[k + 1][0] <= time) k++;
     const [begin, end] = [rows[k], rows[k + 1]], long = end[0] - begin[0], share = (time - begin[0]) / long;
     return Array.from({ length: POSE }, (_, n) => quintic(begin, end, n + 1, long, share));
   }
 
-  // Points of the way from a step to the next: as many as it takes to come near to its bends.
+  // Points of the way from a step to the next, as many as its curve needs.
   way(step) {
     return (this.ways[step] ??= this.points(step, Math.min(Math.max(Math.ceil(Math.sqrt(this.bend(step) / NEAR)), 1), MOST)));
   }
@@ -35,7 +37,7 @@ export class Flight {
     return [this.path[step], ...inner, this.path[step + 1]];
   }
 
-  // How far a step's way is off the straight line (m).
+  // The largest distance (m) of a step's way from the straight line.
   bend(step) {
     if (!this.rows) return 0;
     const [a, b] = [this.path[step], this.path[step + 1]], way = [0, 1, 2].map((k) => b[k] - a[k]);
@@ -47,8 +49,8 @@ export class Flight {
   }
 }
 
-// The polynomial of the fifth degree with the values, rates and accelerations of two rows, in column
-// n, at a share of the time between them.
+// The value, at a share u of the time between two rows, of the polynomial of fifth degree that has
+// the values, rates and accelerations of column n of both rows.
 function quintic(begin, end, n, long, u) {
   const v = 1 - u, rate = (row) => (row[n + POSE] * long) / 5, bend = (row) => (row[n + 2 * POSE] * long ** 2) / 20;
   const a = begin[n], b = a + rate(begin), c = 2 * b - a + bend(begin);

@@ -1,4 +1,4 @@
-// Points, angles and polygons. Points are [x, y, z] in m; flat polygons are x, y, w in turns.
+// Points, angles and polygons. Points are [x, y, z] in m; flat polygons are arrays of x, y, w in turn.
 
 export const TAU = 2 * Math.PI;
 export const DEGREE = Math.PI / 180;
@@ -15,7 +15,7 @@ export function unit(v) {
 // Outward normal of a polygon whose corners go counter-clockwise.
 export const normalOf = ([a, b, c]) => unit(cross(minus(b, a), minus(c, a)));
 
-// A point of a body that stands at x, y, z and looks along yaw.
+// A point of a body that stands at x, y, z and faces along yaw.
 export const placed = ([x, y, z], [px, py, pz, yaw]) => {
   const c = Math.cos(yaw), s = Math.sin(yaw);
   return [px + x * c - y * s, py + x * s + y * c, pz + z];
@@ -37,7 +37,7 @@ export function area(flat) {
   return sum;
 }
 
-// Whether a point is inside a convex polygon that goes counter-clockwise for the viewer.
+// True if a point is inside a convex polygon whose corners go counter-clockwise for the viewer.
 export function inside(flat, x, y) {
   for (let i = 0, j = flat.length - 3; i < flat.length; j = i, i += 3) {
     const side = (flat[i] - flat[j]) * (y - flat[j + 1]) - (flat[i + 1] - flat[j + 1]) * (x - flat[j]);
@@ -46,7 +46,7 @@ export function inside(flat, x, y) {
   return true;
 }
 
-// The part of a convex polygon that is at least so deep, by the depths of its corners.
+// The part of a convex polygon with at least a depth, by the depths of its corners.
 export function clipped(points, depths, least) {
   const kept = [];
   points.forEach((p, i) => {

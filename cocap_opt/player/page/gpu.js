@@ -1,12 +1,12 @@
-// A graphics card by WebGL2, one for all pictures of a page: programs, batches of polygons, and
+// A graphics card, through WebGL2, for all pictures of a page: programs, batches of polygons, and
 // textures to draw into.
 //
-// Polygons come as the raster has them: x, y in samples, y downwards, and w, linear on the picture.
-// So w becomes a depth by a linear map, and nothing is left to be divided by a distance.
+// Polygons have the raster's form: x, y in samples, y downwards, and w, which is linear on the
+// picture. So a linear map turns w into a depth, and no division by a distance is necessary.
 
 const WORDS = 9; // of a corner: x, y, w, a colour, four numbers and a kind
-const FEW = 1024; // corners for which a batch has room at first
-const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of what is no graphics card
+const FEW = 1024; // number of corners for which a batch has room at first
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of renderers in software
 
 const CORNERS = `#version 300 es
 precision highp float;
@@ -32,7 +32,7 @@ in vec4 paint, data;
 out vec4 shown;
 `;
 
-// In the light of a map, of which \`data\` has the place: (x, y) / (w + shift) + (z, w).
+// In the light of a map; \`data\` contains the place in the map: (x, y) / (w + shift) + (z, w).
 const SOLID = `${HEAD}
 uniform sampler2D ground, wall;
 uniform float shift;
@@ -45,8 +45,8 @@ void main() {
   shown = vec4(floor(paint.rgb * 255.0 * round(k) / 256.0) / 255.0, 1.0);
 }`;
 
-// Translucent: before what stands still and what moves; \`data\`: 1 if it leaves out what moves, then
-// samples from line to line of what is hatched, and of a line.
+// Translucent, in front of static and moving things. \`data\`: 1 to leave out moving things; for
+// hatching, the samples from line to line, and of a line.
 const CLEAR = `${HEAD}
 uniform sampler2D stillDepth, movingDepth;
 uniform float isStill;
@@ -64,7 +64,7 @@ void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1);
 }`;
 
-// What moves in front of what stands still; behind it, it shines through.
+// Moving things in front of static ones; behind these, they shine through.
 const MERGED = `#version 300 es
 precision highp float;
 precision highp sampler2D;
@@ -78,7 +78,7 @@ void main() {
   shown = far == 1.0 ? still : mix(still, moving, hidden);
 }`;
 
-// Polygons that are drawn together, as triangles.
+// Polygons that are drawn together as triangles.
 export class Batch {
   constructor() {
     this.room(FEW);
@@ -99,7 +99,7 @@ export class Batch {
     if (index) this.index.set(index);
   }
 
-  // A convex polygon of n corners. `more` puts four numbers for the corner at x, y into an array.
+  // Adds a convex polygon of n corners. `more` writes four numbers for the corner at x, y to an array.
   add(p, n, colour, kind, more) {
     if (WORDS * (this.corners + n) > this.words.length) this.room(2 * (this.corners + n));
     const { words, colours, index } = this, first = this.corners;
@@ -128,12 +128,12 @@ class Gpu {
     this.solid = this.program(CORNERS, SOLID);
     this.clear = this.program(CORNERS, CLEAR);
     this.merged = this.program(ALL, MERGED);
-    this.maps = new WeakMap(); // textures by arrays
+    this.maps = new WeakMap(); // textures, by array
     this.layout();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   }
 
-  // A program, with the places of its uniforms by their names.
+  // A program, with the locations of its uniforms by name.
   program(corners, samples) {
     const { gl } = this, program = gl.createProgram();
     [[gl.VERTEX_SHADER, corners], [gl.FRAGMENT_SHADER, samples]].forEach(([kind, text]) => {
@@ -153,7 +153,7 @@ class Gpu {
     return { program, uniforms };
   }
 
-  // Where a corner has what.
+  // The layout of a corner's numbers.
   layout() {
     const { gl } = this, bytes = 4 * WORDS;
     gl.bindVertexArray(gl.createVertexArray());
@@ -166,7 +166,7 @@ class Gpu {
       });
   }
 
-  // Uses a program with textures and numbers by the names of its uniforms.
+  // Uses a program, with textures and numbers by the names of its uniforms.
   use({ program, uniforms }, textures, numbers) {
     const { gl } = this;
     gl.useProgram(program);
@@ -208,7 +208,7 @@ class Gpu {
     return this.maps.get(map);
   }
 
-  // Something to draw into, with depths if they are asked for.
+  // A texture to draw into, optionally with depths.
   target(width, height, hasDepth) {
     const { gl } = this, frame = gl.createFramebuffer(), colour = this.texture(gl.RGBA8, width, height);
     const depth = hasDepth ? this.texture(gl.DEPTH_COMPONENT24, width, height) : null;
@@ -226,7 +226,7 @@ class Gpu {
   }
 }
 
-// The graphics card of this page, if there is one; a renderer in software counts if it is asked for.
+// The graphics card of this page, if there is one; a renderer in software counts only on request.
 export function openGpu(isAnyWelcome) {
   const how = { alpha: false, antialias: false, depth: false, failIfMajorPerformanceCaveat: !isAnyWelcome };
   const gl = document.createElement("canvas").getContext("webgl2", how);
@@ -237,9 +237,9 @@ export function openGpu(isAnyWelcome) {
     try {
       return new Gpu(gl);
     } catch (error) {
-      console.warn(`Drawn without the graphics card: ${error.message}`); // a shader that this card's driver refuses
+      console.warn(`Drawn without the graphics card: ${error.message}`); // e.g. a shader that the driver rejects
     }
   }
-  gl.getExtension("WEBGL_lose_context")?.loseContext(); // its memory is free again
+  gl.getExtension("WEBGL_lose_context")?.loseContext(); // frees its memory
   return undefined;
 }

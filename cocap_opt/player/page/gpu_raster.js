@@ -1,14 +1,15 @@
-// Draws as the raster does, and the same, on a graphics card.
+// Draws the same pictures as the raster, with the same methods, on a graphics card.
 
 import { Batch } from "./gpu.js";
 import { WALL } from "./light.js";
 import { LINE, lineOf } from "./raster.js";
 
 const PLAIN = 0, LIT = 1, WALLED = 2; // kinds of light
-const CLOSER = 1e-6; // of all depths, by which a backdrop is before nothing at all
+// Share of all depths by which a backdrop is in front of the empty background
+const CLOSER = 1e-6;
 
 export class GpuRaster {
-  // `through`: how much is seen of what moves through what is solid.
+  // `through`: how visible moving things are through solid ones.
   constructor(gpu, through) {
     Object.assign(this, { gpu, through, width: 0, height: 0, targets: [], line: new Float64Array(12) });
     [this.stills, this.tints, this.moves, this.veils] = Array.from({ length: 4 }, () => new Batch());
@@ -27,7 +28,7 @@ export class GpuRaster {
     return true;
   }
 
-  // The least and the largest w that anything has.
+  // The smallest and the largest w.
   reach(far, near) {
     this.depths = [far, near - far];
   }
@@ -39,7 +40,7 @@ export class GpuRaster {
     this.isStale = true;
   }
 
-  // Behind all that stands still, a colour for each row.
+  // Fill the background, behind all static things, with a colour for each row.
   backdrop(colourOf) {
     const { width, height, depths: [far, deep] } = this, w = far + CLOSER * deep;
     for (let y = 0; y < height; y++) {
@@ -101,7 +102,7 @@ export class GpuRaster {
   drawStill(still) {
     this.into(still, this.paper);
     this.solids(this.stills);
-    // What is tinted is compared with depths that are drawn into no longer.
+    // Tinted things are compared with depths that are complete.
     const { gl } = this.gpu;
     gl.disable(gl.DEPTH_TEST);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, null, 0);
@@ -109,7 +110,7 @@ export class GpuRaster {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, still.depth, 0);
   }
 
-  // Begins to draw into something.
+  // Starts drawing into a texture.
   into({ frame }, [red, green, blue]) {
     const { gl } = this.gpu;
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
@@ -134,7 +135,7 @@ export class GpuRaster {
     gl.disable(gl.BLEND);
   }
 
-  // Into a canvas, of its or another size, by the card's canvas, which is as large as any picture.
+  // Copies the picture into a canvas of any size, by way of the card's canvas, which is large enough.
   show(context, { frame }) {
     const { gl } = this.gpu, { canvas } = gl, { width, height } = this;
     if (canvas.width < width || canvas.height < height) {

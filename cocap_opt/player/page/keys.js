@@ -1,4 +1,4 @@
-// Keys of the page, but for those that a focused element has a use for itself.
+// Keys of the page, except those that a focused element uses itself.
 
 import { make } from "./dom.js";
 
@@ -13,8 +13,8 @@ function isOwnKey({ target, key }) {
   return Object.entries(OWN_KEYS).some(([what, own]) => target.matches(what) && own.test(key));
 }
 
-// `known` lists keys, their names, what they do, and the functions that do it. While the help is
-// open only its own key works; Esc closes it by itself.
+// `known` lists keys, their names, descriptions and functions. While the help is open, only its own
+// key works; the browser closes it on Esc.
 export function listenToKeys(known, helpBox) {
   const actions = new Map(known.map(([key, , , act]) => [key, act]));
   document.addEventListener("keydown", (event) => {

@@ -1,4 +1,4 @@
-// What is written on a picture: numbers of people and drones, names, conflicts, a scale, and where x leads.
+// Labels on a picture: numbers of people and drones, names, conflicts, a scale, and the directions of x and y.
 
 import { AMBER, hex, inkOn, RED, words } from "./colours.js";
 import { TAU } from "./geometry.js";
@@ -6,10 +6,10 @@ import { rounded } from "./numbers.js";
 import { conflictsAt, isCrowd, isThere, nearAt } from "./plans.js";
 
 export const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
-const LONGEST = [40, 18], LONGEST_TAKE = 12; // characters of a person's name, where there is room and else, and of a take's
-const HIGHER = 8; // places above each other for the label of a person, of which the first are for names
+const LONGEST = [40, 18], LONGEST_TAKE = 12; // characters of a person's name, with and without room, and of a take's name
+const HIGHER = 8; // number of places above each other for a person's label; the first ones are for names
 const HIGHER_NAMES = 5;
-const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
+const ROOMY = 14, FAR = 36; // px between numbers, and largest px of a number from its place
 const DISC = 7.5; // px, radius of a number
 
 export class Labels {
@@ -31,13 +31,13 @@ export class Labels {
     this.conflicts(time);
   }
 
-  // Where labels of people and drones will be; nothing else is to be written there.
+  // The places of people's and drones' labels, where nothing else may be written.
   place(time, options) {
     this.placePeople(time, options);
     this.placeDrones(time, options);
   }
 
-  // Names of the land, where neither something hides the ground nor another label would be.
+  // Names of the land, where nothing hides the ground and there is no other label.
   land() {
     const { context, view } = this, discs = this.numbers.map(({ place: [x, y] }) => ({ x, y, wide: 2 * DISC, high: 2 * DISC }));
     const taken = [...this.tags, ...discs];
@@ -51,8 +51,8 @@ export class Labels {
     }
   }
 
-  // Above each person the name, the number and the take; higher, or to a side, where another label
-  // is, with a line down to the person. Where there is no room for names it is the number alone.
+  // The name, the number and the take above each person. If another label is there, they are higher
+  // or to a side, with a line to the person. Without room for names, only the number is written.
   placePeople(time, options) {
     const { context, view } = this, { clientWidth: width } = view.canvas;
     context.font = `600 10px ${FONT}`;
@@ -78,15 +78,15 @@ export class Labels {
     for (const isFull of [undefined, true]) this.tags.filter((tag) => tag.isFull === isFull).forEach((tag) => this.tag(tag));
   }
 
-  // In a crowd only some people have labels: whom the pointer or the strip picks, and whom the
-  // picked drone films.
+  // In a crowd, only some people have labels: those picked by the pointer or in the strip, and those
+  // whom the picked drone films.
   isAskedFor(j, time, { hovered, person, picked }) {
     const { films, filmed } = this.view.plan;
     return hovered?.person === j || (person !== undefined && filmed?.rows[person]?.person === j)
       || (picked !== undefined && films[picked][Math.round(time)] === j);
   }
 
-  // And so with drones: whom the pointer or a press picks, and those in conflict or close to others.
+  // Likewise only some drones: those at the pointer, picked ones, and those in conflict or close to others.
   isNamed(i, time, { hovered, picked }) {
     const { plan } = this.view;
     return !isCrowd(plan.paths) || i === picked || hovered?.drone === i
@@ -107,8 +107,8 @@ export class Labels {
     context.fillText(label, x, y + 0.5);
   }
 
-  // Numbers in discs above the drones, or near there, where there is room for them. They cover
-  // people's labels only where there is no room elsewhere.
+  // Numbers in discs above or near the drones, where there is room. They cover people's labels only
+  // if there is no room elsewhere.
   placeDrones(time, options) {
     const { view } = this, { picked, alone } = options, { clientWidth: width, clientHeight: height } = view.canvas;
     const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
@@ -161,7 +161,7 @@ export class Labels {
     for (const one of nearAt(this.view.plan, time)) this.join(one, time, AMBER, 1.6);
   }
 
-  // Two drones, or a drone and a person.
+  // A pair of two drones, or of a drone and a person.
   join({ robots, person }, time, colour, thickness) {
     const { context, view } = this, { bodies } = view, who = person === undefined ? [] : [bodies.person(person, time)];
     const [a, b] = [...robots.map((i) => bodies.drone(i, time)), ...who].map((pose) => view.at(pose));
@@ -174,7 +174,7 @@ export class Labels {
     for (const [x, y] of [a, b]) circle(context, x, y, 13, colour, thickness);
   }
 
-  // A bar of a round number of metres, as long as they are in the middle of the picture.
+  // A bar for a round number of metres, to the scale of the middle of the picture.
   scale(height) {
     const { context } = this, { scale } = this.view.camera, metres = rounded(80 / scale);
     const [x, y, long] = [14, height - 14, metres * scale];
@@ -185,7 +185,7 @@ export class Labels {
     context.textAlign = "center";
   }
 
-  // Where x and y lead; y is north.
+  // The directions of x and y; y is north.
   axes(width, height) {
     const { right, up } = this.view.camera, foot = [width - 46, height - 40];
     ["x", "y N"].forEach((name, k) => {
@@ -195,7 +195,7 @@ export class Labels {
     });
   }
 
-  // Writing and lines can be read on any ground: dark ones stand on light edges, and the reverse.
+  // Text and lines that are readable on any ground: dark ones have light edges, and vice versa.
   haloed(text, x, y) {
     const { context } = this;
     context.strokeStyle = words.halo;
@@ -233,14 +233,14 @@ export function labelOf({ name, inTake }, number, longest = LONGEST[1]) {
 
 const cut = (text, most) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
 
-// True if a rectangle around its middle meets none of others.
+// True if a rectangle, given by its middle, overlaps no other one.
 function isClear(tag, others) {
   return others.every((other) => 2 * Math.abs(other.x - tag.x) > other.wide + tag.wide
     || 2 * Math.abs(other.y - tag.y) > other.high + tag.high);
 }
 
-// The nearest place to (x, y), to the right if it can, that is apart from others and clear of
-// tags; or nothing.
+// The nearest place to (x, y), preferably to the right, that is apart from others and clear of tags;
+// nothing if there is none.
 export function freePlace(x, y, others, tags) {
   for (let radius = 0; radius <= FAR; radius += 4) {
     for (const turn of [0, 4, 6, 7, 5, 1, 3, 2]) {
@@ -253,7 +253,7 @@ export function freePlace(x, y, others, tags) {
   return undefined;
 }
 
-// From a number to its drone, as it does not stand above it.
+// A line from a number to its drone, if the number is not above the drone.
 function leader(context, from, to, colour) {
   context.beginPath();
   context.moveTo(...from);

@@ -1,4 +1,4 @@
-// What colours and lines mean.
+// The legend of colours and lines.
 
 import { hex, NOBODY, palette, SCALE, startable } from "./colours.js";
 import { find, make } from "./dom.js";
@@ -27,7 +27,7 @@ export function legend(data) {
   find("unit").textContent = data.unit;
 }
 
-// Whom drones of a crowd film most, by their colours.
+// The colours of drones in a crowd, with the people whom they film most.
 function tasks({ drones, plans, tasks: all }) {
   find("tasks").hidden = !isCrowd(drones);
   const found = plans.flatMap((plan) => plan.tasks), shown = all.filter((_, k) => found.includes(k));

@@ -1,24 +1,26 @@
-// Sunlight on the ground: shadows of what stands there, darker corners beside walls, and a grid of
-// round lengths to judge distances by. On walls it fades towards their feet.
+// Sunlight on the ground: shadows, darker corners beside walls, and a grid of round lengths for
+// judging distances. On walls, the light fades towards their feet.
 
 import { unit } from "./geometry.js";
 import { rounded } from "./numbers.js";
 import { groundAt } from "./rays.js";
 
-export const SUN = unit([0.42, -0.5, 0.85]); // where it is
-const MOST_TEXELS = 700; // along an edge of the part of the map that is lit
-const BEYOND = 0.8; // how far it goes beyond what happens, of its size
-const SHADE = 0.07, CORNER = 0.32, GRID = 0.07; // how much light they take
-const FADE = 0.06; // of the lit part, along its edges
-const NOOK = 0.8; // m, how far from walls corners are dark
+export const SUN = unit([0.42, -0.5, 0.85]); // direction of the sun
+const MOST_TEXELS = 700; // along an edge of the lit part of the map
+// How far the lit part extends beyond the action, as a share of its size
+const BEYOND = 0.8;
+// Shares of light that shadows, corners and the grid remove
+const SHADE = 0.07, CORNER = 0.32, GRID = 0.07;
+const FADE = 0.06; // width of the faded edges, as a share of the lit part
+const NOOK = 0.8; // m, width of dark corners beside walls
 
-export const WALL_STEPS = 64; // of the light from the foot of a wall to its top
+export const WALL_STEPS = 64; // steps of light from the foot of a wall to its top
 export const WALL = {
   map: Uint8Array.from({ length: WALL_STEPS }, (_, k) => 190 + 65 * Math.min(1, k / 48)), columns: 1, rows: WALL_STEPS,
 };
 
-// The light at samples of a polygon: a map of light (of 256), and where in it a sample x, y, w is,
-// u = (a x + b y + c) / (w + shift) + d, and so is v.
+// The light at samples of a polygon: a map of light (of 256), and the place of a sample x, y, w in
+// it: u = (a x + b y + c) / (w + shift) + d, and likewise v.
 export class Shade {
   constructor({ map, columns, rows }, u, v, shift) {
     Object.assign(this, { map, columns, rows, shift });
@@ -26,7 +28,7 @@ export class Shade {
     [this.va, this.vb, this.vc, this.vd] = v;
   }
 
-  // Into an array: a x + b y + c of u and v, and d of both.
+  // Writes a x + b y + c for u and v, and d for both, to an array.
   parts(into, at, x, y) {
     into[at] = this.ua * x + this.ub * y + this.uc;
     into[at + 1] = this.va * x + this.vb * y + this.vc;
@@ -61,7 +63,7 @@ export class GroundLight {
     this.fade();
   }
 
-  // Shares 0..1 of texels that are painted.
+  // The painted share (0..1) of each texel.
   painted(draw) {
     const canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = [this.columns, this.rows];
@@ -73,7 +75,7 @@ export class GroundLight {
     return Float32Array.from({ length: this.columns * this.rows }, (_, k) => data[4 * k + 3] / 255);
   }
 
-  // What stands on the ground, as the sun throws it there.
+  // The shadows on the ground.
   shadows(context, terrain, { corners }) {
     for (let i = 0; i < corners.length; i += 12) {
       const foot = groundAt(terrain, corners[i], corners[i + 1], terrain.grounds);
@@ -117,7 +119,7 @@ export class GroundLight {
     for (const j of lines(1, this.rows)) for (let i = 0; i < this.columns; i++) darken(j * this.columns + i);
   }
 
-  // Full light at the edges, which goes on beyond them.
+  // Full light at the edges, as there is beyond them.
   fade() {
     const wide = Math.min(this.columns, this.rows) * FADE;
     for (let j = 0; j < this.rows; j++) {
@@ -129,7 +131,7 @@ export class GroundLight {
   }
 }
 
-// Running means along lines of n values that are `step` apart; lines begin `next` apart.
+// Running means along lines of n values that are `step` apart; the lines' starts are `next` apart.
 function boxBlurred(values, lines, n, next, step, radius) {
   const result = new Float32Array(values.length), wide = 2 * radius + 1;
   for (let line = 0; line < lines; line++) {
@@ -144,5 +146,5 @@ function boxBlurred(values, lines, n, next, step, radius) {
   return result;
 }
 
-// How bright a surface is, of 1, by the cosine between its normal and the way to the sun.
+// The brightness (0..1) of a surface, from the cosine between its normal and the sun's direction.
 export const brightness = (cosine) => 0.62 + (0.38 * Math.max(0, cosine)) / SUN[2];

@@ -1,4 +1,4 @@
-// Numbers as people read them.
+// Numbers in readable form.
 
 export const digits = (value, most, least = 0) =>
   value.toLocaleString("en-US", { maximumFractionDigits: most, minimumFractionDigits: least });
@@ -16,14 +16,14 @@ export const percent = (share) => `${digits(100 * share, 3)} %`;
 
 export const clock = (seconds) => `${digits(seconds, 1, 1)} s`;
 
-// The largest of 1, 2, 5, 10, .. and 0.5, 0.2, .. that is not larger.
+// The largest of 1, 2, 5, 10, .. and 0.5, 0.2, .. that does not exceed a number.
 export function rounded(value) {
   if (!(value > 0)) return 0;
   const ten = 10 ** Math.floor(Math.log10(value) + 1e-9);
   return Number(([5, 2, 1].find((k) => k * ten <= value * (1 + 1e-9)) * ten).toPrecision(3));
 }
 
-export const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
+export const MOST_WORDS = 3; // conflicts that are listed at once; on a phone one
 
 export function several(words, most) {
   const more = words.length - most;

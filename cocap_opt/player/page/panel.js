@@ -1,4 +1,4 @@
-// A plan on the page: what is known of it, its picture, its drones, and the chart.
+// A plan on the page: facts, its picture, its drones, and the chart.
 
 import { Chart, MARKS, marksOf } from "./chart.js";
 import { hex } from "./colours.js";
@@ -11,15 +11,15 @@ import { proofBox } from "./proof.js";
 import { Strip } from "./strip.js";
 import { View } from "./view.js";
 
-const ASIDE = 20; // px around what is in a corner of the picture
-const NOW = 30; // as much as so many other moments
+const ASIDE = 20; // px around a box in a corner of the picture
+const NOW = 30; // the present moment counts as much as so many others
 const REWARD = "more is better: J is the sum, over steps and the sides of people, of the root of the coverage that all "
   + "drones together have of a side";
 export const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
 export class Panel {
-  // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person),
-  // next(kind, plan), refresh().
+  // `actions` are the functions of buttons: jump(time), pick(drone), toggle(name),
+  // watch(step, person), next(kind, plan), refresh().
   constructor(data, plan, other, scene, camera, actions) {
     Object.assign(this, { data, plan, actions });
     this.root = make("section", "panel");
@@ -54,7 +54,7 @@ export class Panel {
     return head;
   }
 
-  // What is proved of the plan, and what else is to be known of it at once; nothing for most plans.
+  // The proof of the plan, and warnings that must be seen at once; most plans have neither.
   proved() {
     const { data, plan } = this, { gap, conflicts, waits, besidePeople, cutShort } = plan;
     const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(plan) && !gap?.optimal;
@@ -81,9 +81,9 @@ export class Panel {
     return waits ? "not planned yet" : "";
   }
 
-  // Whether drones keep the rules, and how near they come to each other and to people: red if they break
-  // a rule or would touch, green and "no conflicts" only if they are as far away as drones should fly.
-  // A press goes there.
+  // Whether drones obey the rules, and how close they come to each other and to people: red if they
+  // break a rule or would touch, green and "no conflicts" only if they keep the distances that drones
+  // should keep. Pressing goes there.
   kept() {
     const { data, plan, actions } = this, { conflicts: { length: count }, closest } = plan;
     const beside = besidePerson(plan), words = keptWords(data, plan);
@@ -125,11 +125,11 @@ export class Panel {
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
-    facts.hidden = data.drones.every((_, i) => !isThere(plan, i)); // nobody is there to see anything
+    facts.hidden = data.drones.every((_, i) => !isThere(plan, i)); // no drone has a path, so none sees anything
     return facts;
   }
 
-  // How many drones never leave their places, if any.
+  // The number of drones that never leave their places, if any.
   hovering() {
     const { plan } = this, still = plan.paths.flatMap((path, i) => (path.length && isStill({ paths: [path] }) ? [i] : []));
     if (!still.length) return [];
@@ -139,7 +139,7 @@ export class Panel {
     return [fact];
   }
 
-  // How many marks of each kind the chart has; a press goes to the next one.
+  // The number of marks of each kind in the chart; pressing goes to the next one.
   marks() {
     const box = make("span", "marks"), marks = marksOf(this.plan);
     for (const [kind, { colour, sign, one, many, key }] of Object.entries(MARKS)) {
@@ -155,7 +155,7 @@ export class Panel {
     return box;
   }
 
-  // What the picked drone sees.
+  // The picked drone's view.
   inset(scene) {
     const { actions } = this, canvas = make("canvas"), bar = make("div", "bar");
     this.box = make("figure", "inset");
@@ -175,7 +175,7 @@ export class Panel {
     return this.box;
   }
 
-  // How much happens, above all now, in each corner of the picture that the inset may be put into.
+  // How much happens, above all now, in each corner of the picture where the inset may be.
   busy(time) {
     const { view, box, canvas: { clientWidth: width, clientHeight: height } } = this;
     const { camera: { points: all }, bodies } = view, now = bodies.all(time);
@@ -185,10 +185,10 @@ export class Panel {
       (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
   }
 
-  // Returns true if nothing is left to be drawn.
+  // Returns true if everything is drawn.
   draw(time, options) {
     const { picked } = options;
-    this.strip.draw(time, options.person); // its height says how much the picture has
+    this.strip.draw(time, options.person); // its height decides the picture's
     this.view.draw(time, options);
     this.box.hidden = picked === undefined;
     if (picked !== undefined) this.eye.draw(time, picked, options.quality);
@@ -212,7 +212,7 @@ export class Panel {
     this.describeDrones(step, options);
   }
 
-  // What drones see of each side of a person, above whom it stands, if that is asked for.
+  // What drones see of each side of a person, shown above the person on request.
   tellSides(time, { sides, person = 0 }) {
     const { plan, data, view, sides: box } = this, j = plan.filmed?.rows[person]?.person ?? person, told = sides && data.people[j];
     box.classList.toggle("on", Boolean(told));
@@ -241,7 +241,7 @@ export class Panel {
   }
 }
 
-// The coverage of each side; a side in parts ("front, half 1") has a sum. Commas group digits only.
+// The coverage of each side; the parts of a side ("front, half 1") are summed. Commas only group digits.
 function sidesWords(names, seen) {
   const sides = new Map();
   names.forEach((name, f) => {
@@ -252,7 +252,7 @@ function sidesWords(names, seen) {
   return [...sides].map(([side, parts]) => `${side}: ${told(parts)}`).join("; ");
 }
 
-// Puts a hint beside a point of a picture, inside of it.
+// Puts a hint beside a point of a picture, but inside the picture.
 export function tipAt(tip, canvas, [x, y]) {
   tip.style.left = `${Math.max(Math.min(x + 12, canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
   tip.style.top = `${Math.max(Math.min(y - 30, canvas.clientHeight - 34), 4)}px`;
@@ -262,15 +262,15 @@ const flightOf = ({ knots }) => (knots
   ? "smoothly, as cocap-opt fly --smooth writes it: walls, people and other drones are as far away as the rules require"
   : "in straight lines, as cocap-opt fly writes it: no smooth flight obeys the rules");
 
-const distance = (metres) => `${Number(metres.toFixed(2))} m`; // as cocap-opt fly rounds it
+const distance = (metres) => `${Number(metres.toFixed(2))} m`; // rounded as in `cocap-opt fly`
 
-// Whether the bodies of two drones touch as drawn, though no rule forbids it.
+// True if the drawn bodies of two drones touch, though no rule forbids it.
 const isTouch = (closest) => closest && !closest.isKept && closest.apart < closest.body;
 
-// Where a drone is nearest to a person, if that is too near and no rule asks for a distance.
+// The closest approach of a drone to a person, if it is too close and no rule sets a distance.
 const besidePerson = ({ near }) => near.find(({ person }) => person !== undefined);
 
-// What the badge says of rules and distances.
+// The badge's text on rules and distances.
 function keptWords({ people }, plan) {
   const { conflicts: { length: count }, closest, waits } = plan, beside = besidePerson(plan);
   const join = (words, by = "; ") => words.filter(Boolean).join(by);
@@ -283,17 +283,17 @@ function keptWords({ people }, plan) {
   return `no rule broken, but ${join([isApart ? "" : `${isTouch(closest) ? "only " : ""}${apart} apart`, aside], " and ")}`;
 }
 
-// Which drone is nearest to a person, when, and how far away drones should be.
+// The drone that comes closest to a person, when, and how far away drones should be.
 const nearestPerson = ({ words, time }) => `${words} at step ${digits(time, 1)}, seen from above, and no rule forbids it. Green from 2 m on. Go there`;
 
-// Which drones are nearest, when, in which flight, and how far apart they should be.
+// The drones that come closest to each other, when, in which flight, and how far apart they should be.
 function nearest({ closest: { robots, apart, time, straight, kept, above }, knots }) {
   const flight = knots ? `on the smooth flight (cocap-opt fly --smooth), ${distance(straight)} on straight legs` : "on straight legs";
   return `drones ${robots.join(" and ")} are ${distance(apart)} apart at step ${digits(time, 1)}, ${flight}. `
     + `Green from ${distance(kept)} on${above ? `, or ${distance(above)} in height` : ""}. Go there`;
 }
 
-// Cost of the drones' moves from a step, in % of the bound, with the costliest drone named.
+// The cost of all drones' moves from a step, in % of the bound, and the costliest drone.
 function losses(gap, step) {
   const lost = gap.losses.map((row) => row[step] ?? 0), most = Math.max(...lost);
   if (most < 5e-6) return "none";

@@ -1,7 +1,7 @@
-// Draws what moves into a raster, through the projection of a camera, which puts a point x, y, z
-// into an array and tells if it is before the camera.
-// Thickness is in px of the page, of which the raster has `fine` samples; `crowding` is how much
-// smaller than usual bodies may be.
+// Draws moving things into a raster, through a camera's projection, which puts a point x, y, z into
+// an array and returns true if it is in front of the camera.
+// Thickness is in px of the page, each of which is `fine` samples of the raster; `crowding` is the
+// factor by which bodies are smaller than usual.
 
 import { shaded } from "./colours.js";
 import { area } from "./geometry.js";
@@ -10,12 +10,12 @@ import { brightness, SUN } from "./light.js";
 export const FINE = 2; // samples per pixel of the page along x and y
 export const COARSE = 1;
 export const ROUGH = 0.7;
-export const NEAR = 0.15; // m, before which nothing is drawn
+export const NEAR = 0.15; // m; nothing nearer is drawn
 const MOST_CORNERS = 32; // of a polygon of a body
 
 export class Pen {
-  // `cut` gives the part of a polygon that is before the camera, `metreAt` the samples of a metre
-  // where w is.
+  // `cut` returns the part of a polygon that is in front of the camera, `metreAt` the samples of a
+  // metre at w.
   constructor(raster, put, { cut = (points) => points, metreAt = () => this.metre } = {}) {
     Object.assign(this, { raster, put, cut, metreAt, fine: 1, crowding: 1, place: new Float64Array(3) });
     this.corners = Array.from({ length: MOST_CORNERS + 1 }, (_, n) => new Float64Array(3 * n));
@@ -27,7 +27,7 @@ export class Pen {
     return flat;
   }
 
-  // Samples of a metre at a point; 0 if nothing within a radius (m) is in the picture.
+  // The samples of a metre at a point; 0 if everything within a radius (m) is outside the picture.
   metreAround([x, y, z], radius) {
     const { place, raster: { width, height } } = this;
     if (!this.put(x, y, z, place, 0)) return 0;
@@ -40,7 +40,7 @@ export class Pen {
     this.raster.fillMoving(flat, flat.length / 3, colour);
   }
 
-  // A polygon of a closed body: seen from its front only.
+  // A polygon of a closed body, visible only from its front.
   face(points, colour, border) {
     const flat = this.project(points);
     if (area(flat) <= 0) return;
@@ -54,8 +54,8 @@ export class Pen {
     }
   }
 
-  // A body of some size that stands at x, y, z and looks along yaw; `colourOf` gives the colour of
-  // its polygon k, which the sun lights. What is partly behind the camera is left out.
+  // A body of some size that stands at x, y, z and faces along yaw; `colourOf` returns the colour of
+  // its polygon k, which the sun lights. Polygons partly behind the camera are left out.
   body(body, [x, y, z, yaw], size, colourOf) {
     const c = Math.cos(yaw) * size, s = Math.sin(yaw) * size, { corners, normals, hollow } = body;
     for (let k = 0; k < corners.length; k++) {
@@ -76,7 +76,7 @@ export class Pen {
     this.raster.fillMoving(this.raster.stroke(flat, 0, 3, thickness * this.fine, 0.03), 4, colour);
   }
 
-  // Once all else is composed, what is translucent.
+  // Translucent things, once all others are composed.
   veil(points, colour, share, how) {
     const flat = this.project(points);
     this.raster.blend(flat, flat.length / 3, colour, share, how);

@@ -1,9 +1,9 @@
-// What a plan has, and where it is at a time.
+// Facts of a plan, and its state at a time.
 
 import { NOBODY } from "./colours.js";
 import { TAU } from "./geometry.js";
 
-// A row between two steps; column 3 is an angle.
+// A row between the rows of two steps; column 3 is an angle.
 export function between(rows, time) {
   const t = Math.min(Math.floor(time), rows.length - 1), share = t < rows.length - 1 ? time - t : 0;
   if (!share) return rows[t];
@@ -13,31 +13,31 @@ export function between(rows, time) {
   });
 }
 
-// Whether no drone of a plan leaves its place.
+// True if no drone of a plan leaves its place.
 export const isStill = ({ paths }) => paths.every(([start, ...rest]) =>
   rest.every((pose) => [0, 1, 2].every((k) => pose[k] === start[k])));
 
-// True if a drone is there: one whose start is still to be chosen has no path.
+// True if a drone has a path; a drone whose start is not yet chosen has none.
 export const isThere = ({ paths }, drone) => paths[drone].length > 0;
 
-// True of so many drones, or people, that they cannot all have a colour and a number in pictures.
+// True for so many drones or people that they cannot all have a colour and a number in pictures.
 const CROWD = 14;
 export const isCrowd = (some) => some.length > CROWD;
 
-// The colour of a drone: its own, in a crowd that of the people whom it films most.
+// The colour of a drone: its own, or in a crowd the colour of the people whom it films most.
 export const colourOf = (data, plan, drone) => (isCrowd(data.drones)
   ? data.tasks[plan.tasks[drone]]?.colour ?? NOBODY : data.drones[drone].colour);
 
-// The numbers of the drones that are there.
+// The numbers of the drones that have paths.
 export const present = (plan) => plan.paths.map((_, i) => i).filter((i) => isThere(plan, i));
 
 // True if some drone moves, or turns its camera.
 export const turns = ({ paths }) => paths.some(([start, ...rest]) => rest.some((pose) => pose.some((value, k) => value !== start[k])));
 
-// Flight height of a drone (m), of which there is only one where it is always the same.
+// The range of a drone's flight height (m); one number if the height is constant.
 export const heightOf = ({ heights }, drone, step) => heights[drone][step] ?? heights[drone][0];
 
-// Conflicts at a time: in a cell around the step, in a swap from one step to the next.
+// Conflicts at a time: conflicts in a cell around their step, swaps from one step to the next.
 export function conflictsAt(plan, time) {
   return plan.conflicts.filter(({ step, between }) =>
     between ? time >= step && time <= step + 1 : Math.round(time) === step);

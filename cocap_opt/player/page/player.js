@@ -21,8 +21,9 @@ import { World } from "./world.js";
 
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
-const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
-const ZOOM = 1.25; // by a key
+// ms; slower pictures become coarse while something moves; faster ones become fine again
+const SLOW = 20, FAST = 7;
+const ZOOM = 1.25; // factor of a key
 const USUAL = data.steps > 24 ? 4 : 2; // steps per second
 const SAID = 4000; // ms that a message stays
 const state = {
@@ -53,7 +54,7 @@ function play(on) {
   refresh();
 }
 
-// Begin a video of the picture of the chosen plan, or end it before the last step.
+// Start a video of the chosen plan's picture, or end it before the last step.
 function record() {
   if (state.recording) {
     state.recording.stop();
@@ -97,7 +98,7 @@ function tick(now) {
   draw(resting);
 }
 
-// While something moves, a slow machine gets coarser pictures.
+// On a slow machine, pictures are coarser while something moves.
 function draw(resting) {
   state.quality = resting || state.recording || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
@@ -111,7 +112,7 @@ function draw(resting) {
   tell();
 }
 
-// The step, and where it is known how long one lasts, the seconds.
+// The step, and the seconds if the length of steps is known.
 function tell() {
   const step = Math.round(state.time), slider = find("slider"), { seconds, steps } = data;
   slider.value = String(step);
@@ -131,7 +132,7 @@ function times() {
   }
 }
 
-// Into the corner in which least happens in all pictures, while they are as they are.
+// Put insets into the corner in which least happens in all pictures, until these change.
 function putInsets(shown) {
   const stamp = state.follow ? "follow" : shown.map((panel) => panel.view.stamp).join();
   if (stamp === state.insets) return;
@@ -141,46 +142,46 @@ function putInsets(shown) {
   for (const panel of shown) panel.box.className = `inset ${corner}`;
 }
 
-// The mean time of late pictures tells if the machine is slow.
+// The machine is slow if the mean time of recent pictures is long.
 function pace(spent) {
   state.pace += 0.2 * (spent - state.pace);
   if (state.pace > SLOW) state.slow = true;
   else if (state.pace < FAST) state.slow = false;
 }
 
-// To the next mark of a kind, of all plans unless one is named.
+// Go to the next mark of a kind, in all plans or in the given one.
 function next(kind, plan) {
   const plans = plan ? [plan] : data.plans;
   const times = plans.flatMap(marksOf).filter((mark) => mark.kind === kind).map((mark) => mark.time).sort((a, b) => a - b);
   goOn(times, nothing(kind));
 }
 
-// To the next of some moments, or say that there is none.
+// Go to the next of some moments, or show a message if there is none.
 function goOn(times, words) {
   if (times.length) jump(times.find((time) => time > state.time + 1e-6) ?? times[0]);
   say(times.length ? "" : words);
 }
 
-// What is said where there is no mark of a kind.
+// The message if there is no mark of a kind.
 function nothing(kind) {
   if (kind === "conflict") return "no rule is broken";
   if (kind === "near") return "no close approaches";
   return data.plans.some(({ gap }) => gap) ? "no costly moves" : "what moves cost is known only with a certificate";
 }
 
-// A line over the page for a while, which a screen reader reads out.
+// Show a line over the page for a while; screen readers read it out.
 function say(words) {
   put(find("said"), words);
   clearTimeout(state.said);
   state.said = setTimeout(() => put(find("said"), ""), SAID);
 }
 
-// To the next step at which somebody is seen by fewer than two drones, in any plan.
+// Go to the next step at which fewer than two drones see a person, in any plan.
 function nextBad() {
   goOn(data.plans.flatMap(badSteps).sort((a, b) => a - b), "nobody is seen by fewer than two drones");
 }
 
-// A person of the strips, who is in the same row of all plans, and a step.
+// Pick a person of the strips, who has the same row in all plans, and a step.
 function watch(step, person) {
   state.person = person;
   jump(step);
@@ -188,7 +189,7 @@ function watch(step, person) {
 
 function watchNext(way) {
   const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? data.people.length));
-  if (count) watch(state.time, ((state.person ?? 0) + way + count) % count); // the strip begins with person 0
+  if (count) watch(state.time, ((state.person ?? 0) + way + count) % count); // the strip starts with person 0
 }
 
 function toggleSides() {
@@ -196,9 +197,9 @@ function toggleSides() {
   refresh();
 }
 
-// -- what is looked at ---------------------------------------------------------------------
+// -- what is shown -------------------------------------------------------------------------
 
-// Pick a drone; the one that is picked already is let go.
+// Pick a drone, or release it if it is already picked.
 function pick(drone) {
   state.picked = drone === state.picked ? undefined : drone;
   if (state.picked === undefined) [state.follow, state.alone, state.insets] = [false, false, undefined];
@@ -206,7 +207,7 @@ function pick(drone) {
   refresh();
 }
 
-// What is under the pointer: a drone, a person or neither. A crowd has labels by it.
+// The drone or person under the pointer, if any; in a crowd, this one gets a label.
 function hover(what) {
   if (!isCrowd(data.drones) && !isCrowd(data.people)) return;
   const { drone, person } = what ?? {}, { hovered } = state;
@@ -220,7 +221,7 @@ function pickNext(way) {
   if (count) pick(there[at < 0 ? (way > 0 ? 0 : count - 1) : (at + way + count) % count]);
 }
 
-// Follow the picked drone, or show it alone.
+// Follow the picked drone, or show it alone, or stop doing so.
 function toggle(name) {
   if (state.picked === undefined) [state.picked] = present(data.plans[0]);
   if (state.picked === undefined) return;
@@ -246,7 +247,7 @@ function zoom(factor) {
   moved();
 }
 
-// On a phone one plan is shown at a time.
+// A phone shows one plan at a time.
 function choose(plan) {
   state.plan = plan;
   panels.forEach(({ root }, k) => root.classList.toggle("chosen", k === plan));
@@ -256,7 +257,7 @@ function choose(plan) {
 
 // -- keys ----------------------------------------------------------------------------------
 
-// Key, its name, what it does.
+// Key, its name, its function.
 const KEYS = [
   [" ", "space", "play, pause", () => play(!state.playing)],
   ["ArrowRight", "→", "next step", () => jump(Math.floor(state.time) + 1)],
@@ -324,23 +325,23 @@ function lay() {
   times();
   tabs();
   choose(0);
-  if (isCrowd(data.drones) && window.innerWidth < PHONE) { // from above and without cones they can be told apart
+  if (isCrowd(data.drones) && window.innerWidth < PHONE) { // from above and without cones, drones can be distinguished
     look("top");
     find("sights").checked = false;
   }
-  // Pictures of drones have room beside a plan, and below it on a narrow screen, which shows one.
+  // There is room for drones' pictures beside a plan, or below it on a narrow screen with one plan.
   const hasRoom = window.innerWidth <= NARROW || panels.every(({ root }) => root.clientWidth >= ROOM);
   find("views").checked = hasRoom && data.plans.every((plan) => !plan.waits);
 }
 
-// Pictures of a lost graphics card are drawn again by the processor.
+// If the graphics card is lost, the processor draws its pictures again.
 function tellRenderer() {
   document.documentElement.dataset.renderer = renderer();
   put(find("drawn"), renderer() === "webgl" ? "Drawn by the graphics card." : "Drawn without the graphics card.");
   refresh();
 }
 
-// The speed at which things happen, where it is known how long a step lasts.
+// Real speed, if the length of steps is known.
 function offerRealTime(speed) {
   if (data.seconds === null) return;
   const real = 1 / data.seconds, option = make("option", "", digits(real, 2)), group = make("optgroup");
@@ -358,7 +359,7 @@ function listen() {
   slider.addEventListener("input", () => jump(Number(slider.value)));
   find("play").addEventListener("click", () => play(!state.playing));
   offerRealTime(speed);
-  state.speed = data.seconds === null ? USUAL : 1 / data.seconds; // real time where it is known
+  state.speed = data.seconds === null ? USUAL : 1 / data.seconds; // real time, if known
   speed.value = String(state.speed);
   speed.addEventListener("change", () => (state.speed = Number(speed.value)));
   for (const name of ["space", "top"]) find(name).addEventListener("click", () => look(name));
@@ -380,7 +381,7 @@ function listen() {
   for (const panel of panels) new Steering(panel, camera, () => state.time, actions);
 }
 
-// A page that is opened with `?film` shows pictures of a film: nothing but plans, and how far they are.
+// A page that is opened with `?film` shows the images of a film: only the plans and their progress.
 function film() {
   document.body.classList.add("film");
   for (const name of ["views", "solid"]) find(name).checked = false;

@@ -1,9 +1,9 @@
-// What proves a bound: its file, to be had from the page, and the commands that check it again.
+// The proof of a bound: its file, which the page offers, and the commands that check it.
 
 import { make } from "./dom.js";
 import { reward } from "./numbers.js";
 
-// A box for a plan, which is opened by its badge.
+// A plan's box, which its badge opens.
 export function proofBox(data, plan) {
   const proof = data.certificate, which = data.plans.indexOf(plan);
   const box = make("dialog", "proof"), head = make("form");
@@ -20,7 +20,7 @@ export function proofBox(data, plan) {
     box.append(make("p", "", "Or with cocap-check, a single file of plain Python that shares no code with it:"));
     box.append(make("pre", "", lines.join("\n")), checkPage(proof));
   }
-  box.addEventListener("keydown", (event) => event.stopPropagation()); // the player's keys rest
+  box.addEventListener("keydown", (event) => event.stopPropagation()); // the player's keys do nothing here
   return box;
 }
 

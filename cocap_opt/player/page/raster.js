@@ -1,17 +1,17 @@
 // A small renderer in software: convex polygons with a depth buffer.
-// It needs no graphics card, and what hides what is right for every pixel.
+// It needs no graphics card, and hides things correctly in every pixel.
 //
-// Points are triples x, y (samples, y downwards) and w, flat in an array. What is nearer to the
-// viewer has the larger w, and w is linear on the picture: 1 / depth, or that times a factor and
-// plus a number, so that it is metres towards the viewer around the middle of the picture.
+// Points are triples x, y (samples, y downwards) and w, flat in an array. Nearer points have a larger
+// w, which is linear on the picture: 1 / depth, or a linear function of it, so that w is metres
+// towards the viewer around the middle of the picture.
 
 import { mixed, shaded } from "./colours.js";
 
-const NOWHERE = Math.fround(-1e30); // depth where nothing is
-export const LINE = 0.25; // of what is hatched is lines
+const NOWHERE = Math.fround(-1e30); // depth of empty samples
+export const LINE = 0.25; // share of a hatched area that is lines
 
 export class Raster {
-  // `through`: how much is seen of what moves through what is solid.
+  // `through`: how visible moving things are through solid ones.
   constructor(through) {
     this.through = through;
     this.canvas = document.createElement("canvas");
@@ -35,28 +35,28 @@ export class Raster {
     return true;
   }
 
-  // The least and the largest w that anything has: any will do here.
+  // The smallest and the largest w; not needed here.
   reach() {}
 
-  // Forget what stands still.
+  // Remove static things.
   clear(colour) {
     this.still.colour.fill(colour);
     this.still.depth.fill(NOWHERE);
   }
 
-  // Behind all that stands still, a colour for each row.
+  // Fill the background, behind all static things, with a colour for each row.
   backdrop(colourOf) {
     const { width, height, still: { colour } } = this;
     for (let y = 0; y < height; y++) colour.fill(colourOf(y), y * width, (y + 1) * width);
   }
 
-  // Begin a picture: what stands still, and nothing else.
+  // Start a picture with only the static things.
   begin() {
     for (let i = 0; i < this.count; i++) this.moving.depth[this.touched[i]] = NOWHERE;
     this.count = 0;
   }
 
-  // Rows of a convex polygon of n points, and the plane that it lies in; false if it is edge-on.
+  // Find the rows of a convex polygon of n points, and its plane; return false if it is edge-on.
   scan(p, n) {
     let nx = 0, ny = 0, nw = 0, low = Infinity, high = -Infinity;
     for (let i = 0, j = 3 * (n - 1); i < 3 * n; j = i, i += 3) {
@@ -68,7 +68,7 @@ export class Raster {
       low = Math.min(low, p[i + 1]);
       high = Math.max(high, p[i + 1]);
     }
-    if (!(Math.abs(nw) > 1e-6)) return false; // edge-on, or nothing at all
+    if (!(Math.abs(nw) > 1e-6)) return false; // edge-on, or without any area
     const top = Math.max(Math.ceil(low - 0.5), 0);
     const bottom = Math.min(Math.ceil(high - 0.5), this.height) - 1;
     if (top > bottom) return false;
@@ -82,7 +82,7 @@ export class Raster {
     return true;
   }
 
-  // The same way from both sides, so that neighbours neither overlap nor leave a gap.
+  // Computed the same way from both sides, so that neighbours neither overlap nor leave a gap.
   edge(p, i, j) {
     if (p[i + 1] > p[j + 1]) [i, j] = [j, i];
     const first = Math.max(Math.ceil(p[i + 1] - 0.5), 0);
@@ -105,7 +105,7 @@ export class Raster {
     return Math.min(Math.ceil(this.right[y] - 0.5), this.width);
   }
 
-  // Something that stands still, in a shade, if there is one.
+  // A static polygon, optionally with shade.
   fillStill(p, n, colour, shade) {
     if (!this.scan(p, n)) return;
     const { colour: colours, depth: depths } = this.still;
@@ -121,7 +121,7 @@ export class Raster {
     }
   }
 
-  // Something translucent that stands still, before what is there already; it hides nothing.
+  // A translucent static polygon, in front of those drawn before; it hides nothing.
   tintStill(p, n, colour, share) {
     if (!this.scan(p, n)) return;
     const { colour: colours, depth: depths } = this.still, k = Math.round(share * 256);
@@ -139,7 +139,7 @@ export class Raster {
     }
   }
 
-  // Something that moves.
+  // A moving polygon.
   fillMoving(p, n, colour) {
     if (!this.scan(p, n)) return;
     const { colour: colours, depth: depths } = this.moving;
@@ -156,7 +156,7 @@ export class Raster {
     }
   }
 
-  // Put what moves in front of what stands still; behind it, it shines through.
+  // Put moving things in front of static ones; behind these, they shine through.
   compose() {
     const { still, moving, out, touched, through } = this;
     out.set(still.colour);
@@ -166,9 +166,9 @@ export class Raster {
     }
   }
 
-  // Something translucent, once the rest is composed; it hides nothing.
-  // `aside`: it leaves out what moves, whose colours say something. Hatched, it has a line every so
-  // many samples, and little in between.
+  // A translucent polygon, once the rest is composed; it hides nothing.
+  // `aside`: it does not cover moving things, as their colours have a meaning. `hatch`: it has a line
+  // every so many samples, and is faint in between.
   blend(p, n, colour, share, { aside = false, hatch = 0 } = {}) {
     if (!this.scan(p, n)) return;
     const { out, still, moving } = this;
@@ -193,7 +193,7 @@ export class Raster {
     return lineOf(this.line, p, i, j, thickness, lift);
   }
 
-  // Into a canvas, of its or another size.
+  // Copy the picture into a canvas of the same or another size.
   finish(context) {
     const { width, height } = context.canvas;
     if (width === this.width && height === this.height) return context.putImageData(this.image, 0, 0);
@@ -203,7 +203,7 @@ export class Raster {
   }
 }
 
-// Corners of a line of some thickness (samples), brought nearer by `lift` (m), into an array.
+// Write the corners of a line with a thickness (samples), brought nearer by `lift` (m), to an array.
 export function lineOf(q, p, i, j, thickness, lift) {
   const dx = p[j] - p[i], dy = p[j + 1] - p[i + 1], length = Math.hypot(dx, dy) || 1;
   const ox = (-dy / length) * thickness / 2, oy = (dx / length) * thickness / 2;

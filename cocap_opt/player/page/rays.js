@@ -1,11 +1,11 @@
-// How far one can see along a ray: to the ground, to a wall or to a mesh.
+// The free length of a ray, up to the ground, a wall or a mesh.
 
 import { cross, dot, minus } from "./geometry.js";
 
 const NOTHING = [];
-const GRAZE = 0.1; // m, by which a ray may be below a cell of the ground
+const GRAZE = 0.1; // m by which a ray may pass below a cell of the ground
 
-// Height at a point of what is below in the height map, in m; 0 beyond it.
+// The height (m) in the height map at a point; 0 off the map.
 export function groundAt(terrain, x, y, heights = terrain.heights) {
   const i = Math.floor(x / terrain.cell), j = Math.floor(y / terrain.cell);
   const inside = i >= 0 && j >= 0 && i < terrain.cells[0] && j < terrain.cells[1];
@@ -41,7 +41,7 @@ export class Rays {
     }
   }
 
-  // Length (m) of a ray from a point along a unit vector until it meets something, or `most`.
+  // Length (m) of a ray from a point along a unit vector until it meets something, at most `most`.
   length(from, way, most) {
     let met = most;
     this.walk(from, way, most, (cell, begin, end) => {
@@ -52,8 +52,8 @@ export class Rays {
     return met;
   }
 
-  // Cells that a ray passes (-1: beyond the map), with the lengths at which it enters and leaves
-  // them, until `visit` returns true.
+  // Visit the cells that a ray passes (-1: off the map), with the lengths at which it enters and
+  // leaves them, until `visit` returns true.
   walk(from, way, most, visit) {
     const { terrain: { cell, cells } } = this;
     const at = [0, 1].map((k) => Math.floor(from[k] / cell)), step = way.map(Math.sign);
@@ -68,7 +68,7 @@ export class Rays {
     }
   }
 
-  // Marks, in an array, the blocks that a ray meets on so many metres.
+  // Mark, in an array, the blocks that a ray meets within so many metres.
   mark(from, way, most, marked) {
     const { terrain: { heights, grounds }, blocks: { ofCell } } = this, height = (far) => from[2] + far * way[2];
     this.walk(from, way, most, (cell, begin, end) => {
@@ -83,7 +83,7 @@ export class Rays {
     });
   }
 
-  // True if the ground stands in the way of a ray on so many metres, or a block that is not opened.
+  // True if the ground, or a block that is not opened, blocks a ray within so many metres.
   isBlocked(from, way, most, opened) {
     const { terrain: { grounds } } = this, met = this.met.fill(0), height = (far) => from[2] + far * way[2];
     let isGround = false;
@@ -96,7 +96,8 @@ export class Rays {
     return met.some((isMet, block) => isMet && !opened[block]);
   }
 
-  // Where a ray meets something in a cell (-1: beyond the map) between two lengths, or Infinity.
+  // The length at which a ray meets something in a cell (-1: off the map), between two lengths, or
+  // Infinity.
   meets(cell, from, way, begin, end) {
     const top = cell < 0 ? 0 : this.terrain.heights[cell], height = (far) => from[2] + far * way[2];
     let met = Infinity;

@@ -1,11 +1,11 @@
-// What drones' cameras take in, until something stands in the way.
+// The views of drones' cameras, up to the first obstacle.
 
 import { unit } from "./geometry.js";
 import { isThere } from "./plans.js";
 
-const CLOSER = 0.6; // of their length, cones in a crowd
+const CLOSER = 0.6; // factor on the length of views in a crowd
 
-// The rays of a camera around its picture, as unit vectors, some along each side; a cone looks level.
+// A camera's rays along the edges of its picture, as unit vectors, some per side; a cone looks level.
 function rim(drone, [, , , yaw, tilt], perSide) {
   const c = Math.cos(yaw), s = Math.sin(yaw);
   if (drone.rise === null) {
@@ -28,8 +28,8 @@ export class Sights {
     Object.assign(this, { data, rays, bodies });
   }
 
-  // Cones of all drones at a time, those beside the picked one pale; in a crowd not quite so far,
-  // and of the picked drone only, if there is one.
+  // Views of all drones at a time; if a drone is picked, the others are pale. In a crowd, views are
+  // shorter, and only the picked drone's is drawn, if there is one.
   draw(pen, time, reach, { picked, alone }) {
     const { data, bodies } = this, { isCrowd } = bodies, pale = picked === undefined ? 0.085 : 0.03;
     data.drones.forEach((drone, i) => {

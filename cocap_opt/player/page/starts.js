@@ -1,4 +1,4 @@
-// Chooses where drones start: a map to press on, and the starts as TOML.
+// The page for choosing drones' starts: a map to press on, and the starts as TOML.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const [width, depth] = data.cells, cell = data.cell, [ox, oy] = data.origin;
@@ -10,7 +10,7 @@ const $ = (id) => document.getElementById(id);
 const view = $("view"), pen = view.getContext("2d");
 
 let level = 0, pointer = null, scale = 1;
-// The starts that are chosen: those of the recipe that are free, and in place of others the nearest free places.
+// The chosen starts: those of the recipe, or the nearest free places where these are not free.
 let chosen = data.starts
   .filter((start) => !start.why || start.free)
   .map((start) => ({ at: start.free || start.at, height: start.height, heading: start.heading }));
@@ -29,7 +29,7 @@ function cellAt(event) {
   return x >= 0 && y >= 0 && x < width && y < depth ? [x, y] : null;
 }
 
-// One pixel for each cell; the canvas draws it larger.
+// Images with one pixel per cell, which the canvas draws larger.
 const images = data.levels.map(({ kinds }) => {
   const image = document.createElement("canvas");
   image.width = width;
@@ -86,7 +86,7 @@ function cross(at) {
   }
 }
 
-// A round number of metres, so that about eight of them are as long as the map.
+// A round number of metres, about an eighth of the map's length.
 function step(length) {
   const rough = length / 8, power = 10 ** Math.floor(Math.log10(rough));
   return power * [1, 2, 5, 10].find((k) => k * power >= rough);

@@ -1,18 +1,18 @@
-// Pointers on a picture: one turns it (moves it, with shift or another button), two zoom and move,
-// and so does the wheel; a press picks a drone, and what is under the pointer is told. Arrows turn
-// a picture that has the focus, and move it with shift.
+// Pointers on a picture: one turns it (or moves it, with Shift or another button), two zoom and move
+// it; the wheel zooms. Pressing picks a drone, and a hint describes what is under the pointer. Arrow
+// keys turn a picture that has the focus, or move it with Shift.
 
 import { put } from "./dom.js";
 import { density, percent, reward } from "./numbers.js";
 import { tipAt } from "./panel.js";
 import { heightOf } from "./plans.js";
 
-const STILL = 5; // px that a press may move
-const KEYED = 24; // px, as far as an arrow turns or moves
+const STILL = 5; // px by which a press may move
+const KEYED = 24; // px by which an arrow key turns or moves
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Steering {
-  // `actions`: moved(), pick(drone), hover({ drone, person }), fit(); `now` gives the time that is shown.
+  // `actions`: moved(), pick(drone), hover({ drone, person }), fit(); `now` returns the time shown.
   constructor(panel, camera, now, actions) {
     Object.assign(this, { panel, camera, now, actions, canvas: panel.canvas, pointers: new Map(), far: 0 });
     const on = (name, act, how) => this.canvas.addEventListener(name, act, how);
@@ -21,13 +21,13 @@ export class Steering {
     on("pointerup", (event) => this.up(event));
     on("pointercancel", (event) => this.pointers.delete(event.pointerId));
     on("pointerleave", ({ pointerType }) => {
-      if (pointerType === "touch") return; // what a press has told stays until the next one
+      if (pointerType === "touch") return; // a hint by a press stays until the next press
       panel.tip.classList.remove("on");
       actions.hover(undefined);
     });
     on("wheel", (event) => this.wheel(event), { passive: false });
     on("keydown", (event) => this.key(event));
-    on("mousedown", (event) => event.preventDefault()); // who turns by pointer keeps arrows for steps
+    on("mousedown", (event) => event.preventDefault()); // after turning by pointer, arrow keys still change the step
     on("contextmenu", (event) => event.preventDefault());
     on("dblclick", () => actions.fit());
   }
@@ -76,7 +76,7 @@ export class Steering {
     this.actions.moved();
   }
 
-  // In a frame of another page, which may be scrolled, the wheel zooms only after a press.
+  // In a frame of another page, which the wheel may scroll, it zooms only after a press.
   wheel(event) {
     if (window.parent !== window && !this.wasPressed) return;
     event.preventDefault();
@@ -88,7 +88,7 @@ export class Steering {
     this.camera.zoom(factor, x - this.canvas.clientWidth / 2, y - this.canvas.clientHeight / 2);
   }
 
-  // What is known of the drone or the face under the pointer.
+  // Shows a hint on the drone or the face under the pointer.
   tell({ offsetX: x, offsetY: y }) {
     const { tip, view } = this.panel, words = this.known(x, y);
     this.actions.hover({ drone: view.labels.droneAt(x, y), person: view.faceAt(x, y, this.now())?.[0] });
@@ -114,7 +114,7 @@ export class Steering {
   }
 }
 
-// What the bound pays for a face beyond the reward for it.
+// The bound's overestimate of a face's reward.
 function overpaid(gap, step, face) {
   const share = gap ? gap.faces[Math.min(step, gap.faces.length - 1)][face] : 0;
   return share < 5e-6 ? "" : `; the bound allows ${percent(share)} more`;

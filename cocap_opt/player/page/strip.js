@@ -1,5 +1,5 @@
-// By how many drones each person is seen: a strip of people and steps below the chart, with what is
-// known of a person at a step in words. A press goes to the step.
+// The number of drones that see each person: a strip of people and steps below the chart, with a
+// description of a person at a step. Pressing goes to the step.
 
 import { fitMargin, fitsMargin, MARGIN } from "./chart.js";
 import { words } from "./colours.js";
@@ -13,13 +13,13 @@ const SEEN_BY = [ // none, one, two, three or more drones
   { fill: "#a5d3ea", ink: "#20252d", name: "2" },
   { fill: "#1c5c9e", ink: "#ffffff", name: "3+" },
 ];
-const ROWS_HIGH = [3, 14]; // px of a row, at least and at most
-const STRIP_HIGH = 84, PHONE_HIGH = 56; // px of all rows, where they are not at least as high as above
-const LETTER = 9; // px of a cell that has room for a number
-const NAME_HIGH = 13; // px of a name that stands above its row
+const ROWS_HIGH = [3, 14]; // px, smallest and largest height of a row
+const STRIP_HIGH = 84, PHONE_HIGH = 56; // px of all rows together, unless rows would be lower than above
+const LETTER = 9; // px, smallest size of a cell with room for a number
+const NAME_HIGH = 13; // px, height of a name above its row
 
 export class Strip {
-  // `go(step, person)` is called by a press.
+  // A press calls `go(step, person)`.
   constructor(data, plan, go) {
     Object.assign(this, { data, plan, rows: plan.filmed?.rows ?? [] });
     this.root = make("div", "filmed");
@@ -50,7 +50,7 @@ export class Strip {
     });
   }
 
-  // The part of a person from which on a camera counts, in words.
+  // The part of a person that a camera must see to count, in words.
   get enough() {
     return `${percent(this.plan.filmed.atLeast)} or more`;
   }
@@ -77,12 +77,12 @@ export class Strip {
     return Math.min(Math.max(Math.floor(all / this.rows.length), ROWS_HIGH[0]), ROWS_HIGH[1]);
   }
 
-  // From row to row: names that are too long to stand beside their rows stand above them.
+  // The distance between rows; names that are too long to be beside their rows are above them.
   get pitch() {
     return this.high + (this.isAbove ? NAME_HIGH : 0);
   }
 
-  // Where the fields of a row begin.
+  // The top of a row's cells.
   top(k) {
     return (k + 1) * this.pitch - this.high;
   }
@@ -91,20 +91,20 @@ export class Strip {
     return MARGIN.left + (step / (this.data.steps + 1)) * this.width;
   }
 
-  // Step and row under a pointer.
+  // The step and the row under a pointer.
   cellAt({ offsetX, offsetY }) {
     const step = Math.floor(((offsetX - MARGIN.left) / this.width) * (this.data.steps + 1));
     const row = Math.floor(offsetY / this.pitch);
     return [Math.min(Math.max(step, 0), this.data.steps), Math.min(Math.max(row, 0), this.rows.length - 1)];
   }
 
-  // Room for names beside the rows, of the strip and of the chart below it.
+  // Make room for names beside the rows, in the strip and in the chart.
   fit() {
     const context = this.canvas?.getContext("2d");
     if (!context) return;
     context.font = `700 10px ${FONT}`;
     const wide = Math.max(...this.rows.map((row) => context.measureText(this.nameOf(row)).width));
-    this.isAbove = this.high >= LETTER && !fitsMargin(wide); // of lower rows only the picked one has a name
+    this.isAbove = this.high >= LETTER && !fitsMargin(wide); // if rows are lower, only the picked one has a name
     fitMargin(this.isAbove ? 0 : wide);
   }
 
@@ -157,14 +157,14 @@ export class Strip {
     context.fillText(String(views), middle, y + this.high / 2);
   }
 
-  // Where there is no room for numbers, none has dark strokes, and one a light line.
+  // Without room for numbers, cells for no drone have dark strokes, cells for one a light line.
   hatch(context, kind, [left, y, wide, high]) {
     context.fillStyle = kind ? "#ffffff" : "#20000a";
     if (kind) context.fillRect(left, y + (high - 1) / 2, wide, 1);
     else for (let x = left; x < left + wide; x += 3) context.fillRect(x, y, 1, high);
   }
 
-  // As much of the name as there is room for, and the number; the words of a row have its take.
+  // The number, and as much of the name as there is room for; the row's description has its take.
   paintName(context, row, k) {
     if (this.high < LETTER && k !== this.picked) return;
     const letters = [...(this.data.people[row.person].name ?? "")];
@@ -180,7 +180,7 @@ export class Strip {
     context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
   }
 
-  // Of the cell under the pointer, or of the picked person now.
+  // Describe the cell under the pointer, or the picked person at the present step.
   tell() {
     const [step, k] = this.under ?? [this.step, this.picked];
     put(this.told, filmedWords(this.rows[k], step, this.plan.filmed.atLeast));
@@ -196,13 +196,14 @@ export function filmedWords(row, step, atLeast) {
   return `${who}${apart}${within}${row.counts[step] ? "" : ", not counted"}`;
 }
 
-// That no camera sees enough, and what the best one sees.
+// States that no camera sees enough, and what the best one sees.
 function noneWords(drone, share, atLeast) {
   if (!share) return "no camera sees them";
-  const seen = share < 0.01 ? "less than 1 %" : `${Math.floor(100 * share + 1e-6)} %`; // not rounded up to enough
+  // Rounded down, so that it never looks like enough
+  const seen = share < 0.01 ? "less than 1 %" : `${Math.floor(100 * share + 1e-6)} %`;
   return `no camera sees as much as ${percent(atLeast)}; drone ${drone} sees the most, ${seen}`;
 }
 
-// Steps at which somebody who counts is seen by fewer than two drones.
+// Steps at which fewer than two drones see a person who counts.
 export const badSteps = ({ filmed }) => (filmed?.rows ?? []).flatMap((row) =>
   row.views.flatMap((views, step) => (views < 2 && row.counts[step] ? [step] : [])));

@@ -3,11 +3,11 @@
 import { make } from "./dom.js";
 
 const VIDEOS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"]; // best first
-const RATE = 30, BITS = 8e6; // pictures and bits a second
-const LAST = 500; // ms, for which the last picture stands
+const RATE = 30, BITS = 8e6; // frames and bits per second
+const LAST = 500; // ms, duration of the last frame
 
 export class Recording {
-  // Records a canvas; `stop` has it saved under a name.
+  // Records a canvas; `stop` saves the video under a name.
   constructor(canvas, name) {
     const parts = [], mimeType = Recording.kind();
     this.recorder = new MediaRecorder(canvas.captureStream(RATE), { mimeType, videoBitsPerSecond: BITS });
@@ -20,7 +20,7 @@ export class Recording {
     setTimeout(() => this.recorder.stop(), LAST);
   }
 
-  // The best kind of video that the browser writes, if it writes any.
+  // The best kind of video that the browser can write, if any.
   static kind() {
     return typeof MediaRecorder === "undefined" ? undefined : VIDEOS.find((kind) => MediaRecorder.isTypeSupported(kind));
   }

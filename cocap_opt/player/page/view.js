@@ -11,13 +11,15 @@ import { newRaster } from "./renderers.js";
 import { Sights } from "./sights.js";
 
 const MOST_SAMPLES = 3.2e6;
-const THROUGH = 0.3; // how much is seen of what moves through what is solid
-const SMALLEST_DRONE = 8; // px, radius of a drone as it is drawn
-const UNCROWDED = 60; // px between people and drones, if they were even; with less they are drawn smaller
-const HATCH = 9; // px from line to line
-const CLOSEST = 0.02; // of the camera's way to the middle, before which nothing is drawn
-const FARTHEST = 1.01; // times the largest depth by which pictures are parted
-const OUTLINE = 0.55; // how much lines of what is cut off hide
+const THROUGH = 0.3; // how visible moving things are through solid ones
+const SMALLEST_DRONE = 8; // px, smallest radius of a drone as drawn
+// px between people and drones if they were spread evenly; with less, they are drawn smaller
+const UNCROWDED = 60;
+const HATCH = 9; // px between lines
+// Share of the camera's distance to the middle; nothing nearer is drawn
+const CLOSEST = 0.02;
+const FARTHEST = 1.01; // times the largest depth, the end of the range of depths
+const OUTLINE = 0.55; // opacity of the outlines of cut blocks
 const LAYERS = 256; // of polygons, from near to far
 
 export class View {
@@ -28,12 +30,12 @@ export class View {
     this.labels = new Labels(this);
     this.moving = Math.max(data.people.length + plan.paths.length, 1);
     this.lookouts = lookouts(data.people, plan.paths);
-    this.opened = new Uint8Array(scene.blocks.count); // blocks that are only outlined
+    this.opened = new Uint8Array(scene.blocks.count); // 1 for blocks that are only outlined
     this.corners = new Float64Array(12);
     this.begin();
   }
 
-  // With an empty picture.
+  // Start with an empty picture.
   begin() {
     this.stamp = "";
     this.raster = newRaster(THROUGH);
@@ -47,8 +49,8 @@ export class View {
     return away + (x - c[0]) * ahead[0] + (y - c[1]) * ahead[1] + (z - c[2]) * ahead[2];
   }
 
-  // Put a point of the world as x, y in samples and w, which around the middle is m towards the
-  // viewer; tells if it is before the camera.
+  // Put a point of the world as x, y in samples and w, which is m towards the viewer around the
+  // middle; return true if it is in front of the camera.
   put(px, py, pz, into, at) {
     const { camera: { right, up, ahead }, centre: c, away, raster } = this;
     const x = px - c[0], y = py - c[1], z = pz - c[2], depth = away + x * ahead[0] + y * ahead[1] + z * ahead[2];
@@ -64,7 +66,7 @@ export class View {
     return depths.every((depth) => depth > this.closest) ? points : clipped(points, depths, this.closest);
   }
 
-  // How a coordinate (0: x) of a point, in units of a size (m), grows along x and y of a sample,
+  // The increase of a point's coordinate (0: x), in units of a size (m), along x and y of a sample,
   // each times the depth, which is away² / (w + away).
   slopes(axis, size, from = 0) {
     const { away, camera: { right, up, ahead } } = this, { width, height } = this.raster, k = this.pen.metre * away;
@@ -72,7 +74,7 @@ export class View {
     return [...[a, b, begin].map((v) => (v * away ** 2) / size), (this.eye[axis] - from) / size];
   }
 
-  // Radius of a drone (m): its own, but never so small that nobody sees it.
+  // Radius of a drone (m): its real one, or larger so that it remains visible.
   droneSize() {
     return Math.max(0.35, (SMALLEST_DRONE * this.pen.crowding * this.pen.fine) / this.pen.metre);
   }
@@ -107,8 +109,8 @@ export class View {
     if (options.sights) this.sights.draw(pen, time, this.data.reach, options);
   }
 
-  // Where drones may not fly: see-through, so that it hides nothing. From above the ceiling is all
-  // over the picture.
+  // Zones closed to drones, translucent, so that they hide nothing. From above, the ceiling would
+  // cover the whole picture.
   closed(time) {
     const { zones, lid } = this.scene.world;
     this.see(zones, 0.34, Math.round(HATCH * this.pen.fine));
@@ -116,7 +118,7 @@ export class View {
     this.bodies.keptFrom(this.pen, time);
   }
 
-  // Polygons of what is closed to drones; people and drones stay as they are.
+  // Polygons of closed zones; they do not cover people and drones.
   see({ corners, edges }, share, hatch) {
     const at = (array, k) => [array[k], array[k + 1], array[k + 2]];
     for (let i = 0; i < corners.length; i += 12) {
@@ -125,7 +127,7 @@ export class View {
     for (let i = 0; i < edges.length; i += 6) this.pen.ray(at(edges, i), at(edges, i + 3), CLOSED, 0.5, { aside: true });
   }
 
-  // What stands still is drawn again only where the camera has moved.
+  // Draw static things again, but only if the camera has moved.
   prepare(middle, follows, width, height, { quality, solid }) {
     const pixels = window.devicePixelRatio || 1, { camera } = this, { azimuth, elevation, scale, away } = camera;
     this.pen.fine = Math.max(Math.min(quality, Math.sqrt(MOST_SAMPLES / (width * height))), 0.5);
@@ -143,13 +145,13 @@ export class View {
     this.raster.clear(palette.paper);
     this.open(follows, solid);
     const { ground, things } = world;
-    this.still(things, undefined, nearToFar(things, this.eye, camera.ahead)); // so that less is painted over
+    this.still(things, undefined, nearToFar(things, this.eye, camera.ahead)); // so that less is drawn over
     this.still(ground, this.sunlight(), nearToFar(ground, this.eye, camera.ahead));
     this.outlines(things);
   }
 
-  // Blocks before the action are cut off. While the camera follows a drone they are those
-  // that it would see from far away, so that none comes and goes.
+  // Cut off the blocks in front of the action. While the camera follows a drone, these are the blocks
+  // in front of it as seen from far away, so that none appears and disappears.
   open(follows, solid) {
     const { azimuth, elevation } = this.camera;
     const stamp = follows ? [azimuth, elevation, this.away, solid].join() : "";
@@ -169,7 +171,7 @@ export class View {
     return normals[n] * (corners[at] - x) + normals[n + 1] * (corners[at + 1] - y) + normals[n + 2] * (corners[at + 2] - z) > 0;
   }
 
-  // What stands, and of blocks that are cut off what is left.
+  // Static polygons; of cut blocks, only the part below the cut.
   still({ corners, normals, colours, blocks, feet, edges, edgeBlocks }, level, order) {
     const { raster } = this;
     for (const i of order) {
@@ -185,12 +187,12 @@ export class View {
     }
   }
 
-  // Altitude above which nothing is left of a block.
+  // The altitude of a block's cut.
   topOf(block) {
     return block >= 0 && this.opened[block] ? this.scene.blocks.cuts[block] : Infinity;
   }
 
-  // Of blocks that are cut off all lines.
+  // All lines of cut blocks.
   outlines({ edges, edgeBlocks, outlines, outlineBlocks }) {
     const { raster, opened } = this;
     for (const [lines, of] of [[edges, edgeBlocks], [outlines, outlineBlocks]]) {
@@ -201,8 +203,8 @@ export class View {
     }
   }
 
-  // Four corners, none higher than `top`, as a flat polygon of the picture; of what is partly
-  // behind the camera the rest.
+  // Four corners, none higher than `top`, as a flat polygon of the picture, without any part behind
+  // the camera.
   polygon(corners, at, top) {
     let isBefore = true;
     for (let k = 0; k < 4; k++) isBefore = this.take(corners, at + 3 * k, k, top) && isBefore;
@@ -211,7 +213,7 @@ export class View {
     return this.pen.project(points);
   }
 
-  // A line of some thickness (px), nothing if it is partly behind the camera.
+  // A line of some thickness (px); not drawn if it is partly behind the camera.
   edge(edges, at, top, thickness) {
     if (!this.take(edges, at, 0, top) || !this.take(edges, at + 3, 1, top)) return null;
     return this.raster.stroke(this.corners, 0, 3, thickness * this.pen.fine, 0.04);
@@ -228,19 +230,19 @@ export class View {
     return new Shade(light, u, v, this.away);
   }
 
-  // The light on a wall between two altitudes; on other polygons it is even.
+  // The light on a wall between two altitudes; other polygons have even light.
   walllight([foot, top]) {
     if (!(top > foot)) return undefined;
     return new Shade(WALL, [0, 0, 0, 0], this.slopes(2, (top - foot) / WALL_STEPS, foot), this.away);
   }
 
-  // Point of the world in pixels of the page; far off the picture, if it is behind the camera.
+  // A point of the world in pixels of the page; far off the picture if it is behind the camera.
   at([x, y, z]) {
     const q = new Float64Array(3), { fine } = this.pen;
     return this.put(x, y, z, q, 0) ? [q[0] / fine, q[1] / fine] : [-1e6, -1e6];
   }
 
-  // True if the ground, or something that is not cut off, stands before a point.
+  // True if the ground, or a block that is not cut, hides a point.
   isHidden(point) {
     const way = minus(this.eye, point), far = Math.hypot(...way);
     return this.scene.rays.isBlocked(point, way.map((v) => v / far), far, this.opened);

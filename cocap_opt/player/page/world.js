@@ -1,27 +1,29 @@
-// What stands still, as polygons: the terrain's columns, merged where they are alike, and meshes.
+// Static things as polygons: the terrain's columns, merged where they are alike, and meshes.
 
 import { CLOSED, landed, mixed, palette, shaded, startable } from "./colours.js";
 import { dot } from "./geometry.js";
 import { brightness, GroundLight, SUN } from "./light.js";
 
-const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get a line
-const SLOPE = 1.2; // how much of the light from above the sides of the ground's steps take
+// In cells; steps of the terrain of at least this height get a line
+const LEAST_EDGE = 0.8;
+const SLOPE = 1.2; // weight of the light from above on the sides of the ground's steps
 const MOST_EDGES = 6000;
-const STRAIGHT = Math.cos(Math.PI / 7); // of triangles that bend less
+// Between triangles with a smaller angle, there is no line
+const STRAIGHT = Math.cos(Math.PI / 7);
 
 const lit = (colour, normal) => shaded(colour, 256 * brightness(dot(normal, SUN)));
 
 // Polygons of 4 corners (triangles repeat one) with colour, normal and block, and lines: edges, and
-// those that only outlines have. Outlines of a block consist of both.
+// lines that only outlines have. The outlines of a block consist of both.
 class Polygons {
   constructor() {
     this.corners = []; // 12 numbers each
-    this.normals = []; // 3 numbers each; all 0: seen from both sides
+    this.normals = []; // 3 numbers each; all 0: visible from both sides
     this.colours = [];
-    this.feet = []; // altitudes of the foot and the top of a wall; NaN: it is none
-    this.blocks = []; // -1: of none
+    this.feet = []; // altitudes of the foot and the top of a wall; NaN if it is not a wall
+    this.blocks = []; // -1 for none
     this.edges = []; // 6 numbers each
-    this.outlines = []; // and of these
+    this.outlines = []; // 6 numbers each
     [this.edgeBlocks, this.outlineBlocks] = [[], []];
   }
 
@@ -51,7 +53,7 @@ class Polygons {
   }
 }
 
-// The bare ground, with the plans of what stands on it, and what stands there.
+// The bare ground, with the ground plans of buildings, and the buildings and meshes on it.
 export class World {
   constructor(data, blocks) {
     const { terrain } = data, { heights, grounds, kinds } = terrain;
@@ -66,7 +68,7 @@ export class World {
     this.things = new Polygons();
     new Columns(terrain, heights, grounds, (k) => colours[kinds[k]]?.[1] ?? ground(k), this.things, blocks.ofCell);
     addSolids(this.things, terrain, data, palette.mesh, blocks);
-    // What is closed to drones: no-fly zones, and the ceiling.
+    // Zones closed to drones: no-fly zones, and the ceiling.
     this.zones = new Polygons();
     this.lid = new Polygons();
     if (data.airspace) addSolids(this.zones, terrain, data.airspace.zones, CLOSED);
@@ -76,7 +78,7 @@ export class World {
   }
 }
 
-// With the numbers of their blocks, if there are any.
+// Adds meshes and boxes, with the numbers of their blocks, if any.
 function addSolids(into, terrain, { meshes, boxes }, colour, blocks) {
   meshes.forEach((mesh, k) => addMesh(into, mesh, colour, blocks?.ofTriangle[k]));
   boxes.forEach((box, k) => addBox(into, terrain, box, colour, blocks?.ofBox[k]));
@@ -85,8 +87,8 @@ function addSolids(into, terrain, { meshes, boxes }, colour, blocks) {
 // Edges of cells along an axis, in m; the last cell may be cut.
 const edgeOf = (terrain, axis, k) => Math.min(k * terrain.cell, terrain.size[axis]);
 
-// Adds columns with these tops; only what rises above `floors`, if there are any, and each block of
-// it (numbers by cells) with walls all around.
+// Adds columns with these tops. With `floors`, only the parts above them are added, and each block
+// (numbers by cell) has walls all around.
 class Columns {
   constructor(terrain, heights, floors, colour, into, blocks = null) {
     Object.assign(this, { terrain, heights, floors, colour, into, blocks });
@@ -133,20 +135,20 @@ class Columns {
     this.into.add([[a, c, z], [b, c, z], [b, d, z], [a, d, z]], [0, 0, 1], lit(colour, [0, 0, 1]), block);
   }
 
-  // Height of a cell; beyond the map, that of the foot of the slab on which all stands.
+  // Height of a cell; off the map, the foot of the slab below everything.
   height(cell) {
     return cell < 0 ? -this.terrain.slab : this.heights[cell];
   }
 
-  // Where the wall of a cell towards a neighbour begins; blocks go down to their floors.
+  // The foot of a cell's wall towards a neighbour; blocks go down to their floors.
   foot(cell, neighbour) {
     if (!this.floors) return this.height(neighbour);
     const isApart = neighbour >= 0 && this.block(neighbour) !== this.block(cell) && this.rises(neighbour);
     return Math.max(isApart ? this.floors[neighbour] : this.height(neighbour), this.floors[cell]);
   }
 
-  // Walls of cells towards their next (side 1) or last (-1) neighbours along an axis (0: x), runs of
-  // equal ones merged, and the outlines of blocks there.
+  // Walls of cells towards their next (side 1) or previous (-1) neighbours along an axis (0: x), with
+  // runs of equal walls merged, and the outlines of blocks there.
   walls(axis, side) {
     const { cells } = this.terrain, [N, M] = [cells[axis], cells[1 - axis]];
     const number = (n, m) => (n < 0 || n >= N ? -1 : axis === 0 ? n * cells[1] + m : m * cells[1] + n);
@@ -192,7 +194,7 @@ class Columns {
   wall(axis, side, n, { wall: [low, high, colour, block], begin, end }) {
     const at = (k, z) => this.corner(axis, side, n, k, z), normal = [0, 0, 0];
     normal[axis] = side;
-    // A slope is a staircase here: as one of sharp edges it would look like a building.
+    // A slope is a staircase here; with sharp edges, it would look like a building.
     const soft = normal.map((v, k) => (this.floors ? v : (v + (k === 2 ? SLOPE : 0)) / Math.hypot(1, SLOPE)));
     const points = [at(begin, low), at(end, low), at(end, high), at(begin, high)];
     this.into.add(points, normal, lit(colour, soft), block, low, high);
@@ -201,7 +203,7 @@ class Columns {
   }
 }
 
-// Tops of columns that have no sides, with an edge where the map ends.
+// Tops of columns without sides, with an edge where the map ends.
 class Lid extends Columns {
   sides() {}
 
@@ -214,7 +216,7 @@ class Lid extends Columns {
   }
 }
 
-// Triangles, and the edges at which they bend or end.
+// Adds triangles, and the edges at which the surface bends or ends.
 function addMesh(into, { vertices, triangles }, colour, blocks = []) {
   const at = (k) => vertices.slice(3 * k, 3 * k + 3), sides = new Map();
   for (let t = 0; t < triangles.length; t += 3) {
@@ -235,7 +237,7 @@ function addMesh(into, { vertices, triangles }, colour, blocks = []) {
   }
 }
 
-// A part of a column: what a mesh too fine to be drawn fills of a cell.
+// Adds a part of a column: the part of a cell that a mesh fills which is too fine to draw.
 function addBox(into, terrain, [i, j, low, high], colour, block = -1) {
   const [a, b] = [i, i + 1].map((k) => edgeOf(terrain, 0, k)), [c, d] = [j, j + 1].map((k) => edgeOf(terrain, 1, k));
   const side = (normal, ...points) => into.add(points, normal, lit(colour, normal), block);

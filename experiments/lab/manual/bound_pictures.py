@@ -1,4 +1,4 @@
-"""Pictures of bounds: their curves, their progress, and what they are made of."""
+"""Pictures of bounds: their curves, their progress, and their parts."""
 
 import numpy as np
 from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""The part of the changelog that concerns people who update: numbers, and what they must do."""
+"""The parts of the changelog for users who update: changed numbers, and what they must do."""
 
 import re
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ _SHOWN = ("What changes numbers", "What you must do")
 
 
 def for_updates() -> str:
-    """Returns the summary of each version, and its parts that concern people who update."""
+    """Returns the summary of each version, and its parts for users who update."""
     _, *versions = re.split(r"(?m)^## ", read_text(CHANGELOG))
     return "\n\n".join(part for version in versions for part in _parts(version))
 

@@ -1,8 +1,8 @@
-"""Lines of code on the built site, each an element of its own.
+"""Lines of code on the built site, each in its own element.
 
-The style sheet folds a line that is too long, on phones above all, and indents the rest of it below
-its beginning; of a label and a sentence, below the sentence. Names of options are never divided.
-Output in three columns or more stays as it is: folded, its columns would be lost.
+The style sheet folds lines that are too long, above all on phones, and indents the rest below the
+beginning of the line; if the line is a label and a sentence, below the sentence. Names of options
+are never divided. Output in three or more columns is not folded, as its columns would be lost.
 """
 
 import re
@@ -16,14 +16,14 @@ _CODE = re.compile(
 _TAG = re.compile(r"<[^>]*>")
 _OUTPUT = ("text", "none", "default")  # languages of what programs print
 _GAP = re.compile(r"(?<=\S) {2,}(?=\S)")  # between two columns
-_TEXT = re.compile(r"(<[^>]*>)")  # what divides HTML into text and tags
+_TEXT = re.compile(r"(<[^>]*>)")  # splits HTML into text and tags
 _OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*")
 _HANGING = 2  # characters by which the style sheet indents the rest of a line
-_INLINE = re.compile(r'<span class="pre">(?=-)')  # of inline code, a word that is an option
+_INLINE = re.compile(r'<span class="pre">(?=-)')  # an option in inline code
 
 
 def with_lines(body: str) -> str:
-    """Returns the HTML of a page in which each line of code can be folded."""
+    """Returns the HTML of a page, changed so that each line of code can be folded."""
     return _INLINE.sub('<span class="pre option">', _CODE.sub(_divided, body))
 
 
@@ -45,7 +45,7 @@ def _line(line: str, is_output: bool) -> str:
 
 
 def _kept_whole(line: str) -> str:
-    """Returns a line whose options are whole, and that may be folded after a bracket opens."""
+    """Returns a line that is never folded within an option, but may be after an opening bracket."""
     parts = _TEXT.split(line)  # text, tag, text, ..
     parts[::2] = [
         _OPTION.sub(r'<span class="option">\g<0></span>', part).replace("(", "(<wbr>")

@@ -9,12 +9,12 @@ from cyclopts.argument import Argument
 
 from cocap_opt.console.usage import usage_of
 
-_FAMILIES = ("figure", "library", "study")  # commands that hold others
-_OWN_PAGES = ("library", "study")  # families that are not on the page of their group
+_FAMILIES = ("figure", "library", "study")  # commands with subcommands
+_OWN_PAGES = ("library", "study")  # families that have their own pages
 
 
 def _group(title: str, program: App) -> str:
-    """Returns a part for each command of a group, but for families with pages of their own."""
+    """Returns a part for each command of a group, except families that have their own pages."""
     return "\n\n".join(_parts(title, program))
 
 
@@ -77,7 +77,7 @@ def _row(argument: Argument) -> str:
     """Returns the line of an option in the table."""
     names = ", ".join(f"`{name}`" for name in argument.names)
     choices = argument.get_choices() or ()
-    several = len(choices) > 1  # a single one is beside numbers: the help has it
+    several = len(choices) > 1  # a single choice is an alternative to a number, in the help text
     words = [argument.parameter.help, f"one of {', '.join(choices)}" if several else ""]
     meaning = "; ".join(filter(None, words)).replace("|", "\\|")
     return f"| {names} | {meaning} | {_default(argument)} |"

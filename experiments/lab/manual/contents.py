@@ -1,7 +1,7 @@
-"""The index of the pages: sections with links, from which the site's menu and llms.txt are made.
+"""The index of the pages: sections with links. The site's menu and llms.txt are made from it.
 
-`docs/index.md` lists each page once, `- [Title](page.md): what it is about`, below the heading of
-its section.
+`docs/index.md` lists each page once, as `- [Title](page.md): what it is about`, below the heading
+of its section.
 """
 
 import re
@@ -19,7 +19,7 @@ _COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
 
 class _Entry(NamedTuple):
     title: str
-    page: str  # without its ending
+    page: str  # without its suffix
     ending: str
     about: str
 

@@ -1,4 +1,4 @@
-"""Everything that pages hold between marks, by name: quotes, and lists made from the code."""
+"""Everything that pages contain between marks, by name: quotes, and lists made from the code."""
 
 from collections.abc import Callable, Mapping
 from functools import cache, partial
@@ -32,18 +32,18 @@ ENTRIES: Mapping[str, Callable[[], str]] = {
 
 
 def all_entries(program: App, face: ModuleType) -> Callable[[str], str]:
-    """Returns the function that makes the Markdown of a name, once.
+    """Returns a function that returns the Markdown of a name; it makes each text only once.
 
     Parameters
     ----------
-    program : cocap-opt, which is above this room
-    face : `cocap_opt`, likewise
+    program : the program cocap-opt, which this package must not import
+    face : the package `cocap_opt`, likewise
 
     Raises
     ------
     FileError
-        By the function, if there is no such name, or if it stands for nothing, which a page would
-        show as a gap in a sentence.
+        Raised by the returned function if the name is unknown, or if its text is empty, which would
+        leave a gap in a sentence.
     """
     made: dict[str, Callable[[], str]] = {
         **ENTRIES,
@@ -57,7 +57,7 @@ def all_entries(program: App, face: ModuleType) -> Callable[[str], str]:
             raise FileError(f"{name}: unknown entry; add it to {__name__}")
         text = made[name]().strip()
         if not text:
-            raise FileError(f"{name}: stands for nothing")
+            raise FileError(f"{name}: its text is empty")
         return text
 
     return entry

@@ -22,12 +22,12 @@ DOCUMENTS: Mapping[str, type[Document]] = {
 
 
 class _Page(NamedTuple):
-    """The parts of a document that a page shows: those of its document from one to another.
+    """The parts of a document that a page shows, from a first one to a last one.
 
     Attributes
     ----------
-    first, last : the ends of the list of parts; None: of the document's own
-    beside : documents whose pages have what is not shown again
+    first, last : names of the first and the last part; None for the first and last of all
+    beside : documents whose parts are on other pages, and not shown again
     """
 
     document: str
@@ -63,7 +63,7 @@ def _json(name: str) -> str:
 
 
 def _three_places(name: str, language: str) -> str:
-    """Returns a file of the instance that is worked by hand, as a block of code."""
+    """Returns a file of the instance that is worked through by hand, as a block of code."""
     return f"```{language}\n{read_text(_THREE_PLACES / name).strip()}\n```"
 
 
@@ -121,7 +121,7 @@ def _default(name: str, field: Mapping[str, Any], required: object) -> str:
 
 
 def _kind(field: Mapping[str, Any]) -> str:
-    """Says in words what a field of a JSON Schema may hold."""
+    """Describes what a field of a JSON Schema may contain."""
     if "$ref" in field:
         return str(field["$ref"]).removeprefix("#/$defs/")
     if "anyOf" in field:
@@ -147,7 +147,7 @@ def _range(field: Mapping[str, Any]) -> Iterator[str]:
 
 
 def example(name: str) -> str:
-    """Returns a small document of a kind, as the project writes it, with short arrays on a line."""
+    """Returns a small document of a kind, as the project writes it, but with arrays on one line."""
     text = encode(_example(name)).decode()
     return re.sub(r"\[\s*([^\[\]{}\"]*?)\s*\]", lambda m: f"[{' '.join(m[1].split())}]", text)
 

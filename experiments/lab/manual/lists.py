@@ -24,8 +24,8 @@ from cocap_opt.scenarios.recipe import EXAMPLE
 
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
 
-_PARTS = re.split(r"(?m)(?=^\[\[drones\]\]$)", EXAMPLE, maxsplit=1)  # of the recipe: a page each
-_COMMENTED = re.compile(r"(.*?\S) +# (.*)")  # a key, maybe commented out, and its comment
+_PARTS = re.split(r"(?m)(?=^\[\[drones\]\]$)", EXAMPLE, maxsplit=1)  # one page for each part
+_COMMENTED = re.compile(r"(.*?\S) +# (.*)")  # a key, possibly commented out, and its comment
 _CONTINUED = re.compile(r"#? {8,}# ")
 
 _OF_ROOT = (
@@ -62,8 +62,8 @@ def _search_parameters(of_root: bool) -> str:
 
 
 def _recipe(part: slice) -> str:
-    """Returns a part of the example of a recipe; comments too wide for a page precede their key."""
-    keys: list[list[str]] = []  # each with the lines on which its comment goes on
+    """Returns a part of the example recipe; comments too wide for a page precede their key."""
+    keys: list[list[str]] = []  # each with the lines on which its comment continues
     for line in "".join(_PARTS[part]).strip().splitlines():
         if keys and _CONTINUED.match(line):
             keys[-1].append(line)
@@ -90,7 +90,7 @@ def _long_tables() -> str:
 
 
 def _tangents() -> str:
-    """Returns the number of tangents that the program of a small scene has, by the error."""
+    """Returns the number of tangents in the program of a small scene, for each error."""
     model, rows = compiled(load_scene("corridor", 0).until(4)), list[Record]()
     for error in (1e-3, 1e-4, 1e-5, 1e-6, 0.0):
         found = ModelFile.with_tangents(model, error)

@@ -1,9 +1,10 @@
-"""Marks in Markdown: places where a page holds text that is made from code or stored results.
+"""Marks in Markdown: places where a page contains text that is made from code or stored results.
 
-A block is between lines of its own, `<!-- quote: name -->` and `<!-- end of quote -->`; a few
-words are in a sentence, `<!-- n: name -->12<!-- /n -->`. Nobody who reads the page sees a mark.
-Directives that only the built site can show are between lines `<!-- on the site` and `-->`, and
-what takes their place elsewhere between `<!-- off the site -->` and `<!-- end -->`.
+A block is between `<!-- quote: name -->` and `<!-- end of quote -->`, each on its own line; a few
+words within a sentence are between marks such as `<!-- n: name -->12<!-- /n -->`. Readers of the
+page do not see the marks. Directives that only the built site can show are between the lines
+`<!-- on the site` and `-->`; the text that replaces them elsewhere is between
+`<!-- off the site -->` and `<!-- end -->`.
 """
 
 import re
@@ -24,7 +25,7 @@ _ANY = re.compile(
 )
 _OF_BLOCK = r"<!-- (?:quote: \S+|end of quote) -->"
 _SHARED = re.compile(rf"(?!^){_OF_BLOCK}|{_OF_BLOCK}(?!$)", re.MULTILINE)
-_ENDS = {  # of marks that begin so
+_ENDS = {  # end marks, by the beginning of the mark
     "<!-- quote": "<!-- end of quote -->",
     "<!-- n": "<!-- /n -->",
     "<!-- off": "<!-- end -->",
@@ -33,19 +34,19 @@ _ENDS = {  # of marks that begin so
 
 
 def names_in(text: str) -> list[str]:
-    """Returns the name of each mark, in the order of the text, blocks first."""
+    """Returns the names of the marks: first those of blocks, then those of words, in order."""
     return [found[2] for marked in (_BLOCK, _WORDS) for found in marked.finditer(text)]
 
 
 def filled(text: str, entry: Callable[[str], str]) -> str:
-    """Returns a page whose marks hold the entries of their names.
+    """Returns a page in which each mark contains the entry of its name.
 
     Raises
     ------
     FileError
-        If a mark has no end before another begins, or an end no mark, or if a mark of a block
-        shares its line; if a mark of words begins a line, which Markdown then takes for HTML, or
-        its entry has more than one line.
+        If a mark has no end before the next mark, an end has no mark, a block's mark shares its
+        line, words' mark begins a line (Markdown would read it as HTML), or the entry for words has
+        more than one line.
     """
     _check_pairs(text)
     if wrong := _BEGINS.search(text):
@@ -64,7 +65,7 @@ def filled(text: str, entry: Callable[[str], str]) -> str:
 
 
 def without_marks(text: str) -> str:
-    """Returns a page without its marks, and with all that they hold."""
+    """Returns a page without its marks, but with the text in them."""
     return _MARK.sub("", text)
 
 
@@ -74,7 +75,7 @@ def on_the_site(text: str) -> str:
     Raises
     ------
     FileError
-        If a mark has no end before another begins, or an end no mark.
+        If a mark has no end before the next mark, or an end has no mark.
     """
     _check_pairs(text)
     return _FOR_SITE.sub(r"\1", _ELSEWHERE.sub("", without_marks(text)))
@@ -91,7 +92,7 @@ def _check_pairs(text: str) -> None:
             opened = mark
             end = next(_ENDS[kind] for kind in _ENDS if mark.startswith(kind))
         elif mark != end:
-            raise FileError(f"{mark}: ends no mark; delete it, or insert the mark that it ends")
+            raise FileError(f"{mark}: has no opening mark; delete it, or insert the opening mark")
         else:
             opened = end = ""
     if opened:

@@ -24,9 +24,9 @@ from cocap_opt.problem import (
 COLOURS = pictures.DRONE_COLOURS
 _CELL = 1.0  # inches
 _LOW, _HIGH = 0.42, 0.32  # inches, below and above the map
-_DISC = 0.105  # cells, radius; four stand side by side in a cell
-_ASIDE, _ALONG = 0.2, 0.235  # cells, by which discs of drones and of steps are set apart in a cell
-_BESIDE, _PERSON = 3.15, 4.45  # cells, where words beside the map begin; where the person is drawn
+_DISC = 0.105  # cells, radius; a cell has room for four side by side
+_ASIDE, _ALONG = 0.2, 0.235  # cells, distances of discs in a cell: of two drones, of two steps
+_BESIDE, _PERSON = 3.15, 4.45  # cells, x of the words beside the map, and of the person
 _ORDINALS = ("", "first", "second", "third", "fourth", "fifth")
 
 

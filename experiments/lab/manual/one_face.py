@@ -27,8 +27,8 @@ class Shadow(NamedTuple):
     high: FloatArray
     person: FloatArray
     face: FloatArray  # [V, 2]
-    column: list[FloatArray]  # its sides that are turned to the drone
-    pieces: list[FloatArray]  # of the face that are visible
+    column: list[FloatArray]  # the sides that face the drone
+    pieces: list[FloatArray]  # the visible pieces of the face
 
     @property
     def visible(self) -> float:
@@ -38,7 +38,7 @@ class Shadow(NamedTuple):
 
 @cache
 def shadow() -> Shadow:
-    """Returns the front of a person of whom a column of 3 m hides a corner."""
+    """Returns the front of a person, one corner of which a column of 3 m hides."""
     eye = np.array([0.0, 0.1, 5.0])
     low, high = np.array([5.0, 0.0, 0.0]), np.array([6.0, 1.0, 3.0])
     column = HeightMap(heights=np.array([[high[2]]]), origin=(5.0, 0.0))
@@ -60,7 +60,7 @@ def shadow() -> Shadow:
 
 
 def _image(polygon: FloatArray) -> FloatArray:
-    """Returns where points [V, 3], relative to a drone that looks along +x, are in its image."""
+    """Returns the image of points [V, 3] that are relative to a drone that looks along +x."""
     return np.column_stack([-polygon[:, 1], polygon[:, 2]]) / polygon[:, :1]
 
 
@@ -70,7 +70,7 @@ def _area(polygon: FloatArray) -> float:
 
 
 class Curves(NamedTuple):
-    """The bounds on a face that two drones look at, by the share of each that does."""
+    """The bounds on a face that two drones look at, by the share of each drone that looks."""
 
     share: FloatArray  # [n] of each drone, 0..1
     concave: FloatArray

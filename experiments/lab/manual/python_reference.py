@@ -9,7 +9,7 @@ from types import ModuleType
 
 from numpydoc.docscrape import NumpyDocString, Parameter
 
-# The parts of the pages, and what each shows in its order; a method follows its class.
+# The parts of the pages, and the names that each shows, in order; methods follow their class.
 NAMES: Mapping[str, tuple[str, ...]] = {
     "scenes": ("load", "with_views", "with_starts", "takes", "coverage", "coverage_digest"),
     "plans": ("plan", "rest", "check", "quality", "replans"),
@@ -47,13 +47,13 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 _WIDEST = 80  # characters of a line of code that a page shows without scrolling
-_LONGEST = 30  # characters of a default; of longer ones the kind is shown
+_LONGEST = 30  # characters of a default; a longer default is replaced by its kind
 _MODULES = re.compile(r"\b(?:[a-z_]\w*\.)+(?=[A-Za-z])")
 _LISTED = ("Parameters", "Attributes", "Returns", "Raises")
 
 
 def _part(names: tuple[str, ...], face: ModuleType) -> str:
-    """Returns the entries of some names, one after the other."""
+    """Returns the entries of some names, one after another."""
     return "\n\n".join(text for name in names for text in _paragraphs(name, face) if text)
 
 
@@ -87,7 +87,7 @@ def _paragraphs(name: str, face: ModuleType) -> Iterator[str]:
 
 
 def _line(row: Parameter) -> str:
-    """Returns a line of a list; in these docstrings a meaning stands after the colon."""
+    """Returns an item of a list; in these docstrings, the meaning follows a colon."""
     name, meaning = (row.name, row.type) if row.name else (row.type, "")
     words = "\n".join(filter(None, [meaning, *row.desc]))
     told, *items = (" ".join(part.split()) for part in re.split(r"(?m)^\s*- ", words))
@@ -95,7 +95,7 @@ def _line(row: Parameter) -> str:
 
 
 def _signature(name: str, called: Callable[..., object]) -> str:
-    """Returns a call with its parameters, on a line if it fits, without names of modules."""
+    """Returns a call with its parameters, on one line if it fits, without names of modules."""
     found = inspect.signature(called)
     words, starred = list[str](), False
     for parameter in found.parameters.values():
@@ -128,6 +128,6 @@ def _annotation(annotation: object) -> str:
 
 def _default(parameter: inspect.Parameter) -> str:
     text = _MODULES.sub("", repr(parameter.default)).replace("'", '"')
-    if text.startswith("<"):  # made anew for each
+    if text.startswith("<"):  # an object without a readable form
         return "..."
     return text if len(text) <= _LONGEST else f"{type(parameter.default).__name__}(...)"

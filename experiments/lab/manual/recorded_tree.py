@@ -1,4 +1,4 @@
-"""CoCap's constraint tree, kept node by node while the planner makes it."""
+"""CoCap's constraint tree, recorded node by node while the planner makes it."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from cocap_opt.stop import never
 
 
 class Closed(NamedTuple):
-    """A cell at step t, or a move of two cells from t on, that a constraint closes to a robot."""
+    """A cell at step t, or a move of two cells after step t, that a constraint forbids a robot."""
 
     robot: int
     t: int
@@ -21,12 +21,12 @@ class Closed(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordedNode:
-    """A node of the tree, and its place there.
+    """A node of the tree, and its place in the tree.
 
     Attributes
     ----------
-    parent : number of the node that it is a child of; None for the root
-    turn : its turn among the nodes taken from OPEN, 1 for the first; None if it is still there
+    parent : number of its parent; None for the root
+    turn : its turn among the nodes taken from OPEN, 1 for the first; None if it was never taken
     """
 
     node: Node
@@ -45,12 +45,12 @@ class RecordedNode:
 
     @property
     def conflict(self) -> Conflict | None:
-        """The first conflict of its plan; None where there is none."""
+        """The first conflict of its plan; None if there is none."""
         return next(iter(self.node.conflicts), None)
 
     @property
     def closed(self) -> list[Closed]:
-        """The cells and moves that its constraints close to robots."""
+        """The cells and moves that its constraints forbid robots."""
         return [
             Closed(robot, int(t), tuple(self._cell(robot, place) for place in places))
             for robot, charges in enumerate(self.node.constraints)
@@ -64,20 +64,20 @@ class RecordedNode:
 
 
 class _Recorder(OpenNodes):
-    """Queue of open nodes that remembers all nodes that were ever in it."""
+    """Queue of open nodes that also keeps all nodes that were ever in it."""
 
     def __init__(self) -> None:
         super().__init__()
         self.recorded: list[RecordedNode] = []
 
     def push(self, node: Node) -> None:
-        """Add a node, a child of the one taken last."""
+        """Adds a node, a child of the node taken last."""
         parent = None if self.last is None else self._number(self.last)
         self.recorded.append(RecordedNode(node, parent))
         super().push(node)
 
     def pop(self) -> Node:
-        """Take the node that comes first."""
+        """Takes the first node."""
         node = super().pop()
         number = self._number(node)
         self.recorded[number] = RecordedNode(node, self.recorded[number].parent, self.popped)

@@ -1,4 +1,4 @@
-"""Pictures of objective, coverage and graph, and of what is left of them."""
+"""Pictures of the objective, of coverage and of the graph, and of the cells that stages leave."""
 
 from itertools import pairwise
 
@@ -30,11 +30,11 @@ from cocap_opt.problem.pictures import TopView
 
 _TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # the directions of four headings
 _HIDDEN = "#f3c9cf"  # of a person
-_NEAR = (5, 25)  # m, the part of the bottleneck in which people walk
+_NEAR = (5, 25)  # m, the part of the bottleneck where people walk
 
 
 def draw_root() -> Figure:
-    """Draws the root, on which the second of two views adds less than the first."""
+    """Draws the root function, by which the second of two views adds less than the first."""
     figure = new_figure(WIDTH, 3.3)
     ax = set_frame(figure.add_subplot())
     first, both = 15.0**2, 15.0**2 + 12.0**2
@@ -55,7 +55,7 @@ def draw_root() -> Figure:
 
 
 def draw_trap() -> Figure:
-    """Draws two plans of the scene in which planning in turn takes the wrong view."""
+    """Draws two plans of the scene in which planning one drone after another takes a wrong view."""
     figure, ax = new_canvas(WIDTH, 3.2)
     unit, panel = WIDTH / 13.4, 1.6  # inches, of a metre, and of each plan from above
     for k, (words, planner) in enumerate((("planned in turn", "sequential"), ("best", "joint"))):
@@ -71,7 +71,7 @@ def draw_trap() -> Figure:
 
 
 def _draw_trap_plan(ax: Axes, plan: Plan) -> None:
-    """Draws drones that turn on the spot, where each looks at last, and people on both sides."""
+    """Draws drones that turn on the spot, their last directions, and people on both sides."""
     problem = worked.trap()
     draw_cells(ax, problem)
     for j, actor in enumerate(problem.actors):
@@ -139,7 +139,7 @@ def _draw_side(ax: Axes) -> None:
     scene = one_face.shadow()
     (x, _, z), (near, _, foot), (far, _, top) = scene.eye, scene.low, scene.high
     person, head = float(scene.person[0, 0]), float(scene.person[:, 2].max())
-    edge = z + (top - z) * (person - x) / (far - x)  # where the sight over the column ends
+    edge = z + (top - z) * (person - x) / (far - x)  # height of the shadow's edge at the person
     end = x + (far - x) * z / (z - top)
     ax.add_patch(Polygon([(far, foot), (far, top), (end, 0)], color=FADED, alpha=0.25, lw=0))
     ax.add_patch(Rectangle((near, foot), far - near, top - foot, color=pictures.WALL))

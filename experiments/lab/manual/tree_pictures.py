@@ -27,7 +27,7 @@ _Spot = tuple[float, float]
 _WAY = {"arrowstyle": "-|>", "color": GREY, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
 _MARGIN = 0.1  # inches, around pictures and within boxes
 
-# Boxes of the overview: words, and the column and row where each is, from below.
+# Boxes of the overview: words, column and row; rows count from the bottom.
 _BOXES = {
     "scene": ("a scene:\nmap, walks, drones, rules", (0.5, 4)),
     "graph": ("time-expanded graph:\nwhere a drone can be", (0, 3)),
@@ -112,7 +112,7 @@ def draw_tree() -> Figure:
 
 
 def _told(n: int) -> str:
-    """Says which robot a node makes give way, and how."""
+    """Describes which robot gives way in a node, and how."""
     new = worked.doorway_tree()[n].closed
     before = worked.doorway_tree()[worked.doorway_tree()[n].parent or 0].closed
     (added,) = [closed for closed in new if closed not in before]
@@ -150,7 +150,7 @@ def _children(parents: list[int | None]) -> list[list[int]]:
 
 
 def draw_proof_tree() -> Figure:
-    """Draws the decisions of a proof as an outline, a row a node, with the bounds of its leaves."""
+    """Draws the decisions of a proof as an outline, one row per node, with the leaves' bounds."""
     nodes = worked.proof().file.nodes
     leaves = [n for n, node in enumerate(nodes) if not isinstance(node, Branch)]
     bounds = dict(zip(leaves, worked.proof().bounds, strict=True))
@@ -196,7 +196,7 @@ def _outline(parents: list[int | None]) -> tuple[list[int], list[int]]:
 
 
 def _draw_elbow(ax: Axes, parent: _Box, child: _Box, words: str) -> None:
-    """Draws the way from below a box to the right, to the box of an answer."""
+    """Draws a line from the bottom of a box down and then right, to the box of an answer."""
     trunk, y = parent.left + 0.12, child.centre[1]
     ax.plot([trunk, trunk, child.left], [parent.centre[1], y, y], color=GREY, lw=1.2, zorder=1)
     ax.text((trunk + child.left) / 2, y + 0.05, words, fontsize=SMALL, color=GREY, ha="center",

@@ -1,4 +1,4 @@
-"""The code that must be trusted to believe a bound: modules and lines of the checker's storeys."""
+"""The code that must be trusted to believe a bound: the checker's modules and lines, by layer."""
 
 import ast
 from collections.abc import Callable, Iterable
@@ -20,7 +20,7 @@ AUDIT = tuple(
     f"cocap_opt.formulations.independent.{name}"
     for name in ("scene_facts", "instance_facts", "differences", "enclosures", "audit")
 )
-# What the core imports for other things than checking, which never loads it.
+# Modules that the core imports for other purposes; checking never loads them.
 UNUSED = frozenset(
     f"cocap_opt.{name}"
     for name in (
@@ -32,12 +32,12 @@ _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
 class Trusted(NamedTuple):
-    """Modules that have to be trusted together.
+    """Modules that must be trusted together.
 
     Attributes
     ----------
     modules : their full names, sorted
-    lines : of code: neither empty, nor a comment or part of a docstring
+    lines : number of lines of code, without blank lines, comments and docstrings
     """
 
     modules: tuple[str, ...]
@@ -55,7 +55,7 @@ def storeys() -> dict[str, Trusted]:
     loaded = with_imports(CHECKER)
     upper = {name for name in loaded if name.startswith(f"{UPPER}.")}
     lower = {name for name in loaded if name.startswith(f"{CHECKER}.")} - upper
-    # The fronts of packages that only name what is in them are no part of it.
+    # Packages' __init__ modules that only list their contents do not count.
     core = {name for name in loaded - lower - upper - UNUSED if code_lines(name)}
     return {
         "core": Trusted.of(core),
@@ -82,7 +82,7 @@ def code_lines(module: str) -> int:
 
 
 def _table() -> str:
-    """Returns a line for each kind of claim, with the code that it asks to be trusted."""
+    """Returns a line for each kind of claim, with the code that must be trusted for it."""
     told = {
         "core": ("any bound", "the core below: scene, graph, coverage"),
         "lower": ("any bound", "formulations/certificates: sums, no search"),

@@ -1,6 +1,6 @@
 """The worked examples of the concept pages: each is solved once, for its numbers and its pictures.
 
-Small scenes, whose numbers can be followed by hand; the bottleneck, where they are of real size.
+Small scenes have numbers that can be followed by hand; the bottleneck shows numbers of real size.
 """
 
 from functools import cache, partial
@@ -50,13 +50,13 @@ from cocap_opt.scenarios import load_scene
 if TYPE_CHECKING:
     import networkx as nx
 
-SEED = 4  # of the bottleneck: CoCap loses more there than elsewhere
-SHORT = 2  # steps of the bottleneck on which cone programs are quick
-BRIEF = 4  # steps on which a whole trade-off is
+SEED = 4  # of the bottleneck: CoCap loses more with it than with other seeds
+SHORT = 2  # steps of the bottleneck with which cone programs are quick
+BRIEF = 4  # steps with which a whole trade-off is quick
 
 
 def planned(problem: Problem, planner: str) -> Result:
-    """Returns the result of a planner, which finds a plan."""
+    """Returns the result of a planner, which must find a plan."""
     result: Result = run(problem, planner).result
     assert result.plan is not None
     return result
@@ -98,7 +98,7 @@ def doorway_bound() -> CertificateFile:
 
 
 class _BoundParts(NamedTuple):
-    """The numbers that a bound is the sum of."""
+    """The numbers whose sum is a bound."""
 
     faces: FloatArray  # [Z] constants of view sums
     rows: float  # prices of rules
@@ -120,7 +120,7 @@ class _BoundParts(NamedTuple):
 
     @property
     def total(self) -> float:
-        """The bound, but for rounding."""
+        """The bound, apart from rounding."""
         return float(self.faces.sum()) + self.rows + sum(self.paths)
 
 
@@ -133,7 +133,7 @@ def doorway_multipliers() -> Multipliers:
 
 @cache
 def doorway_parts() -> _BoundParts:
-    """Returns the terms of which the doorway's bound is the sum."""
+    """Returns the terms whose sum is the doorway's bound."""
     return _BoundParts.of(doorway(), doorway_multipliers())
 
 
@@ -141,7 +141,7 @@ def doorway_parts() -> _BoundParts:
 
 
 class _Bottleneck(NamedTuple):
-    """CoCap's plan of the bottleneck, and the bound beside it."""
+    """CoCap's plan of the bottleneck, and the bound on it."""
 
     problem: Problem
     plan: Result
@@ -179,8 +179,8 @@ class Remaining(NamedTuple):
     bound: float
     left: IntArray  # [T+1] states
     cells: frozenset[tuple[int, int]]  # at the middle step
-    joint: int  # joint states of them, conflicts included
-    reached: tuple[int, ...]  # [T+1] joint states, if all paths are tried at this point
+    joint: int  # number of joint states of them, including conflicts
+    reached: tuple[int, ...]  # [T+1] number of joint states, if all paths are tried after the stage
 
 
 @cache
@@ -211,7 +211,7 @@ def stages() -> list[Remaining]:
 
 
 def _most_profit(stage: FileStage, k: int, joint: JointStates) -> float:
-    """Returns the most profit of the joint states of a stage's constant, if that is more."""
+    """Returns the highest profit of joint states, or a stage's constant, whichever is higher."""
     return most_profitable(joint, stage.constants[k].constant, MOST_NODES).profit
 
 
@@ -242,7 +242,7 @@ def explained() -> Explained:
 
 @cache
 def seen_from(actor: int) -> FloatArray:
-    """Returns the reward of one drone's best look at a person from each cell [X, Y], alone."""
+    """Returns the reward of one drone's best view of a person alone, from each cell [X, Y]."""
     example = bottleneck()
     robot_class, faces = example.model.classes[0], example.problem.face_owner == actor
     graph, weights = robot_class.graph, example.problem.face_weights
@@ -271,7 +271,7 @@ def overestimates() -> FloatArray:
 
 @cache
 def compared() -> list[tuple[str, list[float]]]:
-    """Returns the bounds of all methods on two scenes, and at last the optimum."""
+    """Returns the bounds of all methods on two scenes, and last the optimum."""
     short = load_scene("bottleneck", 0).replace(horizon=SHORT)
     scenes = [trap(), short]
     starts = [planned(scene, "sequential").plan for scene in scenes]
@@ -285,7 +285,7 @@ def compared() -> list[tuple[str, list[float]]]:
 
 @cache
 def trade_off() -> Front:
-    """Returns the trade-off between J and views on the first steps of the bottleneck, settled."""
+    """Returns the proved trade-off between J and views on the first steps of the bottleneck."""
     front = Front.of(load_scene("bottleneck", 0).replace(horizon=BRIEF))
     found = explored(front, seconds=60.0, directions=20)
     assert found.settled

@@ -19,19 +19,19 @@ def number(amount: float) -> str:
 
 
 def told_conflict(conflict: Conflict | None) -> str:
-    """Says where two drones meet."""
+    """Describes where two drones meet."""
     if conflict is None:
         return "none"
     if isinstance(conflict, SwapConflict):
         first, second = (f"({cell.x}, {cell.y})" for cell in conflict.cells)
         return f"they swap {first} and {second} after step {conflict.t}"
-    assert isinstance(conflict, VertexConflict), "the doorway's rules know no other"
+    assert isinstance(conflict, VertexConflict), "the doorway's rules have no other kind"
     cell = conflict.cells[0]
     return f"both in ({cell.x}, {cell.y}) at step {conflict.t}"
 
 
 def told_closed(closed: Sequence[Closed]) -> str:
-    """Names the cells and moves that constraints close to drones."""
+    """Names the cells and moves that constraints forbid drones."""
     return "; ".join(map(_told_closed, closed)) or "none"
 
 
@@ -89,7 +89,7 @@ def _certificate_table() -> str:
 
 
 def told_resource(resource: Resource) -> str:
-    """Names the cells that a row or a decision is about."""
+    """Names the cells of a row or a decision."""
     assert isinstance(resource, Cells)
     cells = ", ".join(f"({cell.x}, {cell.y})" for cell in resource.cells)
     return f"cell {cells} at step {resource.t}"
@@ -104,7 +104,7 @@ def _stages_table() -> str:
 
 
 def _reached() -> str:
-    """Says how many joint states are reached from the multipliers alone, step by step."""
+    """Lists how many joint states are reached from the multipliers alone, step by step."""
     return ", ".join(map(str, worked.stages()[1].reached[1:]))
 
 

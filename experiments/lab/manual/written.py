@@ -1,6 +1,6 @@
-"""Everything on the pages that is made: text between marks, pictures, and schemas of files.
+"""Everything on the pages that is generated: text between marks, pictures, and schemas of files.
 
-The pages are committed with it, so that they are whole wherever somebody reads them.
+The pages are committed with it, so that they are complete wherever they are read.
 """
 
 import re
@@ -29,7 +29,7 @@ _DATED = re.compile(rb"\s*<metadata>.*?</metadata>", re.DOTALL)
 _HASHED = re.compile(rb"\b([a-z])[0-9a-f]{10}\b")
 _PLACES = re.compile(
     rb'\b(?:d|x|y|points|width|height|viewBox)="[^"]*"|\b(?:translate|rotate)\([^)]*\)'
-)  # not scales, which are factors: that of letters is 1/64
+)  # not scales, which need more digits: the scale of letters is 1/64
 _DECIMAL = re.compile(rb"-?\d+(?:\.\d+)?")
 
 
@@ -42,12 +42,12 @@ DRAWN: Mapping[str, Callable[[], bytes]] = {
     **DRAWINGS,
     **{f"{name}.svg": partial(_diagram, name) for name in DIAGRAMS},
 }
-# Taken with a browser and PDFium; they differ between releases, so no test compares pixels.
+# Taken with a browser and PDFium, whose releases draw differently, so no test compares pixels.
 PHOTOGRAPHED = ("player.png", FILM, *STILLS)
 
 
 def pages() -> list[Path]:
-    """Returns all files in Markdown that may have marks."""
+    """Returns all Markdown files that may have marks."""
     return [*(ROOT / name for name in _OTHERS), *sorted(DOCS.rglob("*.md"))]
 
 
@@ -66,7 +66,7 @@ def rewritten(page: Path, entry: Callable[[str], str]) -> str:
 
 
 def write_text(entry: Callable[[str], str]) -> Iterator[Path]:
-    """Writes between the marks of all pages, and the schemas; yields each file that changed."""
+    """Writes text between marks on all pages, and schemas; yields the files that changed."""
     files = {page: rewritten(page, entry) for page in pages()}
     files |= {SCHEMAS / name: text for name, text in schemas().items()}
     make_folder(SCHEMAS)
@@ -77,12 +77,12 @@ def write_text(entry: Callable[[str], str]) -> Iterator[Path]:
 
 
 def write_pictures() -> Iterator[Path]:
-    """Draws all pictures; yields each file that changed.
+    """Draws all pictures; yields the files that changed.
 
     Raises
     ------
     FileError
-        If there is a file that nothing here draws, as it may be somebody's work.
+        If the folder has a file that is not drawn here, as it may be somebody's work.
     """
     make_folder(PICTURES)
     listed = {*DRAWN, *PHOTOGRAPHED}
@@ -99,16 +99,16 @@ def write_pictures() -> Iterator[Path]:
 
 
 def drawn(name: str) -> bytes:
-    """Returns a picture as it is committed: an SVG without dates, and with short numbers."""
+    """Returns a picture as it is committed: an SVG without dates and with short numbers."""
     with mpl.rc_context({"svg.hashsalt": "cocap-opt"}):
         content = DRAWN[name]()
     return _settled(content) if name.endswith(".svg") else content
 
 
 def _settled(svg: bytes) -> bytes:
-    """Returns an SVG that is the same whenever it is drawn, with places to 0.01 points.
+    """Returns an SVG that is the same each time it is drawn, with positions to 0.01 points.
 
-    Its identifiers are digests of all digits, which differ between processors; they are numbered.
+    Numbers replace its identifiers, which are digests of all digits and differ between processors.
     """
     numbers = count(1)
     known: dict[bytes, bytes] = {}
@@ -123,5 +123,5 @@ def _settled(svg: bytes) -> bytes:
 
 
 def _rounded(number: re.Match[bytes]) -> bytes:
-    """Returns a number with two decimals at most, and no zero at its end or below zero."""
+    """Returns a number with at most two decimals, without trailing zeros, and never -0."""
     return f"{round(float(number[0]), 2) + 0.0:.2f}".rstrip("0").rstrip(".").encode()

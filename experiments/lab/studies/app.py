@@ -1,7 +1,7 @@
 """The studies, each a command of `cocap-opt study`: what it does, and where its function is.
 
 To add one: a module whose function has the options of the command, and an entry in `STUDIES`. The
-module is imported when its command is called, so that the list of commands is there at once.
+module is imported only when its command is called, so that listing the commands is quick.
 """
 
 from typing import NamedTuple
@@ -14,8 +14,8 @@ class Study(NamedTuple):
 
     Attributes
     ----------
-    function : its command, as "module:function" in this room
-    help : what the command prints of itself, with an example
+    function : its command, as "module:function" below this package
+    help : help text of the command, with an example
     """
 
     function: str

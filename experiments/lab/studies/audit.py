@@ -1,4 +1,4 @@
-"""Audits of the built-in scenes: how much is compared, and how wide enclosures of coverage are."""
+"""Audits of the built-in scenes: how many numbers are compared, and how wide enclosures are."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -28,12 +28,12 @@ class AuditedScene(NamedTuple):
     places: int
     moves: int
     reached: int  # states at steps that count
-    enclosed: int  # of these: states whose coverage was enclosed
-    numbers: int  # of theirs, those that are not 0 on both sides
+    enclosed: int  # states among these whose coverage was enclosed
+    numbers: int  # their numbers that are not 0 on both sides
     undecided: int  # numbers in enclosures that are too wide
-    different: int  # facts and numbers that are not the scene's
-    wide_share: float  # of the widest enclosure of the others, as a share
-    wide_pixels: float  # px/m2
+    different: int  # facts and numbers that differ from the scene's
+    wide_share: float  # width of the widest other enclosure, as a share of the number
+    wide_pixels: float  # width of the widest other enclosure, px/m2
     seconds: float  # of CPU time, for the audit alone
 
     @classmethod
@@ -42,8 +42,8 @@ class AuditedScene(NamedTuple):
 
         Parameters
         ----------
-        views : number of states with most pixels, and of states that are drawn
-        whole : number of states up to which all are enclosed
+        views : number of states with most pixels, and of random states, to check
+        whole : scenes with at most this number of states are checked completely
         """
         problem = load_scene(name, _SEED)
         model = compiled(problem)
@@ -88,7 +88,7 @@ def _stored() -> list[AuditedScene]:
 
 
 def audits_in_markdown() -> str:
-    """Returns the stored audits, the small scenes as one row."""
+    """Returns the stored audits, with the small scenes in one row."""
     rows = _stored()
     small = [row for row in rows if row.scene.startswith("tiny-")]
     others = [row for row in rows if row not in small]
@@ -118,7 +118,7 @@ def _shown(name: str, rows: list[AuditedScene]) -> dict[str, str]:
 
 
 def audits_in_words() -> str:
-    """Says how many numbers of the stored audits are in enclosures, and how wide these are."""
+    """States how many numbers of the stored audits are in enclosures, and how wide these are."""
     rows = _stored()
     numbers, undecided, different = (
         sum(getattr(row, field) for row in rows) for field in ("numbers", "undecided", "different")

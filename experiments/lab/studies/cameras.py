@@ -1,8 +1,8 @@
-"""The price in J of two cameras on each person, and their weight on proofs.
+"""The price in J of two cameras on each person, and their effect on proofs.
 
 Each scene is planned three times: for pixels alone, with views at their default weight, and with
-people before all pixels. Each time the recommended planner makes a plan, and branch-and-price goes
-on from there. Seconds and limits are of CPU time, coverage not included.
+views before all pixels. Each time, the recommended planner makes a plan, and branch-and-price
+starts from it. Seconds and limits are CPU time, excluding coverage.
 """
 
 import math
@@ -41,19 +41,19 @@ class AskedPlans(NamedTuple):
     scene: str
     seed: int
     asked: str  # pixels, pixels and views, or first
-    most: float  # that V could be
+    most: float  # the largest conceivable V
     reward: float  # J of the recommended planner's plan
     views: float  # V of it
-    best_reward: float  # of the best plan, that of branch-and-price
+    best_reward: float  # J of the best plan, which branch-and-price found
     best_views: float
     by_two: float  # share of person-steps that two drones see in that plan
     apart: float  # share that they see from at least 30 degrees apart
-    weight: float  # of a view; 0 without views, the mean over people else
-    planned: float  # value of the objective: of the recommended planner's plan
-    value: float  # of the best plan
+    weight: float  # of a view, mean over people; 0 without views
+    planned: float  # value of the objective, for the recommended planner's plan
+    value: float  # value of the objective, for the best plan
     bound: float
     seconds: float  # of branch-and-price
-    reason: str  # why it ended
+    reason: str  # why branch-and-price ended
 
     @property
     def is_proved(self) -> bool:
@@ -62,9 +62,9 @@ class AskedPlans(NamedTuple):
 
     @property
     def most_proved(self) -> float:
-        """The most V, of all plans, that the bound leaves where people come first.
+        """The largest V of any plan that the bound allows, if views come before pixels.
 
-        All people of these scenes are of importance 1, so that V is whole.
+        All people of these scenes have importance 1, so V is a whole number.
         """
         return min(self.most, math.floor(self.bound / self.weight))
 
@@ -78,13 +78,13 @@ def cameras(
     for name in scene or _SCENES:
         for seed in Option("--seeds").numbers(seeds or _SCENES.get(name, "0-4")):
             rows += _asked_plans(load_scene(name, seed), seed, limit)
-            results.save(_TABLE, rows)  # what is there stays if it is stopped
+            results.save(_TABLE, rows)  # after each scene, in case the study is stopped
     Listing("what two cameras on each person cost", _cost_rows(rows)).print()
     Listing("what they change in proofs", _proof_rows(rows)).print()
 
 
 def _asked_plans(problem: Problem, seed: int, limit: float) -> Iterator[AskedPlans]:
-    """Plans a scene for each objective, within a limit of each method."""
+    """Plans a scene for each objective; each method has the limit."""
     without = problem.replace(objective=problem.objective.replace(views=None))
     variants = {
         _PIXELS: without,
@@ -120,7 +120,7 @@ def _values(front: Front, plan: Plan) -> tuple[float, float]:
 
 
 def _by_scene(rows: Sequence[AskedPlans]) -> Iterator[tuple[str, dict[str, list[AskedPlans]]]]:
-    """Yields the name of each scene, with its rows by what was asked, in the order of seeds."""
+    """Yields the name of each scene, and its rows by objective, in the order of seeds."""
     order = [*_SCENES, *(row.scene for row in rows)]
     for name in sorted({row.scene for row in rows}, key=order.index):
         of_scene = [row for row in rows if row.scene == name]
@@ -128,7 +128,7 @@ def _by_scene(rows: Sequence[AskedPlans]) -> Iterator[tuple[str, dict[str, list[
 
 
 def _cost_rows(rows: Sequence[AskedPlans]) -> list[Record]:
-    """Returns views, and J that is given up for them, of the recommended planner's plans."""
+    """Returns the views of the recommended planner's plans, and the J given up for them."""
     found: list[Record] = []
     for name, groups in _by_scene(rows):
         best = [row.best_reward for row in groups[_PIXELS]]
@@ -152,7 +152,7 @@ def _cost_rows(rows: Sequence[AskedPlans]) -> list[Record]:
 
 
 def _proof_rows(rows: Sequence[AskedPlans]) -> list[Record]:
-    """Returns the numbers of optima that are proved with views and without, and their times."""
+    """Returns the numbers of proved optima with and without views, and their times."""
     found: list[Record] = []
     for name, groups in _by_scene(rows):
         both = [*zip(groups[_PIXELS], groups[_VIEWS], strict=True)]
@@ -177,17 +177,17 @@ def _stored() -> list[AskedPlans]:
 
 
 def cost_in_markdown() -> str:
-    """Returns the price of two cameras on each person, of stored plans."""
+    """Returns the price of two cameras on each person, from stored plans."""
     return markdown([_short(row) for row in _cost_rows(_stored())])
 
 
 def proofs_in_markdown() -> str:
-    """Returns stored proofs with views beside those without, in Markdown."""
+    """Compares stored proofs with and without views, in Markdown."""
     return markdown([_short(row) for row in _proof_rows(_stored())])
 
 
 def directions_in_words() -> str:
-    """Says how many person-steps two drones see, and from two directions, in stored plans."""
+    """States how many person-steps two drones see, and from two directions, in stored plans."""
     plans = [row for row in _stored() if row.asked == _VIEWS]
     by_two, apart = (100 * fmean(getattr(row, key) for row in plans) for key in ("by_two", "apart"))
     return (
@@ -197,5 +197,5 @@ def directions_in_words() -> str:
 
 
 def _short(row: Record) -> Record:
-    """Returns the cells of a row as pages show them."""
+    """Returns the cells of a row for pages."""
     return {key: f"{x:.2f}" if isinstance(x, float) else x for key, x in row.items()}

@@ -1,7 +1,7 @@
-"""The drawings of the pages, each made from stored results or from plans made on the spot.
+"""The drawings of the pages, made from stored results or from plans that are computed here.
 
 `docs/write.py` writes them into `docs/pictures`. The gallery shows a plan of each of its scenes
-from above; where the pages are built, a player takes the place of the picture.
+from above; on the built site, a player replaces the picture.
 """
 
 import re
@@ -87,7 +87,7 @@ def _growth() -> bytes:
 
 
 def _giving_way() -> bytes:
-    """Draws the encounter of ten seeds in which a drone gives up most for its team."""
+    """Draws the encounter, among ten seeds, in which a drone gives up most for its team."""
     found: list[Encounter] = []
     for seed in range(10):
         problem = load_scene("bottleneck", seed)
@@ -142,7 +142,7 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
 
 
 def gallery_in_markdown() -> str:
-    """Returns a part for each scene, with a picture of its plan and the way to its player."""
+    """Returns a part for each scene, with a picture of its plan and the commands for its player."""
     return "\n\n".join(map(_scene_part, GALLERY))
 
 
@@ -157,7 +157,7 @@ def _scene_part(name: str) -> str:
 
 
 def with_players(page: str) -> str:
-    """Returns the page of the gallery in HTML with players beside its pictures.
+    """Returns the HTML of the gallery's page with players in addition to its pictures.
 
     The style sheet shows the pictures on phones, and the players elsewhere.
     """
@@ -173,7 +173,7 @@ def with_players(page: str) -> str:
 def write_players(folder: Path) -> None:
     """Plans each scene of the gallery, and writes its player into a folder.
 
-    That of corridor has the certificate which the page that checks files has as an example.
+    The corridor's player has the certificate that is the example of the page that checks files.
     """
     make_folder(folder)
     for name in GALLERY:

@@ -1,8 +1,8 @@
-"""The pictures of the tutorial on the first flight, and the moving one of the README.
+"""The pictures of the tutorial on the first flight, and the animated one of the README.
 
-The tutorial's own commands are run, and what they write is pictured: by the browser, by PDFium, and
-by the reader of missions of MAVProxy. Each picture says of what it is made, so that a test can
-tell when it is no longer that.
+The study runs the tutorial's own commands, and takes pictures of the files that they write: with
+the browser, with PDFium, and with MAVProxy's reader of missions. Each picture contains a digest of
+what it is made from, so that a test notices if it is out of date.
 """
 
 import re
@@ -32,10 +32,10 @@ STILLS = tuple(
     f"first-flight-{name}.png" for name in ("scene", "steps", "player", "strip", "sheet", "mission")
 )
 
-_STEP = 4  # of the still; the film opens at it, too
-_WIDE, _NARROW = (960, 800), (560, 870)  # px, pages of the stills and of the film
-_SCALE = 1.4  # px of a picture for each of its page
-_EVERY, _PACE, _QUALITY = 0.5, 300, 70  # of the film: steps and ms between pictures; of WebP
+_STEP = 4  # of the still; the film starts at it, too
+_WIDE, _NARROW = (960, 800), (560, 870)  # px, size of the page for the stills and for the film
+_SCALE = 1.4  # px of a picture for each px of its page
+_EVERY, _PACE, _QUALITY = 0.5, 300, 70  # of the film: steps and ms between images; WebP quality
 _SHEET_SCALE = 1.5  # px of a picture for each point of the sheet
 _PROGRAM = "import sys; from cocap_opt.cli.main import main; sys.exit(main())"
 _STRIP, _PICTURE = ".filmed", "canvas.view"
@@ -64,7 +64,7 @@ def write_first_flight(folder: Path) -> Iterator[Path]:
 
 
 def digest() -> str:
-    """Returns a digest of the commands of the tutorial, and of all that draws what they make."""
+    """Returns a digest of the tutorial's commands, and of all code that draws their results."""
     return made_from(str(list(_commands())))
 
 
@@ -102,7 +102,7 @@ def _first_page(sheet: Path) -> Image.Image:
 
 
 def _film(page: Path) -> bytes:
-    """Returns a moving picture of the flight, from the step of the still on and around."""
+    """Returns an animation of the flight, which starts at the still's step and wraps around."""
     from cocap_opt.experiments.lab.studies.pictures import Browser  # as above
 
     frames = []

@@ -1,7 +1,7 @@
-"""The speed of the player: pictures a second while it plays or turns, and what each costs.
+"""The speed of the player: frames per second while it plays or turns, and the cost of a frame.
 
-The cost is the CPU time of the page's main thread, as a share of what there is for 30
-pictures a second, so that a busy machine hardly changes it. It needs Chromium, as `pictures` does.
+The cost is the CPU time of the page's main thread, as a share of 1/30 s, so that a busy machine
+hardly changes it. The study needs Chromium, like `pictures`.
 """
 
 import time
@@ -18,8 +18,8 @@ from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 
 _SIZE = 1400, 900  # px
-_WARM, _MEASURED = 3.0, 6.0  # s, before and while pictures are counted
-_WANTED = 30.0  # pictures a second
+_WARM, _MEASURED = 3.0, 6.0  # s, before and while frames are counted
+_WANTED = 30.0  # frames per second
 _COUNT = """
 window.pictures = 0;
 const count = () => { window.pictures += 1; requestAnimationFrame(count); };
@@ -46,7 +46,7 @@ const turn = () => {
 };
 turn();
 """
-# Names, keys that are pressed first, and what moves then.
+# Names, keys to press first, and the script that starts the movement.
 _ROWS = (
     ("play", "", _PLAY), ("with a drone's picture", "d", _PLAY), ("following a drone", "df", _PLAY),
     ("turning it", "", _TURN),
@@ -61,7 +61,7 @@ def frames(
         int | None, Parameter(help="number of drones, e.g. 18 (default: all)")
     ] = None,
 ) -> None:
-    """Prints how fast a scene's plan is drawn while it plays or turns, row by row."""
+    """Prints a table of how fast a scene's plan is drawn while it plays or turns."""
     problem = load_scene(scene, 0)
     problem = problem.replace(robots=problem.robots[:drones])
     plan = run(problem, planner).result.plan
@@ -94,7 +94,7 @@ def _measured(page: Path, name: str, keys: str, moving: str) -> Record:
 
 
 def _spent(browser: Any) -> tuple[int, float]:
-    """Returns the number of pictures that were drawn, and the main thread's CPU time (s)."""
+    """Returns the number of frames that were drawn, and the main thread's CPU time (s)."""
     metrics = browser.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
     busy = {metric["name"]: metric["value"] for metric in metrics}["TaskDuration"]
     return browser.execute_script("return window.pictures"), busy

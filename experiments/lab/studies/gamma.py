@@ -1,4 +1,4 @@
-"""The cost and the savings of view search's discount gamma, of which CoCap's paper is silent."""
+"""The cost and the savings of view search's discount gamma, which CoCap's paper does not state."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -19,7 +19,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import TimeLimit
 
 _TABLE = "gamma.csv"
-_KEPT = (0.95, 0.98)  # shares of J for which it is asked what needs the fewest views
+_KEPT = (0.95, 0.98)  # shares of J for which the row with the fewest views is named
 _GAMMAS = (0.6, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 1.0)
 _ORDERS: dict[str, type[Compounded | Undiscounted]] = {
     "cocap-vs": Compounded,
@@ -34,8 +34,8 @@ class DiscountedRun(NamedTuple):
     gamma: float
     scene: str
     seed: int
-    reward: float  # J as a share of CoCap's with value iteration
-    views: float  # states evaluated, as a share of those that are reachable
+    reward: float  # J, as a share of CoCap's J with value iteration
+    views: float  # evaluated states, as a share of reachable states
     seconds: float
     reason: str
 
@@ -131,7 +131,7 @@ def gammas_in_markdown() -> str:
 
 
 def chosen_in_words() -> str:
-    """Says which gamma `cocap-vs` takes, and which stored runs keep much of J for few views."""
+    """States the gamma of `cocap-vs`, and which stored runs keep much of J with few views."""
     most, nearly_all = (_fewest_views(_stored_means(), kept) for kept in _KEPT)
     return f"`cocap-vs` takes {GAMMA:g}. Of all rows that keep {most}; of those with {nearly_all}."
 

@@ -1,8 +1,8 @@
-"""The views and the time that lazy value iteration saves, where views are cheap and where not.
+"""The views and the time that lazy value iteration saves, with cheap and with expensive views.
 
-Time is that of processors, so that other load on the machine counts little; whatever is compared is
-measured in one process. Nothing is taken from the disk cache, but the coverage for the plan that is
-compared with, whose computation is measured apart.
+Times are CPU times, so other load on the machine matters little, and all times that are compared
+are measured in one process. Only the coverage for the reference plan comes from the disk cache; the
+time to compute it is measured separately.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +30,7 @@ _TABLE = "lazy.csv"
 
 _LAYERS, _TILTS = tuple(np.arange(2.0, 16.0, 2.0).tolist()), (-0.3, 0.2, 0.6, 1.0)  # m, rad
 _PIER, _FROM_EDGE = 0.2, 0.5  # m: half of its width, and how far it is from the deck's edges
-_QUICK, _REPEATS = 1.0, 3  # s; what is quicker is measured so often
+_QUICK, _REPEATS = 1.0, 3  # s, number; shorter times are measured so often
 _TEAM, _STEPS = 2, 30  # drones and steps on maps of 120 x 120 cells
 _ONE_BY_ONE = "sequential"  # for 64 drones CoCap's tree grows too large
 
@@ -54,7 +54,7 @@ def _bridge(seed: int, is_pierced: bool = False, has_many_states: bool = False) 
 
 
 def _on_piers(deck: Mesh) -> Mesh:
-    """Makes one mesh of a deck and the piers below its corners, which is not convex."""
+    """Makes one mesh, which is not convex, of a deck and the piers below its corners."""
     low, high = deck.vertices.min(axis=0), deck.vertices.max(axis=0)
     parts = [deck]
     for x in (low[0] + _FROM_EDGE, high[0] - _FROM_EDGE):
@@ -65,7 +65,7 @@ def _on_piers(deck: Mesh) -> Mesh:
 
 
 def _wide(name: str, seed: int) -> Problem:
-    """Builds a map of 120 x 120 cells of the study of coverage."""
+    """Builds a map of 120 x 120 cells from the study of coverage."""
     make, change = SCENES[name]
     return change(make(seed=seed, robots=_TEAM, actors=ACTORS, steps=_STEPS))
 
@@ -106,7 +106,7 @@ def lazy_in_markdown() -> str:
 
 
 def means(rows: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """Returns a row for each scene, with means over its seeds as they are shown."""
+    """Returns a row for each scene, with means over its seeds for display."""
     scenes: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
         scenes.setdefault(row["scene"], []).append(row)
@@ -135,7 +135,7 @@ def measured_lazily(scene: str, seed: int) -> Record:
     """Plans a scene with all coverage, and lazily."""
     problem = _MORE[scene](seed) if scene in _MORE else load_scene(scene, seed)
     planner = _ONE_BY_ONE if scene == "field-large" else "cocap"
-    states = _reachable(Model(problem, use_cache=False))  # which compiles the graph as well
+    states = _reachable(Model(problem, use_cache=False))  # also compiles the graph
     _, coverage = _repeated(lambda: _covered(problem))
     found, seconds = _repeated(lambda: _anew(problem, f"{planner}-lazy"))
     compiled(problem).prepare_all()
@@ -165,7 +165,7 @@ def _covered(problem: Problem) -> tuple[Model, float]:
 
 
 def _anew(problem: Problem, planner: str) -> tuple[Judged[Any], float]:
-    """Plans a problem of which no view is known."""
+    """Plans a problem whose views are all unknown."""
     compiled.cache_clear()
     return _planned(problem, planner)
 
@@ -176,7 +176,7 @@ def _planned(problem: Problem, planner: str) -> tuple[Judged[Any], float]:
 
 
 def _reachable(model: Model) -> int:
-    """Returns the number of states, over all steps that count, whose views some robot can have."""
+    """Returns the number of states that robots can reach, summed over all steps that count."""
     first = model.problem.first_step
     sights = {c.sight: c for c in model.classes}
     return sum(int(np.count_nonzero(model.reachable(c)[first:])) for c in sights.values())

@@ -1,4 +1,4 @@
-"""The library filled: each instance gets a plan and a proof, by the door that anybody uses."""
+"""Fills the library: each instance gets a plan and a proof, submitted as by any user."""
 
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -40,7 +40,7 @@ def library(
         Path | None, Parameter(name="--library", help="folder of another copy of the library")
     ] = None,
 ) -> int:
-    """Makes instances, writes down their digests, and submits a plan and a proof for each."""
+    """Makes instances, saves their digests, and submits a plan and a proof for each."""
     known = Library(folder or DATA)
     missing = {s.entry.name for s in known.standings() if s.state == "none"}
     wanted = [known.entry(n) for n in name] or [e for e in known.entries if e.name in missing]
@@ -60,7 +60,7 @@ def library(
 def _filled(
     known: Library, entry: Entry, method: str, limit: float, files: Path | None
 ) -> Iterator[str]:
-    """Solves an instance and submits what was found; yields what became of it."""
+    """Solves an instance and submits the plan and the proof; yields the outcome of each."""
     known.register(entry, files)
     problem = known.problem(entry, files)
     program = f"cocap-opt {version('cocap-opt')} {method}"
@@ -77,7 +77,7 @@ def _filled(
 
 
 def _files(problem: Problem, judged: Judged[Any], method: str, limit: float) -> Mapping[str, bytes]:
-    """Returns the files of a plan and of a proof, as far as there are any."""
+    """Returns the files of the plan and of the proof, if they exist."""
     plan = judged.plan_file(problem, method, Allowance(limit))
     found = {PLAN: plan, BOUND: judged.result.certificate}
     return {kind: encode(file) for kind, file in found.items() if file is not None}

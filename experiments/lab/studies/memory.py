@@ -1,8 +1,8 @@
 """Memory of coverage tables while they are made and written to the cache, and of planning.
 
-The constant by which coverage is estimated before it begins comes from here: bytes of an entry, a
-face seen from a state. It is the last column, or the one before where that is more. Each scene has
-a process of its own.
+The constant that estimates the memory of coverage in advance comes from here: bytes per entry, i.e.
+per face seen from a state. It is the larger of the last two columns. Each scene has its own
+process.
 """
 
 import json
@@ -25,8 +25,8 @@ from cocap_opt.model.coverage_tables import BYTES_PER_STATE
 
 _TABLE = "memory.csv"
 _SCENES = ("field-large",)
-# A process reports its memory before, and the most it has had once coverage is made, once it is
-# written, and after planning.
+# A process reports its memory before coverage, and its peak memory after making coverage, after
+# writing it, and after planning.
 _PROGRAM = f"""\
 import json, resource, sys
 import psutil
@@ -73,10 +73,10 @@ class _Row(NamedTuple):
     way: str  # kernel or plain
     entries: int
     states: int  # at steps
-    table: int  # bytes, and those below
-    making: int  # at the most, as those below
-    writing: int  # to the cache, making included
-    planning: int  # coverage included
+    table: int  # bytes, as all below
+    making: int  # peak, as all below
+    writing: int  # to the cache, including making
+    planning: int  # including coverage
 
 
 def memory(
@@ -100,8 +100,8 @@ def memory(
     results.save(_TABLE, rows)
     Console(soft_wrap=True).print(table)
     Console().print(
-        "bytes for each entry, a face seen from a state; without states: as planning, but for "
-        f"{BYTES_PER_STATE} B of each state at a step"
+        "bytes for each entry, a face seen from a state; without states: like planning, minus "
+        f"{BYTES_PER_STATE} B for each state at a step"
     )
 
 

@@ -1,4 +1,4 @@
-"""A map of missions as another program reads them: pymavlink, whose reader MAVProxy has."""
+"""A map of missions as another program reads them: pymavlink, whose reader MAVProxy uses."""
 
 from collections.abc import Sequence
 from pathlib import Path

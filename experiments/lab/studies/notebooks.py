@@ -23,7 +23,7 @@ _FOLDER = Path(__file__).resolve().parents[3] / "docs" / "notebooks"
 _MOST_SECONDS = 120  # for a cell
 _PNG, _HTML, _COLOURS = "image/png", "text/html", 256  # colours of a stored picture
 _INLINE = re.compile(r'(src="data:image/png;base64,)([^"]+)')
-# The person who ran them last and the versions of packages are left out.
+# Who ran them last and the versions of packages are omitted.
 _METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
@@ -33,7 +33,7 @@ _METADATA = {
 def notebooks(
     *names: Annotated[str, Parameter(help="names, e.g. first_tour (default: all)")],
 ) -> None:
-    """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
+    """Runs notebooks and stores them; if a cell fails, its notebook is not changed.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class Notebook:
         return notebook
 
     def executed(self) -> "NotebookNode":
-        """Runs the notebook in a process of its own, in a folder that is removed afterwards.
+        """Runs the notebook in its own process, in a folder that is removed afterwards.
 
         Raises
         ------
@@ -120,15 +120,15 @@ class Notebook:
 
 
 def _with_alt_text(words: str | None) -> dict[str, Any]:
-    """Returns the metadata of a cell whose picture shows what the words say.
+    """Returns the metadata of a cell with the alt text of its picture.
 
-    Jupyter reads them there, the site's builder below its own name.
+    It is there twice, under the names that Jupyter and the site's builder read.
     """
     return {"alt": words, "mystnb": {"image": {"alt": words}}} if words else {}
 
 
 def _smaller(encoded: str) -> str:
-    """Returns a PNG file with a palette, a third of the size, both in base64."""
+    """Converts a PNG file, in base64, to one with a palette, which has a third of the size."""
     content = io.BytesIO()
     drawn = Image.open(io.BytesIO(base64.b64decode(encoded))).convert("RGB")
     drawn.quantize(_COLOURS, dither=Image.Dither.NONE).save(content, format="PNG", optimize=True)
@@ -136,7 +136,7 @@ def _smaller(encoded: str) -> str:
 
 
 def _with_smaller_pictures(page: str) -> str:
-    """Returns HTML in which PNG files are smaller; the player, which is a page, is as it is."""
+    """Returns HTML with smaller PNG files; the player, which is a whole page, is unchanged."""
     if page.startswith("<iframe"):
         return page
     return _INLINE.sub(lambda found: found[1] + _smaller(found[2]), page)

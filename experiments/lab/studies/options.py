@@ -1,4 +1,4 @@
-"""Options that several studies share: their help, and which values they take."""
+"""Options that several studies share, with their help texts and allowed values."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ from cocap_opt.run.options import Option, UsageError
 
 
 def _positive(kind: object, tokens: Sequence[Token]) -> float:
-    """Returns a number of seconds; refuses all but positive ones."""
+    """Returns a number of seconds, which must be positive."""
     text = tokens[0].value
     try:
         seconds = float(text)
@@ -27,7 +27,7 @@ def _positive(kind: object, tokens: Sequence[Token]) -> float:
 
 
 def _cores(kind: object, tokens: Sequence[Token]) -> int | None:
-    """Returns a number of processes; refuses more than there are cores."""
+    """Returns a number of processes, which must not exceed the number of cores."""
     option = Option(tokens[0].keyword or "")
     return option.require_cores(option.whole(tokens[0].value))
 
@@ -49,7 +49,7 @@ Workers = Annotated[
 
 @contextmanager
 def of_extra(extra: str) -> Iterator[None]:
-    """Turns a missing package into an error that names the extra which brings it."""
+    """Turns a missing package into an error that names the extra to install."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -59,7 +59,7 @@ def of_extra(extra: str) -> Iterator[None]:
 
 @contextmanager
 def chromium(purpose: str) -> Iterator[None]:
-    """Turns a missing browser or its packages into an error in words.
+    """Turns a missing browser or its missing packages into a readable error.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
 
 PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
-_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture, in which drone 2 is picked
+_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture; the keys pick drone 2
 _PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
 _SIZE = 1280, 800  # px
 _PATIENCE = 30.0  # s
@@ -44,7 +44,7 @@ class _Programs(NamedTuple):
 
 
 def digest() -> str:
-    """Returns a digest of what player.png is made of."""
+    """Returns a digest of everything that player.png is made from."""
     return made_from(_SCENE, *_PLANNERS)
 
 
@@ -97,14 +97,14 @@ class Browser(webdriver.Chrome):
         ready: str = PLAYER_IS_READY,
         scale: float = 1.0,
     ) -> Iterator[Self]:
-        """Opens a page in a browser of its own.
+        """Opens a page in its own browser.
 
         Parameters
         ----------
         page : its file, or its address on this machine
         size : px
         ready : an expression that is true in the page once it is loaded
-        scale : px of a picture for each px of the page
+        scale : px of a screenshot for each px of the page
 
         Raises
         ------
@@ -131,7 +131,7 @@ class Browser(webdriver.Chrome):
                 browser.quit()
 
     def resize(self, size: tuple[int, int], scale: float = 1.0) -> None:
-        """Gives the page a size (px), and pictures so many px for each of them."""
+        """Sets the size of the page (px), and the px of a screenshot for each px of the page."""
         width, height = size
         screen = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
         self.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
@@ -141,7 +141,7 @@ class Browser(webdriver.Chrome):
         self.find_element(By.TAG_NAME, "body").send_keys(keys)
 
     def go_to(self, step: float) -> None:
-        """Puts the player's slider to a step or between two, and waits until it is drawn."""
+        """Moves the player's slider to a step, or between two, and waits until it is drawn."""
         slide = (
             "const [step, done] = arguments, slider = document.getElementById('slider');"
             "slider.step = 'any'; slider.value = step; slider.dispatchEvent(new Event('input'));"

@@ -1,8 +1,8 @@
 """The files of the built-in scene delft, cut out of a surface, a ground and a map of its land.
 
 They are cut to 128 x 128 m, so that the player draws each cell of 1 m. Heights are rounded to
-0.1 m, places to 0.01 m. The ground is the median of 5 x 5 cells, which takes away single cells of
-trees and lamp posts that the source's ground has; houses are as the source has them.
+0.1 m, positions to 0.01 m. The ground is the median of 5 x 5 cells, which removes single cells of
+trees and lamp posts from the source's ground; houses are as in the source.
 """
 
 from collections.abc import Iterator
@@ -27,22 +27,22 @@ from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.scenarios.maps.raster_files import read_raster
 
 WINDOW = 84888.0, 447474.0, 85016.0, 447602.0  # m of RD New: x0, y0, x1, y1
-_CODE = 28992  # EPSG's, of RD New
+_CODE = 28992  # EPSG code of RD New
 _LEAST_HOUSE = 0.5  # m above the ground
 _MEDIAN = 5  # cells
 _LEAST_AREA = 0.5  # m2; smaller parts are left out
-# The map's words for what the project has no kind of its own.
+# Words of the map for which the project has no kind with the same name.
 _KINDS = {"pedestrian area": "footway", "parking": "paved", "bridge": "street", "wall": "other"}
 
 
 class _Name(NamedTuple):
-    """A name that is written on the map, and a point (m) of the area that has it."""
+    """A name that is written on the map, and a point (m) in the area with this name."""
 
     name: str
     at: tuple[float, float]
 
 
-# The map has no names. All but one say what is there.
+# The source map has no names. All of these but one describe what is there.
 _NAMES = (
     _Name("Rijn-Schie canal", (85012.0, 447595.0)),
     _Name("canal", (84910.0, 447485.0)),
@@ -65,7 +65,7 @@ def place(
     bare = median_filter(ground, size=_MEDIAN)
     tops = np.where(surface - ground > _LEAST_HOUSE, np.maximum(surface, bare), bare)
     system = wkt_of_code(_CODE)
-    assert system is not None, "rasterio is installed, for the source is GeoTIFF"
+    assert system is not None, "rasterio is installed, as the source is GeoTIFF"
     files = {"surface.asc": _grid(tops), "ground.asc": _grid(bare), "land.geojson": _land(source)}
     files |= {f"{name}.prj": f"{system}\n" for name in ("surface", "ground")}
     save_files({out / name: text.encode() for name, text in files.items()})

@@ -1,7 +1,7 @@
 """Quotes of the stored results for pages: a name for each number, sentence and table.
 
-Pages have marks, which nobody sees, and `docs/write.py` writes between them what is below: no
-number is written by hand.
+Pages have marks, which readers do not see, and `docs/write.py` writes these quotes between them, so
+no number is written by hand.
 """
 
 from collections.abc import Callable, Iterable
@@ -82,7 +82,7 @@ def _claims() -> str:
 
 
 def _side(title: str) -> str:
-    """Returns the sentences for CoCap, those against it, or those left open."""
+    """Returns the sentences for CoCap, against CoCap, or on claims left open."""
     return _listed(_paper().verdict()[title])
 
 
@@ -91,7 +91,7 @@ def _answers(question: str) -> str:
 
 
 def _settings() -> str:
-    """Says how many seeds there are, and what plans and bounds were allowed."""
+    """States the number of seeds, and the limits of plans and bounds."""
     rows = _paper().rows
     plans, bounds = (max(GapRow.values(rows, name)) for name in ("time_limit", "bound_time_limit"))
     return (

@@ -1,7 +1,7 @@
 """A row for each release, made from the results that were stored when it was released.
 
-Rows are kept, also where a number got worse. The first row follows what is stored now: it is of
-the newest release, or of the development since then.
+Rows are kept even if a number got worse. The first row always has the results that are stored now,
+of the newest release or of the development since then.
 """
 
 import re
@@ -27,7 +27,7 @@ from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import COVERAGE_VERSION
 
 _TABLE = "releases.csv"
-DEVELOPMENT = "development"  # in place of the version of what is not released
+DEVELOPMENT = "development"  # in place of a version, for unreleased code
 
 
 class Release(NamedTuple):
@@ -35,11 +35,11 @@ class Release(NamedTuple):
 
     Attributes
     ----------
-    version, date : as the changelog has them
-    coverage : the version of coverage, which J depends on
-    proved, runs : optima of the paper's scenes that were proved in time, and all of them
-    planner : the one that was recommended
-    gap, worst : its mean distance below the certified bound, and the largest, in %
+    version, date : as in the changelog
+    coverage : version of coverage, on which J depends
+    proved, runs : number of the paper's scenes' optima that were proved in time, and of all
+    planner : the planner that was recommended
+    gap, worst : its mean and its largest distance below the certified bound, in %
     cocap : the mean distance of CoCap below the bound, in %
     search : s, its median time of search
     proof : s, median CPU time to the proof of an optimum of the bottleneck
@@ -92,12 +92,12 @@ class Release(NamedTuple):
 
     @classmethod
     def stored(cls) -> list[Self]:
-        """Returns the rows of all releases, the newest first."""
+        """Returns the rows of all releases, newest first."""
         return load_csv(STORED / _TABLE, cls, "releases")
 
     @property
     def record(self) -> dict[str, str]:
-        """Its row of the page, in which no line ends between a number and its unit."""
+        """Its row of the page, without line breaks between numbers and their units."""
         cells = {
             "release": self.version,
             "date": self.date,
@@ -127,7 +127,7 @@ def releases(
     ] = None,
     out: Out = None,
 ) -> None:
-    """Makes the row of a release, and puts it above all others (releases.csv)."""
+    """Makes the row of a release, and inserts it above all others (releases.csv)."""
     law = COVERAGE_VERSION if coverage is None else coverage
     made = Release.of(version, date, law, stored or STORED, planner)
     results = Results.into(out)
@@ -138,7 +138,7 @@ def releases(
 
 
 def releases_in_markdown() -> str:
-    """Returns a row for each release, the newest first."""
+    """Returns a row for each release, newest first."""
     return markdown_table([release.record for release in Release.stored()])
 
 

@@ -1,8 +1,8 @@
-"""Runs of one method on one instance, with the CPU time that they take.
+"""Runs of one method on one instance, with their CPU time.
 
-CPU time hardly changes on a busy machine; limits are of it, too. Plan and bound pass the
-referee after the clock has stopped. A `Run` has a process of its own and one thread; imports, first
-solves of tiny instances and the coverage are not counted.
+A busy machine hardly changes CPU times; limits are CPU times, too. The referee checks plan and
+bound after the clock has stopped. A `Run` has its own process with one thread; imports, first
+solves of tiny instances, and coverage do not count.
 """
 
 import math
@@ -37,18 +37,18 @@ _MOST_MORE_SECONDS = 900.0  # for coverage, and for a method that is slow to not
 BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
 _ONE_THREAD = {**ONE_THREAD, "RAYON_NUM_THREADS": "1"}
 
-Build = Callable[[], Problem]  # made so that it can be pickled: it goes to another process
-# The name of one in a registry, the record of one in none, or the function of a bound.
+Build = Callable[[], Problem]  # can be pickled, as it is sent to another process
+# A registered method's name, the record of another method, or the function of a bound.
 Measurable = str | Method[Any] | BoundMethod
 
 
 class TimedRun(NamedTuple):
-    """A judged result, with what the method took until it returned it.
+    """A judged result, with the time and memory that the method needed.
 
     Attributes
     ----------
-    seconds : of CPU time, that of processes that the method has started included
-    gigabytes : peak memory of the process, imports and coverage included
+    seconds : CPU time, including processes that the method started
+    gigabytes : peak memory of the process, including imports and coverage
     """
 
     judged: Judged[Any]
@@ -65,11 +65,11 @@ class TimedRun(NamedTuple):
         name: str = "",
         report: Report = silent,
     ) -> Self:
-        """Has the engine run a method, and stops the clock before the referee begins.
+        """Runs a method with the engine; the clock stops before the referee starts.
 
         Parameters
         ----------
-        name : of a method that is in no registry, for messages
+        name : name of a method that is not registered, for messages
         """
         record = _record(method)
         function, taken = record.function, list[tuple[float, float]]()
@@ -93,12 +93,12 @@ def _record(method: Measurable) -> Method[Any]:
 
 
 def processor_seconds() -> float:
-    """Returns the CPU time of this process, and of those that it has started and awaited."""
+    """Returns the CPU time of this process and of child processes that have ended."""
     return process_time() + childrens_seconds()
 
 
 def childrens_seconds() -> float:
-    """Returns the CPU time of the processes that this one has started and awaited."""
+    """Returns the CPU time of child processes that have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
@@ -109,12 +109,12 @@ class Run:
 
     Attributes
     ----------
-    moments : one each time that value or bound improved, with seconds of CPU time
+    moments : a snapshot each time that value or bound improved; its seconds are CPU time
     value : J by the referee; -inf without a plan
-    seconds : of CPU time until the method returned, processes that it started included
+    seconds : CPU time until the method returned, including processes that it started
     elapsed : seconds until then by the method's own clock
-    gigabytes : peak memory of the process, imports and coverage included
-    solver_bound : bound that a generic solver claims, which nobody can check; else infinite
+    gigabytes : peak memory of the process, including imports and coverage
+    solver_bound : bound that a generic solver claims, which has no certificate; else infinite
     """
 
     moments: tuple[Snapshot, ...]
@@ -129,12 +129,12 @@ class Run:
     solver_bound: float = math.inf
 
     class Error(RuntimeError):
-        """A run failed; the message says why."""
+        """A run failed; the message gives the reason."""
 
     @staticmethod
     @contextmanager
     def one_thread() -> Iterator[None]:
-        """Limits the libraries of processes that are started meanwhile to one thread."""
+        """Limits the libraries of processes that start in this context to one thread."""
         before = {name: os.environ.get(name) for name in _ONE_THREAD}
         os.environ.update(_ONE_THREAD)
         try:
@@ -148,12 +148,12 @@ class Run:
 
     @staticmethod
     def of(build: Build, method: Measurable, seconds: float) -> "Run":
-        """Runs a method with a limit of CPU time in a process of its own.
+        """Runs a method in its own process, with a limit of CPU time.
 
         Raises
         ------
         Run.Error
-            If the method fails, its process dies, or it runs on long after its limit.
+            If the method fails, its process dies, or it keeps running long after its limit.
         """
         (outcome,) = Run.each([build], method, seconds)
         if isinstance(outcome, Run.Error):
@@ -167,15 +167,15 @@ class Run:
         seconds: float,
         patience: float = _MOST_MORE_SECONDS,
     ) -> "Iterator[Run | Run.Error]":
-        """Runs a method on problem after problem in one process, and yields each outcome.
+        """Runs a method on one problem after another in one process, and yields each outcome.
 
-        Where the process dies, or the method runs on long after its limit, the rest runs in
-        another process.
+        If the process dies, or the method keeps running long after its limit, the remaining
+        problems run in another process.
 
         Parameters
         ----------
-        seconds : of each run
-        patience : s, beyond twice the limit, for coverage and for a method that is slow to notice
+        seconds : limit of each run
+        patience : s beyond twice the limit, for coverage and for a method that notices limits late
         """
         left = list(builds)
         while left:
@@ -202,11 +202,11 @@ class Run:
 
     @property
     def seconds_to_proof(self) -> float:
-        """Seconds until the proof was there; infinite without one."""
+        """Seconds until the optimum was proved; infinite if it was not."""
         return self.seconds if self.reason is Reason.OPTIMAL else math.inf
 
     def gap_after(self, seconds: float) -> float:
-        """Returns the certified relative gap that was reached within some seconds."""
+        """Returns the certified relative gap after some seconds."""
         if seconds >= self.seconds:
             return self.gap
         before = [moment for moment in self.moments if moment.seconds <= seconds]
@@ -229,13 +229,13 @@ class Run:
 
 
 def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
-    """Builds a scene; with a horizon, cut off after so many steps."""
+    """Builds a scene; with `horizon`, it is cut off after so many steps."""
     problem = load_scene(name_or_path, seed)
     return problem if horizon is None else problem.replace(horizon=horizon)
 
 
 def _warm_up(method: Measurable) -> None:
-    """Has libraries imported that methods import only once they need them."""
+    """Imports libraries that methods import only when they need them."""
     TimedRun.of(_prepared(partial(scene, "tiny-share", 0)), method, TimeLimit(_WARM_UP_SECONDS))
     small = _prepared(partial(scene, "bottleneck", 0, 4))
     run(small, BOUND_METHOD, TimeLimit(_WARM_UP_SECONDS))
@@ -263,30 +263,30 @@ def _measured(build: Build, method: Measurable, seconds: float) -> Run:
 
 
 class ProcessorLimit(Stop):
-    """Reached after so many seconds of CPU time of this process and those it has started."""
+    """Reached after so many seconds of CPU time of this process and its child processes."""
 
     def __init__(self, most: float) -> None:
         self._most, self._begin = most, processor_seconds()
 
     @property
     def seconds(self) -> float:
-        """The seconds used since it was made."""
+        """The CPU time in seconds since it was made."""
         return processor_seconds() - self._begin
 
     def reached(self) -> Limit | None:
-        """Return `Limit.TIME` once the CPU time is up."""
+        """Returns `Limit.TIME` once the CPU time is up."""
         return Limit.TIME if self.seconds >= self._most else None
 
     @property
     def seconds_left(self) -> float:
-        """Seconds of CPU time until the limit, >= 0, which solvers take for seconds."""
+        """CPU time until the limit (s, >= 0); solvers treat it as wall-clock time."""
         return max(0.0, self._most - self.seconds)
 
 
 def _outcomes(
     builds: Sequence[Build], method: Measurable, seconds: float, patience: float
 ) -> "Iterator[Run | Run.Error]":
-    """Yields the outcomes of a process, until it has done all, dies or must be killed."""
+    """Yields the outcomes of a process until all are done, or the process dies or is killed."""
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(sender, builds, method, seconds))
@@ -296,7 +296,7 @@ def _outcomes(
     try:
         for _ in builds:
             if not receiver.poll(2 * seconds + patience):
-                words = f"the method was killed: it ran on after its limit of {seconds:g} s"
+                words = f"the method was killed: it kept running after its limit of {seconds:g} s"
                 yield Run.Error(words)
                 return
             outcome: Run | str = receiver.recv()
@@ -312,17 +312,17 @@ def _outcomes(
 
 def _send(sender: Connection, builds: Sequence[Build], method: Measurable, seconds: float) -> None:
     Thread(target=_end_with_parent, daemon=True).start()
-    with suppress(Exception):  # it fails in the runs, too, where it is told
+    with suppress(Exception):  # an error here also occurs in the runs, which report it
         _warm_up(method)
     for build in builds:
         try:
             sender.send(_measured(build, method, seconds))
-        except Exception as error:  # whatever it is, the caller must be told
+        except Exception as error:  # any error is sent to the caller
             sender.send(f"{type(error).__name__}: {error}")
 
 
 def _end_with_parent() -> None:
-    """Ends this process once its parent has been killed."""
+    """Ends this process if its parent is killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

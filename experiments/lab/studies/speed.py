@@ -1,9 +1,9 @@
-"""Speed of coverage, of planners and of the command line, beside the targets of the project.
+"""Speed of coverage, of planners and of the command line, with the targets of the project.
 
-Each figure is a median over repeated runs, in seconds of CPU time on one core, those of
-programs that are started included; only what several cores gain is measured on all of them, as
-time passes. The slowest seed is the greatest of such medians. Ratios compare two things done in the
-same process, so they hold on slow and busy machines; seconds do not.
+Each figure is a median over repeated runs, in seconds of CPU time on one core, including programs
+that are started; only the gain by several cores is measured on all of them, in wall-clock time. The
+slowest seed is the largest of such medians. Ratios compare two measurements in the same process, so
+they hold on slow and busy machines; seconds do not.
 """
 
 import json
@@ -39,8 +39,8 @@ from cocap_opt.vision.coverage import usable_cores
 
 _TABLE, _WITHOUT = "speed.csv", "... without compiled code / with it"
 _SEEDS = range(10)
-# Sums, products and comparisons of numbers that coverage of field-large takes, about: those in the
-# loops of `view_kernel`, counted by hand, times how often it came there, counted in a run (seed 0).
+# Approximate number of sums, products and comparisons for the coverage of field-large: operations
+# in the loops of `view_kernel`, counted by hand, times their repetitions, counted with seed 0.
 #   in view    33.1 M views of a person, 21 each                                       0.7e9
 #   skylines   4.12 M people before an eye, 150; 6.15 M columns before them, 180       1.7e9
 #   shadows    1.14 M with 6.5 planes, 70 a plane; 1.01 M people, 31 others each, 25   1.3e9
@@ -49,7 +49,7 @@ _SEEDS = range(10)
 _OPERATIONS = 5.2e9
 _LARGE = "field-large"
 _SPINS = 10_000_000
-_SHORT_CALLS = 100  # of what takes microseconds, timed together
+_SHORT_CALLS = 100  # calls of a few microseconds that are timed together
 _GAP = "from cocap_opt.cli.main import main; main(['gap', 'corridor', '--seeds', '0'])"
 _JOINT = f"""\
 import json, resource
@@ -80,7 +80,7 @@ class _Speed(NamedTuple):
 def speed(*, out: Out = None) -> None:
     """Measures and prints all figures, and writes the table (speed.csv)."""
     results = Results.into(None if out is None else out.resolve())
-    os.chdir(Path(__file__).parents[2])  # for the programs that are started
+    os.chdir(Path(__file__).parents[2])  # for the child processes
     table = Table("figure", "measured", "target", title="speed (CPU time; one core)")
     figures = list[_Speed]()
     for measure in _MEASURES:
@@ -95,7 +95,7 @@ def speed(*, out: Out = None) -> None:
 
 
 def speed_in_markdown() -> str:
-    """Returns stored CPU times and ratios; their targets are for the project alone."""
+    """Returns stored CPU times and ratios, without the project's targets."""
     return markdown(
         [
             {"figure": row["figure"], "measured": in_unit(row["measured"], row["unit"])}
@@ -105,7 +105,7 @@ def speed_in_markdown() -> str:
 
 
 def gain_in_words() -> str:
-    """Returns the least and greatest gain of compiled code, of stored coverage, in times."""
+    """Returns the smallest and largest factor by which compiled code speeds up coverage."""
     rows = stored_rows(_TABLE)
     gains = [float(row["measured"]) for row in rows if row["figure"] == _WITHOUT]
     return f"{min(gains):.0f} to {max(gains):.0f}"
@@ -123,7 +123,7 @@ def _value_iteration() -> list[_Speed]:
 
 
 def _sweep(scene: str) -> float:
-    """Returns the time of a backward sweep, as a multiple of that of copying its rewards."""
+    """Returns the time of a backward sweep divided by the time to copy its rewards."""
     model = compiled(load_scene(scene, 0))
     robot_class = model.classes[0]
     reward = marginal_reward(model, robot_class, model.problem.no_pixels())
@@ -136,12 +136,12 @@ def _sweep(scene: str) -> float:
         for _ in range(_SHORT_CALLS):
             reward.copy()
 
-    # In turns, so that both meet the same noise.
+    # In turns, so that noise affects both alike.
     return median(_seconds(sweeps, 3) / _seconds(copies, 3) for _ in range(11))
 
 
 def _coverage() -> list[_Speed]:
-    """Measures the coverage of all reachable states, compiled, and beside it NumPy's way."""
+    """Measures the coverage of all reachable states, with compiled code and with NumPy."""
     sights.KERNEL.load()
     figures, taken = list[_Speed](), dict[str, float]()
     for scene, repeats, target in (
@@ -162,17 +162,17 @@ def _coverage() -> list[_Speed]:
 
 
 def _cores() -> list[_Speed]:
-    """Compares the time that coverage takes on one core with that on all of them."""
+    """Compares the time for coverage on one core with the time on all cores."""
     name = f"... on one core / on {usable_cores()}, by wall-clock time"
     return [_Speed(name, _gain(load_scene(_LARGE, 0)), "x")]
 
 
 def _gain(problem: Problem) -> float:
-    """Returns the time that coverage takes on one core, over that on all of them."""
+    """Returns the time for coverage on one core divided by the time on all cores."""
     covered = partial(_covered, problem, False)
     sights.KERNEL.load()
     ratios = []
-    for _ in range(3):  # in turns, so that both meet the same noise
+    for _ in range(3):  # in turns, so that noise affects both alike
         together = _passed(covered)
         with _one_core():
             ratios.append(_passed(covered) / together)
@@ -180,14 +180,14 @@ def _gain(problem: Problem) -> float:
 
 
 def _operations_per_second() -> float:
-    """Returns the sums and products a second that this processor does, one by one."""
+    """Returns the number of scalar sums and products per second of this processor."""
     spin = import_module("numba").njit(_spin)
     spin(1)
     return 16 * _SPINS / _seconds(partial(spin, _SPINS), 5)
 
 
 def _spin(n: int) -> float:
-    """Does 16 n sums and products in eight chains, so that none waits for another."""
+    """Does 16 n sums and products in eight independent chains, which do not wait for each other."""
     a = b = c = d = e = f = g = h = 0.5
     for _ in range(n):
         a, b, c, d = a * 0.4 + 0.3, b * 0.5 + 0.2, c * 0.6 + 0.1, d * 0.7 + 0.1
@@ -201,7 +201,7 @@ def _covered(problem: Problem, plain: bool) -> None:
 
 
 def _joint() -> list[_Speed]:
-    """Measures joint value iteration on the corridor in a process of its own, for its memory."""
+    """Measures joint value iteration on the corridor in its own process, for its memory."""
     runs = [json.loads(_run_python(_JOINT)) for _ in range(3)]
     seconds, gigabytes = (median(column) for column in zip(*runs, strict=True))
     return [
@@ -252,12 +252,12 @@ def _gap_without_cache() -> None:
         _run_python(_GAP, COCAP_OPT_CACHE=empty)
 
 
-# Joint planning first: what a process holds that starts another counts as memory of that one.
+# Joint planning comes first, as memory of a parent process counts as memory of its child.
 _MEASURES = (_joint, _value_iteration, _coverage, _cores, _cocap, _command_line)
 
 
 def _seconds(run: Callable[[], object], repeats: int) -> float:
-    """Returns the median CPU time of a call, after one call that is not counted."""
+    """Returns the median CPU time of a call, after a first call that does not count."""
     run()
     times = []
     for _ in range(repeats):
@@ -268,7 +268,7 @@ def _seconds(run: Callable[[], object], repeats: int) -> float:
 
 
 def _passed(run: Callable[[], object]) -> float:
-    """Returns the time that passes during a call."""
+    """Returns the wall-clock time of a call."""
     before = perf_counter()
     run()
     return perf_counter() - before
@@ -276,7 +276,7 @@ def _passed(run: Callable[[], object]) -> float:
 
 @contextmanager
 def _one_core() -> Iterator[None]:
-    """Lets this process run on one core only, where the system can be asked for that."""
+    """Limits this process to one core, if the system supports it."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -289,7 +289,7 @@ def _one_core() -> Iterator[None]:
 
 
 def _run_python(code: str, **environment: str) -> bytes:
-    """Runs a Python program in a process of its own; returns its output."""
+    """Runs a Python program in its own process; returns its output."""
     command = [sys.executable, "-c", code]
     variables = os.environ | environment
     return subprocess.run(command, check=True, capture_output=True, env=variables).stdout

@@ -1,8 +1,8 @@
-"""Pictures of other programs, which say in a text what they are made of.
+"""Pictures made by other programs, which contain a digest of what they are made from.
 
-A browser and PDFium draw a little otherwise in each release, so that no test can compare pixels. A
-picture has a digest instead of the scene and of all that draws it here; where that has changed, a
-test asks for the picture to be made again.
+Browsers and PDFium draw slightly differently in each release, so tests cannot compare pixels.
+Instead, a picture contains a digest of the scene and of all code that draws it here; if that has
+changed, a test asks for the picture to be made again.
 """
 
 import hashlib
@@ -21,11 +21,11 @@ _DRAWN_BY = ("player/page/*.*", "missions/sheet/*.py", "problem/pictures.py",
              "problem/whole_names.py")  # fmt: skip
 _PLAIN = Image.Dither.NONE
 _COLOURS = 256
-_ROUNDS = 2  # in which colours move to the middle of what they stand for
+_ROUNDS = 2  # of k-means, which moves each colour to the mean of the colours that it replaces
 
 
 def made_from(*parts: str) -> str:
-    """Returns a digest of what draws pictures, of coverage, of the place, and of further parts."""
+    """Returns a digest of the drawing code, coverage's version, the place, and further parts."""
     found = hashlib.sha256("\n".join([str(COVERAGE_VERSION), *parts]).encode())
     root = Path(scripts.__file__).parents[1]
     for pattern in _DRAWN_BY:
@@ -37,14 +37,14 @@ def made_from(*parts: str) -> str:
 
 
 def stamp(picture: Path) -> str:
-    """Returns the digest that a picture has in it; empty if there is none."""
+    """Returns the digest in a picture; empty if there is none."""
     with Image.open(picture) as image:
         found = image.info.get(_MADE_FROM) or image.info.get("xmp") or ""
     return found.decode() if isinstance(found, bytes) else str(found)
 
 
 def stamped(picture: Image.Image, digest: str) -> bytes:
-    """Returns a PNG of a picture in few colours, with a digest in it."""
+    """Returns a PNG of a picture with few colours, and with a digest in it."""
     content, info = BytesIO(), PngInfo()
     info.add_text(_MADE_FROM, digest)
     few = picture.convert("RGB").quantize(

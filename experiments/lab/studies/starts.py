@@ -1,4 +1,4 @@
-"""The worth of start sets: proved optima from stated, random and greedy starts, and from any."""
+"""The value of start sets: proved optima from stated, random, greedy and best starts."""
 
 from collections.abc import Iterator
 from statistics import fmean
@@ -25,7 +25,7 @@ class Optimum(NamedTuple):
     scene: str
     seed: int
     starts: str
-    number: int  # of random starts
+    number: int  # of the set of random starts
     reward: float
     bound: float
     seconds: float
@@ -37,8 +37,8 @@ class _StartMean(NamedTuple):
 
     scene: str
     starts: str
-    share: float  # of the bound from any start, the best of several sets
-    average: float  # the same, of all sets
+    share: float  # J as a share of the bound from any start, for the best of several sets
+    average: float  # the same, mean over all sets
     seeds: int
     proved: int
     runs: int
@@ -99,7 +99,7 @@ def optima_of(scene: str, seed: int, problem: Problem, seconds: float) -> Iterat
 
     Parameters
     ----------
-    seconds : time limit of each
+    seconds : time limit of each search
     """
     choices = StartChoices.of({(scene, seed): problem}, CHOICES)
     by_name = {(variant.name, key[1]): variant for key, variant in choices.problems.items()}

@@ -1,7 +1,7 @@
 """Exact methods on a scene that is cut off after more and more steps.
 
-The generic solvers are given one integer program of the whole instance, alone: without the bound
-and the cuts of column generation, with which they begin elsewhere in this project.
+The generic solvers get the whole instance as one integer program, without the bound and the cuts of
+column generation, from which they start elsewhere in this project.
 """
 
 import math
@@ -28,14 +28,14 @@ from cocap_opt.result import Reason
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Limit, Stop, never
 
-_SCENE = "corridor"  # two drones: `joint` takes no more
-_PATIENCE = 20.0  # s, for a method that is slow to notice its limit
+_SCENE = "corridor"  # two drones, as `joint` supports no more
+_PATIENCE = 20.0  # s, for a method that notices its limit late
 
 
 def _joint(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
-    """Joint value iteration in the form of a method of bounds: its optimum is its bound."""
+    """Runs joint value iteration as a method of bounds: its optimum is its bound."""
     found = joint(problem, stop)
     bound = found.value if found.reason is Reason.OPTIMAL else math.inf
     return CertifiedResult(
@@ -70,14 +70,14 @@ def steps(
                 runs += _measured(method, horizons, seed, limit)
                 results.save("solvers.csv", runs)
     finally:
-        title = f"median seconds of processor until proved, by steps (limit {limit:g} s)"
+        title = f"median CPU time (s) until proved, by steps (limit {limit:g} s)"
         Listing(title, _listed(runs)).print()
     results.draw("solvers.png", Benchmark(runs).plot)
     return int(any(run.outcome is RunStatus.FAILED for run in runs))
 
 
 def _measured(method: str, horizons: Sequence[int], seed: int, limit: float) -> list[MethodRun]:
-    """Runs a method with more and more steps, until it refuses or fails."""
+    """Runs a method with more and more steps, until it rejects the problem or fails."""
     builds = [partial(scene, _SCENE, seed, horizon) for horizon in horizons]
     runs: list[MethodRun] = []
     for horizon, outcome in zip(
@@ -92,7 +92,7 @@ def _measured(method: str, horizons: Sequence[int], seed: int, limit: float) -> 
 
 
 def _told(method: str, horizon: int, seed: int, found: Run | Run.Error) -> MethodRun:
-    """Returns a run as the table has it."""
+    """Returns a run as a row of the table."""
     if isinstance(found, Run.Error):
         words = str(found)
         outcome = RunStatus.REFUSED if words.startswith("UnsupportedError") else RunStatus.FAILED
@@ -119,7 +119,7 @@ def _listed(runs: Sequence[MethodRun]) -> list[Record]:
 
 
 def _words(runs: Sequence[MethodRun]) -> str:
-    """Returns the median time of the runs that proved the optimum, and how many of all did."""
+    """Returns the median time of runs that proved the optimum, and their number if not all did."""
     times = [run.processor for run in runs if run.outcome is RunStatus.PROVED]
     if not times:
         return "none" if runs else "-"

@@ -1,4 +1,4 @@
-"""The time that the checker takes that is proved in Coq, for claims of built-in scenes."""
+"""The time that the checker proved in Coq takes for claims of built-in scenes."""
 
 import json
 import subprocess
@@ -34,7 +34,7 @@ _CLAIMS = {
     "passage": (_PROOF, _STAGES, _BOUND),
     "field": (_MULTIPLIERS, _STAGES, _BOUND),
 }
-# Column generation that hardly tries the paths of all drones together.
+# Column generation that hardly tries paths of all drones together.
 WITHOUT_PATHS = replace(
     DEFAULTS,
     trials=replace(
@@ -49,14 +49,14 @@ WITHOUT_PATHS = replace(
 
 
 class VerifiedClaim(NamedTuple):
-    """A claim that the checker has accepted: a row of verified.csv.
+    """A claim that the checker accepted: a row of verified.csv.
 
     Attributes
     ----------
-    leaves, stages : of the file
-    rows, cuts : the most of one leaf, or of the multipliers
+    leaves, stages : numbers of leaves and of stages in the file
+    rows, cuts : largest numbers in one leaf, or numbers in the multipliers
     paths : 1 if paths of all drones together are explored
-    lowering, check : seconds of CPU time
+    lowering, check : CPU time in seconds
     """
 
     scene: str
@@ -83,7 +83,7 @@ def verified(
     ] = None,
     out: Out = None,
 ) -> None:
-    """Checks claims of scenes, prints what that takes, and writes it (verified.csv)."""
+    """Checks claims of scenes, and prints and writes the times (verified.csv)."""
     if unknown := [name for name in scene or () if name not in _CLAIMS]:
         raise UsageError(f"--scene: must be among {', '.join(_CLAIMS)}, not {unknown[0]!r}")
     results = Results.into(out)
@@ -107,12 +107,12 @@ def _runs_of(program: Path, scene: str) -> list[VerifiedClaim]:
 
 
 def checked(program: Path, problem: Problem, claimed: Document, claim: str) -> VerifiedClaim:
-    """Lowers a certificate or proof and has it checked.
+    """Lowers a certificate or proof, and checks it with the program.
 
     Raises
     ------
     FileError
-        If a program is not there, or refuses the claim.
+        If a program is missing, or rejects the claim.
     """
     with tempfile.TemporaryDirectory() as name:
         instance, file, lowered = (
@@ -129,7 +129,7 @@ def checked(program: Path, problem: Problem, claimed: Document, claim: str) -> V
 
 
 def _seconds(command: Sequence[str]) -> float:
-    """Runs a command to its end; returns seconds of CPU time."""
+    """Runs a command to its end; returns its CPU time in seconds."""
     before = processor_seconds()
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -176,7 +176,7 @@ def verified_in_markdown() -> str:
 
 
 def _parts(run: VerifiedClaim) -> str:
-    """Tells of what a claim is made."""
+    """Lists the parts of a claim."""
     if run.stages or run.paths:
         parts = [counted(run.stages, "stage")] if run.stages else []
         return " and ".join([*parts, *["paths of all drones together"] * run.paths])

@@ -69,7 +69,7 @@ def views_in_markdown() -> str:
 
 
 def _random_poses(problem: Problem, count: int) -> list[Pose]:
-    """Returns the poses of random robots at random steps, from which some face is in view."""
+    """Returns poses of random robots at random steps that have some face in view."""
     rng, model = np.random.default_rng(_SEED), Model(problem)
     poses = []
     for robot in rng.integers(len(problem.robots), size=count).tolist():
@@ -81,7 +81,7 @@ def _random_poses(problem: Problem, count: int) -> list[Pose]:
 
 
 def _told(scene: str) -> Callable[[int, int], None]:
-    """Makes a function that prints now and then how many views are rendered."""
+    """Makes a function that occasionally prints how many views are rendered."""
     clock = Clock()
 
     def tell(done: int, total: int) -> None:

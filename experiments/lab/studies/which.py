@@ -1,4 +1,4 @@
-"""Tables to choose a planner and a bound by, with the stored figures of each."""
+"""Tables for choosing a planner and a bound, with their stored figures."""
 
 from collections.abc import Sequence
 from statistics import fmean
@@ -19,7 +19,7 @@ _PLANNERS = {
     "the optimum of one or two drones": "joint",
     "the reward without collision rules": "greedy-rounds",
 }
-# What somebody wants, the method, and the row and figures of its stored measurements.
+# The user's goal, the method, and the row and figures of its stored measurements.
 _BOUNDS: tuple[tuple[str, str, str, Sequence[str]], ...] = (
     ("the proved optimum for a team of the paper's size", "`solve` (branch-and-price)",
      "bottleneck", ("proved optima", "median seconds to proof")),
@@ -37,7 +37,7 @@ _BOUNDS: tuple[tuple[str, str, str, Sequence[str]], ...] = (
 
 
 def which_planner_in_markdown() -> str:
-    """Returns a planner for each wish, with its stored gap and time."""
+    """Returns a planner for each goal, with its stored gap and time."""
     rows = read_rows(STORED / "paper.csv")
     base = {row.key: row.seconds for row in rows if row.planner == "sequential"}
     table = []
@@ -56,7 +56,7 @@ def which_planner_in_markdown() -> str:
 
 
 def which_bound_in_markdown() -> str:
-    """Returns a bound or exact method for each wish, with its stored figures."""
+    """Returns a bound or exact method for each goal, with its stored figures."""
     stored = {(row["row"], row["figure"]): row for row in stored_rows("solver-figures.csv")}
     table = []
     for wish, method, name, figures in _BOUNDS:
@@ -94,6 +94,6 @@ def proved_in_words() -> str:
 
 
 def views_saved_in_words() -> str:
-    """Returns the share of views that lazy planning evaluates, the least and the most."""
+    """Returns the smallest and the largest share of views that lazy planning evaluates."""
     shares = sorted(float(row["views"]) for row in stored_rows("lazy.csv"))
     return f"{in_percent(str(shares[0]))} to {in_percent(str(shares[-1]))}"

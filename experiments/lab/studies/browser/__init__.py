@@ -1,3 +1,3 @@
-"""Certificates checked in a browser: the files beside the page that does it, and its speed."""
+"""Checking certificates in a browser: the files that the page needs, and its speed."""
 
 __all__ = ["browser", "files"]

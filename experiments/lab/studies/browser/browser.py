@@ -1,8 +1,8 @@
-"""The speed of cocap-check in a browser, beside that of the command.
+"""The speed of cocap-check in a browser, compared with the command.
 
-Both check an instance, a plan and a certificate. Time is that of processors: of the command's
-process from its start, and of all processes of the browser from when files are chosen to when the
-answer stands on the page. Python is loaded before. Both are measured several times, in turn.
+Both check an instance, a plan and a certificate. Times are CPU times: of the command's process from
+its start, and of all processes of the browser from the choice of files until the page shows the
+answer; Python is already loaded. Both are measured several times, in turn.
 """
 
 import math
@@ -41,13 +41,13 @@ _REPEATS = 5
 
 
 class BrowserRow(NamedTuple):
-    """The time that the files of a scene, seed 0, take to be checked.
+    """The time to check the files of a scene with seed 0.
 
     Attributes
     ----------
     command_seconds, page_seconds : medians of CPU time
     python : version of the command's Python
-    pyodide, megabytes : version of the page's, and what a browser loads of it
+    pyodide, megabytes : version of the page's Python, and its download size
     """
 
     scene: str
@@ -73,7 +73,7 @@ def browser(*, scene: Scenes = None, out: Out = None) -> None:
 
 
 def _written(scene: str, folder: Path) -> list[Path]:
-    """Writes an instance, a plan and a certificate; returns where they are."""
+    """Writes an instance, a plan and a certificate; returns their paths."""
     found = certified(scene)
     contents = {
         folder / f"{scene}.instance": instance(found.problem),
@@ -85,12 +85,12 @@ def _written(scene: str, folder: Path) -> list[Path]:
 
 
 def _measured(page: "CheckPage", scene: str, paths: Sequence[Path]) -> BrowserRow:
-    """Has both check the files in turn, and compares what they say.
+    """Checks the files with both in turn, and compares the answers.
 
     Raises
     ------
     FileError
-        If the page says anything else than the command.
+        If the page's answer differs from the command's.
     """
     command, shown = list[float](), list[float]()
     page.check(paths)  # loads Python
@@ -102,7 +102,7 @@ def _measured(page: "CheckPage", scene: str, paths: Sequence[Path]) -> BrowserRo
         answer = page.check(paths)
         shown.append(_of_browser(page) - begin)
         if answer.lines != text:
-            raise FileError(f"{scene}: the page says {answer.lines}, the command {text}")
+            raise FileError(f"{scene}: the page prints {answer.lines}, the command {text}")
     loaded = sum(map(len, (pyodide() or {}).values())) / 1e6
     return BrowserRow(
         scene, statistics.median(command), statistics.median(shown), platform.python_version(),
@@ -111,7 +111,7 @@ def _measured(page: "CheckPage", scene: str, paths: Sequence[Path]) -> BrowserRo
 
 
 def printed(paths: Sequence[Path]) -> list[str]:
-    """Returns the lines that the command prints of files, called in their folder."""
+    """Returns the lines that the command prints for files, when run in their folder."""
     command = [sys.executable, "-I", cocap_check.__file__, *(path.name for path in paths)]
     done = subprocess.run(command, cwd=paths[0].parent, capture_output=True, text=True, check=False)
     return done.stdout.splitlines()
@@ -126,7 +126,7 @@ def _of_browser(page: "CheckPage") -> float:
 
 
 def browser_in_markdown() -> str:
-    """Returns the stored times as a table in Markdown, below a sentence that says their ratio."""
+    """Returns the stored times as a table in Markdown, below a sentence with their ratio."""
     rows = load_csv(STORED / _TABLE, BrowserRow, "browser")
     ratios = [row.page_seconds / row.command_seconds for row in rows]
     words = (
@@ -144,7 +144,7 @@ def size_in_words() -> str:
 
 
 def _shown(rows: Sequence[BrowserRow]) -> list[Record]:
-    """Returns rows as they are shown."""
+    """Returns the rows of the table."""
     return [
         {
             "scene": row.scene,

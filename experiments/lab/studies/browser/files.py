@@ -1,9 +1,8 @@
-"""Files beside the page on which visitors check certificates: the checker, examples, a Python.
+"""Files for the page on which visitors check certificates: the checker, examples, a Python.
 
 The Python is Pyodide, CPython as WebAssembly. The site serves it itself, from npm's package, and
-not from a CDN: so the page asks no other server for anything, which is what it promises of files,
-and it works wherever its folder is served. Only the core is taken; the checker imports nothing but
-the standard library.
+not from a CDN. So the page sends no request to any other server, as it promises, and works wherever
+its folder is served. Only the core is needed, as the checker imports only the standard library.
 """
 
 import hashlib
@@ -30,9 +29,9 @@ from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 
 PYODIDE = "314.0.7"
-# Of npm's tarball, as its registry has it.
+# Of npm's tarball, as in npm's registry.
 _SHA512 = "0YvXxEhfEdpLfb/XkM2BFAeMROq0iMUX2bzzH9pOttyMcWkwq+HbE5uyuGD82LN7y2q+SNvi/6V5JEsOlD2R1A=="
-# Scripts end in .js on the site: servers that do not know .mjs send it as no script.
+# Scripts end in .js on the site, as servers that do not know .mjs do not serve it as a script.
 _CORE = {
     "pyodide.mjs": "pyodide.js",
     "pyodide.asm.mjs": "pyodide.asm.js",
@@ -42,12 +41,12 @@ _CORE = {
 }
 _FETCHED = ("pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")  # by Pyodide
 EXAMPLE = "corridor"
-_ALTERED = 0.99  # times the bound, which is then claimed
-_PATIENCE = 120.0  # s, with npm
+_ALTERED = 0.99  # the altered certificate claims this times the bound
+_PATIENCE = 120.0  # s, for npm
 
 
 class Certified(NamedTuple):
-    """A built-in scene with seed 0, a plan, and the certificate of a bound that it was found by.
+    """A built-in scene with seed 0, a plan, and the certificate of a bound that starts from it.
 
     Attributes
     ----------
@@ -81,9 +80,9 @@ def instance(problem: Problem) -> bytes:
 
 
 def examples() -> dict[str, bytes]:
-    """Returns the files that the page can load: one scene's, and a certificate that is altered.
+    """Returns the files that the page can load: those of one scene, and an altered certificate.
 
-    The altered one claims a bound that is 1 % lower than the one that its numbers prove.
+    The altered certificate claims a bound 1 % below the bound that its numbers prove.
     """
     found = certified(EXAMPLE)
     bound = found.certificate.bound
@@ -103,20 +102,20 @@ def checker() -> bytes:
 
 
 def copied_in_words() -> str:
-    """Returns the SHA-256 of `cocap_check.py`, of which the site has a copy."""
+    """Returns a sentence with the SHA-256 of `cocap_check.py`, as the site has a copy."""
     return f"Its SHA-256 is `{hashlib.sha256(checker()).hexdigest()}`."
 
 
 @cache
 def pyodide() -> dict[str, bytes] | None:
-    """Returns the core of Pyodide by the names that the site has, from npm or its cache.
+    """Returns the core of Pyodide by its file names on the site, from npm or its cache.
 
-    It is None where there is no npm, or npm reaches neither.
+    It is None if npm is not installed, or finds the package neither in its cache nor online.
 
     Raises
     ------
     ValueError
-        If npm has another file than the one that is known.
+        If npm's file does not have the known SHA-512.
     """
     npm = shutil.which("npm")
     if npm is None:
@@ -150,7 +149,7 @@ def _core(tarball: Path) -> dict[str, bytes]:
 
 
 def write_check(folder: Path) -> bool:
-    """Writes all that the page needs into a folder; returns True if the Python is part of it."""
+    """Writes all files of the page into a folder; returns True if Python is among them."""
     core = pyodide()
     contents = {folder / "cocap_check.py": checker()}
     contents |= {folder / name: content for name, content in examples().items()}

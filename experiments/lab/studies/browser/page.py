@@ -19,7 +19,7 @@ from cocap_opt.experiments.lab.studies.pictures import Browser
 
 STATIC = Path(__file__).resolve().parents[4] / "docs" / "_static"
 _READY = "document.getElementById('check').dataset.ready === 'yes'"
-_PATIENCE = 300.0  # s, for Python to be loaded and files to be checked
+_PATIENCE = 300.0  # s, for loading Python and checking files
 _PAGE = """<!doctype html>
 <meta charset="utf-8">
 <link rel="icon" href="data:,">
@@ -35,10 +35,10 @@ class Answer(NamedTuple):
     Attributes
     ----------
     verdict : the exit code in words
-    lines : that cocap-check has printed, below the command
+    lines : lines that cocap-check printed, without the command
     code : the exit code
-    seconds : that the check took, once Python was loaded
-    facts : the sentences below them
+    seconds : duration of the check, once Python was loaded
+    facts : the sentences below the lines
     """
 
     verdict: str
@@ -49,14 +49,14 @@ class Answer(NamedTuple):
 
 
 class _Handler(SimpleHTTPRequestHandler):
-    """Serves a folder, and keeps what was asked for."""
+    """Serves a folder, and records the requests."""
 
     def __init__(self, asked: list[str], *args: Any, **options: Any) -> None:
         self._asked = asked
         super().__init__(*args, **options)
 
     def log_message(self, form: str, *args: Any) -> None:
-        """Keeps the first line of each request."""
+        """Records the first line of each request."""
         self._asked.append(form % args)
 
 
@@ -65,8 +65,8 @@ class CheckPage(NamedTuple):
 
     Attributes
     ----------
-    asked : a line for each request that the server was sent
-    folder : that is served
+    asked : a line for each request to the server
+    folder : the folder that is served
     """
 
     browser: Browser
@@ -76,7 +76,7 @@ class CheckPage(NamedTuple):
     @classmethod
     @contextmanager
     def opened(cls) -> Iterator[Self]:
-        """Writes the page and all beside it into a folder, serves it, and opens it.
+        """Writes the page and its files into a folder, serves the folder, and opens the page.
 
         Raises
         ------
@@ -102,13 +102,13 @@ class CheckPage(NamedTuple):
                     server.shutdown()
 
     def check(self, paths: Sequence[Path]) -> Answer:
-        """Returns the answer to files that are chosen together, and to no others."""
+        """Returns the answer to files that are chosen together, after removing all others."""
         self.forget()
         self.choose(paths)
         return self.answer()
 
     def choose(self, paths: Sequence[Path]) -> None:
-        """Chooses files, which begins the check."""
+        """Chooses files, which starts the check."""
         self.browser.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(
             "\n".join(map(str, paths))
         )
@@ -119,11 +119,11 @@ class CheckPage(NamedTuple):
             button.click()
 
     def button(self, words: str) -> WebElement:
-        """Returns the button that says so."""
+        """Returns the button with these words."""
         return self.browser.find_element(By.XPATH, f"//button[contains(., '{words}')]")
 
     def answer(self) -> Answer:
-        """Waits for the verdict, and returns all that the page says."""
+        """Waits for the verdict, and returns the page's whole answer."""
         self.wait("document.querySelector('.verdict').textContent !== ''")
         data = self.value("({...document.getElementById('check').dataset})")
         lines = self.text("#check pre").splitlines()
@@ -142,6 +142,6 @@ class CheckPage(NamedTuple):
         return self.browser.execute_script(f"return {expression}")
 
     def wait(self, expression: str) -> None:
-        """Waits until an expression holds in the page."""
+        """Waits until an expression is true in the page."""
         wait = WebDriverWait(self.browser, _PATIENCE, poll_frequency=0.05)
         wait.until(lambda _: self.value(expression))

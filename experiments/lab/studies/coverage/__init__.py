@@ -1,3 +1,3 @@
-"""The cost of coverage on large maps, and coverage beside that of other people's program."""
+"""The cost of coverage on large maps, and coverage compared with a third-party program's."""
 
 __all__ = ["coverage"]

@@ -1,8 +1,8 @@
 """The cost of coverage of all states that drones can reach on maps of 120 x 120 cells.
 
-Each row is measured in a process of its own, by compiled code and without the cache, on all cores
-that it may use (`taskset -c 0` leaves it one). The last columns are the time of one state that is
-asked for alone, or with few others, as in a search.
+Each row is measured in its own process, with compiled code and without the cache, on all cores that
+the process may use (`taskset -c 0` leaves one). The last columns are the time per state if states
+are requested alone or a few at a time, as in a search.
 """
 
 import multiprocessing
@@ -33,21 +33,21 @@ from cocap_opt.vision.sights import KERNEL
 
 _TABLE = "coverage.csv"
 _CELLS, ACTORS, STEPS, _SEED = 120, 6, 60, 0
-_AT_ONCE = 1, 10, 100  # states of near places
+_AT_ONCE = 1, 10, 100  # numbers of neighbouring states that are requested at once
 _REPEATS = 200
 _ABOVE_ROOFS = 25.0  # m
 HILL, _WIDE, _ROUGH = 8.0, 90.0, 0.3  # m: height and width of hills, roughness of the ground
 
 
 def _above_roofs(problem: Problem) -> Problem:
-    """Makes the same scene with all drones higher than everything."""
+    """Makes the same scene with all drones above all obstacles."""
     flights = [robot.motion.replace(layers=(_ABOVE_ROOFS,)) for robot in problem.robots]
     robots = zip(problem.robots, flights, strict=True)
     return problem.replace(robots=tuple(r.replace(motion=motion) for r, motion in robots))
 
 
 def _on_hills(problem: Problem) -> Problem:
-    """Makes the same scene on hills: people stand on them, drones keep their height above them."""
+    """Makes the same scene on hills: drones keep their height above the ground."""
     flat, rng = problem.height_map, np.random.default_rng(_SEED)
     x, y = np.indices(flat.shape) * (2 * np.pi * flat.resolution / _WIDE)
     ground = HILL * np.sin(x) * np.cos(y) + _ROUGH * rng.random(flat.shape)
@@ -112,7 +112,7 @@ def coverage_in_markdown() -> str:
 
 
 def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:
-    """Computes the coverage of a problem with one robot class; returns what it cost."""
+    """Computes the coverage of a problem with one robot class; returns its cost."""
     problem = change(build())
     model = Model(problem, use_cache=False)
     (robot_class,) = model.classes
@@ -141,7 +141,7 @@ def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:
 
 
 def _microseconds(model: Model, robot_class: RobotClass, reachable: BoolArray, n: int) -> float:
-    """Returns the median time (us) of a state when n states of near places are asked for."""
+    """Returns the median time (us) per state if n neighbouring states are requested at once."""
     rng, views = np.random.default_rng(_SEED), model.views(robot_class)
     times = []
     for _ in range(_REPEATS):

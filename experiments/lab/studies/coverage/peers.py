@@ -1,9 +1,9 @@
-"""Coverage by Greedy Perspectives' own program beside ours, state by state.
+"""Coverage by Greedy Perspectives' own program compared with ours, state by state.
 
-Their program counts pixels in an image of 400 x 300 pixels of which each stands for 100 of the
-camera's, so that the px/m2 of a face are multiples of a quantum. Only states that robot 0 can
-reach are compared, because it was the first to ask for them: their cache gives every robot the
-tilt of the first one.
+Their program counts pixels in an image of 400 x 300 pixels, each of which stands for 100 pixels of
+the camera, so the px/m2 of a face are multiples of a quantum. Only states that robot 0 can reach
+are compared: their cache gives every robot the tilt of the robot that first requested a state, and
+robot 0 is the first there.
 """
 
 from pathlib import Path
@@ -20,17 +20,17 @@ from cocap_opt.problem import Problem, State
 from cocap_opt.scenarios.formats import greedy_perspectives
 from cocap_opt.vision.render import Renderer
 
-_THEIR_STEP = 10  # of our pixels along an edge of one of theirs
-_PIXELS = 100.0  # of ours that one of theirs stands for
+_THEIR_STEP = 10  # our pixels along an edge of one of their pixels
+_PIXELS = 100.0  # our pixels per pixel of theirs
 _QUANTILES = {"half": 0.5, "90 %": 0.9, "99 %": 0.99, "all": 1.0}
 
 
 class _Difference(NamedTuple):
-    """Our coverage of a face in a state less theirs, in quanta."""
+    """Our coverage of a face in a state minus theirs, in quanta."""
 
     planned: float
     rendered: float
-    hidden: bool  # true if something hides a part of the face
+    hidden: bool  # True if something hides a part of the face
 
 
 def peers(
@@ -40,7 +40,7 @@ def peers(
     *,
     states: Annotated[int, Parameter(help="number of random states to compare")] = 500,
 ) -> None:
-    """Prints how far planned and rendered coverage are from theirs."""
+    """Prints how far planned and rendered coverage differ from theirs."""
     problem = greedy_perspectives.read(scene, options={"start-set": "yaml"})
     theirs = rendered_coverage(problem, coverage)
     found, totals = _differences(problem, theirs, states)
@@ -53,8 +53,7 @@ def peers(
                 for word, q in _QUANTILES.items()
             }
             rows.append({"coverage": what, "faces": part, "count": len(values), **quantiles})
-    Listing(f"{problem.name}: differences from theirs that so many faces are below, in quanta",
-            rows).print()  # fmt: skip
+    Listing(f"{problem.name}: quantiles of the differences from theirs, in quanta", rows).print()
     Listing("sums over all these faces, relative to theirs", [
         {"coverage": what, "difference (%)": 100 * (ours / totals["theirs"] - 1)}
         for what, ours in totals.items() if what != "theirs"

@@ -1,8 +1,8 @@
 """A town for measuring coverage: any number of cells, robots, people and steps.
 
-Houses 8 to 20 m high and wide stand between streets; drones fly in the streets only. Each person
-walks around a block. Drones start spread over the map, so that together they reach nearly all of
-its streets.
+Houses 8 to 20 m high and wide stand between streets; drones fly only in the streets. Each person
+walks around a block. The drones' starts are spread over the map, so that together they reach nearly
+all of its streets.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ from cocap_opt.problem import Actor, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap
 
 _STREET = 7.0  # m from house to house
-HOUSE = 8.0, 20.0  # m, least and most of width, depth and height
+HOUSE = 8.0, 20.0  # m, smallest and largest width, depth and height
 PACE = 1.0  # m per step
 
 
 def town(seed: int, robots: int, actors: int, cells: int, steps: int, resolution: float) -> Problem:
-    """Builds a square town whose houses, walks and starts are chosen by the seed.
+    """Builds a square town; the seed chooses the houses, walks and starts.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def _blocks(length: float, rng: np.random.Generator) -> FloatArray:
 
 
 def _inside(x: NDArray[np.floating], left: float, right: float) -> BoolArray:
-    """Returns True where a house stands between two streets."""
+    """Returns True for places of a house between two streets."""
     result: BoolArray = (x > left + _STREET / 2) & (x < right - _STREET / 2)
     return result
 

@@ -1,3 +1,3 @@
-"""Plans flown in a third-party simulator: what is left of their distances and of J."""
+"""Plans flown in a third-party simulator: how much of their distances and of J remains."""
 
 __all__ = ["figure", "flight", "tables"]

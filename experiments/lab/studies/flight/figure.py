@@ -25,7 +25,7 @@ _STYLES = {SMOOTH: (BLUE, "o", 9), STRAIGHT: (RED, "s", 5)}  # colour, mark and 
 
 
 def flight_figure(runs: Sequence[FlightRun]) -> Figure:
-    """Draws errors, least distances and the share of J filmed by the wind, a column per scene."""
+    """Draws errors, smallest distances and the filmed share of J over the wind, by scene."""
     scenes = list(dict.fromkeys(run.scene for run in runs))
     figure = new_figure(WIDTH, 7.4)
     panels = figure.subplots(3, len(scenes), sharex=True, sharey="row", squeeze=False)
@@ -61,7 +61,7 @@ def flight_figure(runs: Sequence[FlightRun]) -> Figure:
 
 
 def _by_wind(runs: Iterable[FlightRun]) -> dict[float, list[FlightRun]]:
-    """Returns runs by the wind (m/s) in which they were flown, the least first."""
+    """Returns runs by the wind (m/s) in which they were flown, weakest wind first."""
     found: dict[float, list[FlightRun]] = {}
     for run in sorted(runs, key=lambda run: run.wind):
         found.setdefault(run.wind, []).append(run)
@@ -76,7 +76,7 @@ def _draw(
     style: tuple[str, str, float],
     label: str | None = None,
 ) -> None:
-    """Draws a number of runs by the wind, over all seeds; that of the largest is dashed."""
+    """Draws a number of the runs over the wind, for all seeds; largest numbers are dashed."""
     colour, mark, size = style
     heights = [_finite(over(map(value, runs))) for runs in winds.values()]
     ax.plot(list(winds), heights, color=colour, marker=mark, ms=size, mew=1.4, lw=1.6, label=label,
@@ -84,5 +84,5 @@ def _draw(
 
 
 def _finite(value: float) -> float:
-    """Returns a number, nan if it is infinite, as distances of one drone to others are."""
+    """Returns a number; nan if it is infinite, like the distance of a single drone to others."""
     return value if math.isfinite(value) else math.nan

@@ -1,4 +1,4 @@
-"""Plans flown in a third-party simulator, and what is left of distances and of J."""
+"""Plans flown in a third-party simulator, and how much of distances and of J remains."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -19,7 +19,7 @@ from cocap_opt.run.options import Option, UsageError
 
 _SCENES = ("bridge", "passage")
 _TABLE = "flight.csv"
-_STORM = 30.0  # m/s, beyond which nobody flies
+_STORM = 30.0  # m/s, the strongest wind that can be simulated
 
 
 def flight(
@@ -40,15 +40,13 @@ def flight(
         bool, Parameter(negative="", help="print the stored results instead of simulating")
     ] = False,
 ) -> None:
-    """Simulates, writes the rows (flight.csv) as they come, and tells what they are."""
+    """Simulates flights, writes rows (flight.csv) as they are made, and prints the results."""
     winds = [0.0, 5.0, 10.0] if wind is None else wind
     if not all(0 <= speed <= _STORM for speed in winds):
         raise UsageError(f"--wind: must be 0..{_STORM:g} m/s")
     numbers = Option("--seeds").numbers(seeds)
     if stored and scenes:
-        raise UsageError(
-            "--stored: must be given without scenes, as it prints those that are stored"
-        )
+        raise UsageError("--stored: must be given without scenes, as it prints the stored ones")
     chosen = scenes or _SCENES
     tell(stored_flights() if stored else _simulated(chosen, numbers, winds, step, out), out)
 
@@ -66,7 +64,7 @@ def _simulated(
     out: Path | None,
 ) -> list[FlightRun]:
     """Simulates flights; raises FileError if the simulator is not installed."""
-    span()  # which needs it
+    span()  # fails here, if at all
     runs: list[FlightRun] = []
     for scene in scenes:
         for seed in seeds:
@@ -76,7 +74,7 @@ def _simulated(
                     f"{run.scene} seed {seed}, {run.flight}, {run.wind:g} m/s: off by "
                     f"{run.error_most:.2f} m at most"
                 )
-                Results.into(out).save(_TABLE, runs)  # not before, for a scene may be refused
+                Results.into(out).save(_TABLE, runs)  # not earlier, as a scene may be rejected
     return runs
 
 

@@ -1,4 +1,4 @@
-"""Measures of flights that were simulated: how far off, how late, how near to others and walls."""
+"""Measures of simulated flights: errors, delays, and distances to other drones and to walls."""
 
 import math
 from itertools import combinations
@@ -9,20 +9,20 @@ from cocap_opt.data import FloatArray
 from cocap_opt.experiments.lab.studies.flight.simulation import Simulated
 from cocap_opt.problem import Problem
 
-_MOVING = 0.5  # m/s, below which nobody can be late
-_NEAR = 4.0  # m, within which obstacles are looked for first
+_MOVING = 0.5  # m/s; delays are undefined below this speed
+_NEAR = 4.0  # m; obstacles are searched for within this distance first
 
 
 def errors(made: Simulated) -> FloatArray:
-    """Returns the distances [R, n] in m of drones from where they should be."""
+    """Returns the distances [R, n] in m of drones from their planned places."""
     found: FloatArray = np.linalg.norm(made.places - made.reference.states[..., :3], axis=-1)
     return found
 
 
 def delays(made: Simulated) -> tuple[float, float]:
-    """Returns by how many seconds drones are late: on the whole, and at most at any moment.
+    """Returns the overall delay of the drones and the largest delay at any moment, in seconds.
 
-    It is the part of the error along the way, divided by the speed. On the whole: the delay of the
+    A delay is the error along the path divided by the speed. The overall delay is the delay of all
     flights that fits best, by least squares.
     """
     speeds = made.reference.rates[..., :3]
@@ -36,18 +36,18 @@ def delays(made: Simulated) -> tuple[float, float]:
 
 
 def least_apart(places: FloatArray) -> float:
-    """Returns the least distance (m) between two drones whose places are [R, n, 3]."""
+    """Returns the smallest distance (m) between two drones, given their places [R, n, 3]."""
     pairs = combinations(places, 2)
     return min((float(np.linalg.norm(a - b, axis=-1).min()) for a, b in pairs), default=math.inf)
 
 
 def least_clearance(problem: Problem, places: FloatArray, ticks: int) -> float:
-    """Returns the least distance (m) of drones to solid matter, the ground included; 0: inside.
+    """Returns the smallest distance (m) of drones to solids and the ground; 0 inside a solid.
 
     Parameters
     ----------
     places : [R, n, 3] m
-    ticks : number of places that are looked at together
+    ticks : number of places that are processed together
     """
     corner = np.array([*problem.height_map.origin, 0.0])
     parts = [part for way in places for part in np.array_split(way - corner, 1 + len(way) // ticks)]
@@ -55,7 +55,7 @@ def least_clearance(problem: Problem, places: FloatArray, ticks: int) -> float:
 
 
 def _clearance(problem: Problem, places: FloatArray) -> float:
-    """Returns the least distance (m) of places [n, 3], from the map's corner, to solid matter."""
+    """Returns the smallest distance (m) of places [n, 3], from the map's corner, to solids."""
     size, shape = problem.height_map.resolution, np.array(problem.height_map.shape)
     reach = max(_NEAR, size)
     while True:
@@ -69,7 +69,7 @@ def _clearance(problem: Problem, places: FloatArray) -> float:
 
 
 def _distance(problem: Problem, places: FloatArray, first: FloatArray, last: FloatArray) -> float:
-    """Returns the least distance (m) of places to the matter in some cells."""
+    """Returns the smallest distance (m) of places to the solids in some cells."""
     size, columns = problem.height_map.resolution, problem.workspace.columns
     window = slice(None), slice(first[0], last[0]), slice(first[1], last[1])
     bottoms, tops = columns.low[window], columns.high[window]

@@ -29,9 +29,9 @@ from cocap_opt.scenarios.hardware import AIRFRAMES
 from cocap_opt.stop import TimeLimit
 
 SMOOTH, STRAIGHT = "smooth", "straight"
-AIRFRAME = "px4"  # whose limits say how long the steps of scenes are that do not
+AIRFRAME = "px4"  # its limits decide the length of steps if a scene does not define it
 _SECONDS = 60.0  # for each plan
-_FINE = 2  # durations of steps are multiples of a second divided by it
+_FINE = 2  # lengths of steps are multiples of 1 / _FINE s
 
 
 class FlightRun(NamedTuple):
@@ -109,24 +109,25 @@ class FlightRun(NamedTuple):
 
     @classmethod
     def read(cls, path: Path) -> "list[FlightRun]":
-        """Returns the rows of a file that the study has written."""
+        """Returns the rows of a file that the study wrote."""
         return load_csv(path, cls, "flight")
 
 
 def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> Iterator[FlightRun]:
-    """Plans a scene and yields what becomes of its smooth and its straight flight in each wind.
+    """Plans a scene, and yields the outcome of its smooth and its straight flight in each wind.
 
-    Scenes whose rules have no separation get that of recipes, and starts that allow it. Steps of
-    scenes that say no duration last as the parameter says, or as `fitting_step` does.
+    Scenes whose rules have no separation get the separation of recipes, and starts that allow it.
+    If a scene does not define the length of steps, it is `step`, or else that of `fitting_step`.
 
     Raises
     ------
     ProblemError
-        If there is no plan, or no flight of it, or two say how long a step lasts; one line.
+        If there is no plan, no flight of the plan, or both the scene and `step` define the length
+        of steps; one line.
     """
     problem = load_scene(scene, seed)
     if problem.step is not None and step is not None:
-        raise ProblemError(f"--step: must be left out, for {scene} defines it: {problem.step:g} s")
+        raise ProblemError(f"--step: must be left out, as {scene} defines it: {problem.step:g} s")
     if not problem.rules.separation:
         problem = built(scene, seed, SEPARATION, SEPARATION)
     problem = problem.replace(earth=None)
@@ -145,7 +146,7 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
 
 
 def fitting_step(problem: Problem, plan: Plan) -> float:
-    """Returns the fewest half seconds in which the smooth flight of a plan keeps PX4's limits."""
+    """Returns the shortest step (s, in halves) with which a smooth flight keeps PX4's limits."""
     made = Smooth.of(problem.replace(step=1.0), plan)
     limits = AIRFRAMES[AIRFRAME]
     slower = [

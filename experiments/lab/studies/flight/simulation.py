@@ -1,9 +1,9 @@
 """Flights in RotorPy, a third-party simulator of multirotors, imported only here.
 
 The vehicle is RotorPy's AscTec Hummingbird, a research quadrotor of half a kilogram, with drag of
-frame and rotors; its controller is RotorPy's geometric one (Lee, Leok, McClamroch 2010), which
-knows its state exactly, but neither the wind nor the drag. It is given the place, velocity,
-acceleration, yaw and rate of yaw of the flight. The gimbal holds the camera's pitch.
+frame and rotors. Its controller is RotorPy's geometric one (Lee, Leok, McClamroch 2010), which
+knows its state exactly, but neither the wind nor the drag. Its input is the position, velocity,
+acceleration, yaw and yaw rate of the flight. The gimbal holds the camera's pitch.
 """
 
 import math
@@ -17,16 +17,17 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.flight.bernstein import values
 from cocap_opt.flight.trajectory import YAW, Samples, Trajectory
 
-TICK = 0.01  # s, at most: the controller answers once in it, as in RotorPy's own environments
+TICK = 0.01  # s, longest time between outputs of the controller, as in RotorPy's environments
 
 
 class Reference(NamedTuple):
-    """The flights as a controller is given them, at some times [n].
+    """The flights as input of a controller, at times [n].
 
     Attributes
     ----------
     times : s
-    states, rates, bends : [R, n, 5] x, y, z (m), yaw and pitch (rad), per second, and again
+    states, rates, bends : [R, n, 5] x, y, z (m), yaw and pitch (rad); their first and second
+        derivatives with respect to time (s)
     """
 
     times: FloatArray
@@ -36,7 +37,7 @@ class Reference(NamedTuple):
 
     @classmethod
     def of(cls, flown: Trajectory, parts: int) -> "Reference":
-        """Returns the flights at each tick; each step has a multiple of so many ticks."""
+        """Returns the flights at each tick; the ticks of a step are a multiple of `parts`."""
         robots, pieces = flown.pieces.shape[:2]
         count = parts * math.ceil(flown.step / parts / TICK - 1e-9)
         ticks = np.arange(flown.problem.horizon * count + 1)
@@ -52,7 +53,7 @@ class Reference(NamedTuple):
 
 
 class Simulated(NamedTuple):
-    """The flights that a simulator made of others.
+    """Simulated flights.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class Simulated(NamedTuple):
     yaws: FloatArray
 
     def views(self, moments: FloatArray) -> Samples:
-        """Returns where cameras were and looked at some moments [m], s, each of them a tick."""
+        """Returns the cameras' places and directions at moments [m] (s), which must be ticks."""
         at = np.rint(moments / self.reference.times[1]).astype(np.int64)
         robots = len(self.places)
         return Samples(
@@ -82,7 +83,7 @@ def simulate(flown: Trajectory, parts: int, wind: Wind) -> Simulated:
 
     Parameters
     ----------
-    parts : moments of a step, which are ticks
+    parts : number of moments of a step that must be ticks
 
     Raises
     ------
@@ -107,7 +108,7 @@ def simulate(flown: Trajectory, parts: int, wind: Wind) -> Simulated:
 
 
 def span() -> float:
-    """Returns the largest width (m) of the vehicle, from the tip of a rotor to that of another."""
+    """Returns the largest width (m) of the vehicle, between the tips of two rotors."""
     parameters = _rotorpy()[0]
     arms = [float(np.hypot(*place[:2])) for place in parameters["rotor_pos"].values()]
     return 2 * (max(arms) + float(parameters["rotor_radius"]))
@@ -116,7 +117,7 @@ def span() -> float:
 def _fly(
     states: FloatArray, rates: FloatArray, bends: FloatArray, times: FloatArray, air: FloatArray
 ) -> FloatArray:
-    """Returns x, y, z (m) and yaw (rad) of a drone [n, 4], which begins at rest, as planned."""
+    """Returns x, y, z (m) and yaw (rad) [n, 4] of a drone that starts at rest, as planned."""
     parameters, multirotor, controller = _rotorpy()
     vehicle, pilot = multirotor(parameters), controller(parameters)
     yaw, tick = states[0, YAW], times[1]
@@ -140,7 +141,7 @@ def _fly(
 
 
 def _rotorpy() -> tuple[dict[str, Any], Any, Any]:
-    """Returns RotorPy's parameters of the vehicle, its vehicle and its controller."""
+    """Returns RotorPy's parameters of the vehicle, its vehicle class and its controller class."""
     try:
         from rotorpy.controllers.quadrotor_control import SE3Control
         from rotorpy.vehicles.hummingbird_params import quad_params

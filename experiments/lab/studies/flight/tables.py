@@ -1,4 +1,4 @@
-"""Tables of simulated flights, and what follows from them, in sentences made from numbers."""
+"""Tables of simulated flights, and conclusions in sentences made from the numbers."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -37,7 +37,7 @@ class _Summary(NamedTuple):
 
     @classmethod
     def of(cls, runs: Sequence[FlightRun]) -> "_Summary":
-        """Returns means, and the worst of what must not be."""
+        """Returns means, and the worst errors and distances."""
         return cls(
             fmean(run.error_mean for run in runs),
             max(run.error_most for run in runs),
@@ -51,7 +51,7 @@ class _Summary(NamedTuple):
 
     @property
     def is_team(self) -> bool:
-        """True if there are drones that could come near to each other."""
+        """True if there are at least two drones."""
         return self.apart[0] < math.inf
 
     def row(self) -> Record:
@@ -84,7 +84,7 @@ def sentences(runs: Sequence[FlightRun]) -> list[str]:
 
 
 def flights_in_markdown(runs: Sequence[FlightRun]) -> str:
-    """Returns the tables as one in Markdown, and a sentence on what its columns are."""
+    """Returns both tables as one in Markdown, and a note that explains its columns."""
     rows = [
         {"scene": scene, "flight": flight, "wind (m/s)": f"{wind:g}", **summary.row()}
         for (scene, flight, wind), summary in _summaries(runs)
@@ -107,7 +107,7 @@ def _on_scenes(runs: Sequence[FlightRun]) -> Iterator[str]:
 
 
 def _on_wind(runs: Sequence[FlightRun], wind: float) -> str:
-    """Says in some words what becomes of a scene's flights in a wind."""
+    """Describes the outcome of a scene's flights in a wind."""
     found = {
         flight: _Summary.of([run for run in runs if run.flight == flight])
         for flight in dict.fromkeys(run.flight for run in runs)
@@ -122,7 +122,7 @@ def _on_wind(runs: Sequence[FlightRun], wind: float) -> str:
 
 
 def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
-    """Tells how much of the separation of recipes the largest errors of smooth flights leave."""
+    """Yields how much of the recipes' separation the largest errors of smooth flights leave."""
     width = max(run.span for run in runs)
     enough = []
     for wind in dict.fromkeys(run.wind for run in runs):
@@ -144,7 +144,7 @@ def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
 
 
 def _summaries(runs: Sequence[FlightRun]) -> Iterator[tuple[tuple[str, str, float], _Summary]]:
-    """Yields scene, kind of flight and wind, and what became of its seeds."""
+    """Yields scene, kind of flight and wind, with a summary over the seeds."""
     for key in dict.fromkeys((run.scene, run.flight, run.wind) for run in runs):
         yield key, _Summary.of([run for run in runs if (run.scene, run.flight, run.wind) == key])
 

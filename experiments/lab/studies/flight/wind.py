@@ -1,6 +1,6 @@
-"""Wind with gusts: what blows upon each drone at each moment, by a seed.
+"""Wind with gusts: the air's velocity at each drone at each moment, chosen by a seed.
 
-RotorPy has gusts as well, but only with torch, which nothing else needs, and they have no seed.
+RotorPy has gusts as well, but they require torch, which nothing else needs, and have no seed.
 """
 
 from itertools import pairwise
@@ -11,20 +11,21 @@ import numpy as np
 from cocap_opt.data import FloatArray
 
 _FEET = 0.3048  # m
-_LOWEST = 10.0  # ft, below which the specification says nothing
+_LOWEST = 10.0  # ft; the specification does not cover lower heights
 
 
 class Wind(NamedTuple):
-    """A mean wind with gusts as strong as MIL-F-8785C (1980) has them near the ground.
+    """A mean wind with gusts as strong as in MIL-F-8785C (1980) near the ground.
 
     Strengths and lengths are those of Dryden's model below 1000 ft. All three components have the
-    spectrum that the model gives to the one along the wind, a process of the first order; those
-    across and upwards, which are of the second, have a little less at low frequencies.
+    model's spectrum of the component along the wind, a first-order process. In the model, the
+    components across the wind and upwards are second-order processes, with slightly less power at
+    low frequencies.
 
     Attributes
     ----------
-    speed : m/s, of the mean wind, the same at all heights
-    seed : chooses its direction and the gusts
+    speed : speed of the mean wind (m/s), the same at all heights
+    seed : selects the wind's direction and the gusts
     """
 
     speed: float
@@ -33,7 +34,7 @@ class Wind(NamedTuple):
     def on(self, drone: int, height: float, times: FloatArray) -> FloatArray:
         """Returns the velocity [n, 3] (m/s) of the air around a drone at evenly spaced times [n].
 
-        Gusts on different drones have nothing in common, which is the worst for their distance.
+        Gusts on different drones are independent, which is the worst case for their distance.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The figure of growth: for each axis a panel of seconds beside a panel of the certified gap."""
+"""The figure of growth: for each axis, a panel of seconds and a panel of the certified gap."""
 
 import math
 from collections.abc import Sequence
@@ -32,18 +32,18 @@ from cocap_opt.pictures.style import (
     set_plain_log,
 )  # fmt: skip
 
-_Law = tuple[str, str]  # words of a power law, and the colour of its line
+_Law = tuple[str, str]  # a power law in words, and the colour of its line
 
 _MORE = {"robots": "drones", "steps": "steps", "cells": "cells"}
 _LABELS = {**_MORE, "cells": "cells along a side"}
-_STYLES = {  # of each measure: its name, colour and mark
+_STYLES = {  # name, colour and mark of each measure
     "seconds": ("time to the end", BLUE, "o"),
     "seconds_to_gap": (f"time to a gap of {100 * GAP:g} %", AMBER, "s"),
     "gap_percent": ("gap at the end or the limit", RED, "D"),
     "gap_of_cuts_percent": ("gap without step envelopes", FADED, "v"),
 }
 _RAISED = str.maketrans("0123456789-.", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻·")
-_APART = 1.3  # times, between sizes that are written on an axis
+_APART = 1.3  # smallest ratio of two sizes that are both written on an axis
 _NOUNS = {"robots": "drones", "actors": "people"}
 _SECONDS = ("seconds", "seconds_to_gap")
 _GAPS = ("gap_of_cuts_percent", "gap_percent")
@@ -90,7 +90,7 @@ def growth_figure(points: Sequence[GrowthPoint], limit: float) -> Figure:
 
 
 def _told_gap(percent: float, _: int | None = None) -> str:
-    """Returns the label of a gap on an axis, whose lowest is that of proofs."""
+    """Returns the label of a gap on an axis; the lowest gap stands for proofs."""
     if percent > 1.5 * PROVED:
         return f"{percent:g}"
     return "proved" if percent > PROVED / 1.5 else ""
@@ -109,9 +109,9 @@ def _name_styles(figure: SubFigure) -> None:
 
 
 def _draw_measure(ax: Axes, points: Sequence[GrowthPoint], name: str) -> _Law | None:
-    """Draws medians against sizes, a dot per seed, and dashed the power law if there is one.
+    """Draws medians against sizes, a dot per seed, and a dashed power law if there is one.
 
-    A mark is hollow where the limit stopped a run. Returns the law.
+    A hollow mark means that the limit stopped a run. Returns the law.
     """
     measure, (_, colour, mark) = MEASURES[name], _STYLES[name]
     known = [(p, median(measure.of(p))) for p in points]
@@ -147,7 +147,7 @@ def _write_laws(ax: Axes, laws: Sequence[_Law]) -> None:
 
 
 def _set_sizes(ax: Axes, points: Sequence[GrowthPoint]) -> None:
-    """Writes the sizes that were measured on the axis, and no others; less if they are close."""
+    """Labels the axis only with the measured sizes, omitting some that are close together."""
     sizes = sorted({point.size for point in points}, reverse=True)
     shown: list[int] = []
     for size in sizes:

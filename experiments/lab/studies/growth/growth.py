@@ -1,6 +1,6 @@
 """The growth of column generation with drones, steps and cells.
 
-One of the three changes at a time, around a base field.
+Only one of the three changes at a time, starting from a base field.
 """
 
 import math
@@ -102,7 +102,7 @@ def _seconds(seconds: float) -> str:
 
 
 def _gap(percent: float) -> str:
-    """Returns a gap; of a proof there is none, and others are not rounded to nothing."""
+    """Returns a gap in words; a gap that is not a proof is never rounded to zero."""
     if percent <= PROVED:
         return "proved"
     return "< 0.01 %" if percent < 0.01 else f"{percent:.2f} %"

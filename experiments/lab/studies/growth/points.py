@@ -1,8 +1,8 @@
 """Sizes at which growth is measured, the samples of each, and power laws fitted to them.
 
-The exponent of a size n is the slope of log seconds over log n, by least squares over the sizes
-at which all seeds came to their end within the limit; that of the gap is over all sizes at which
-there is one. Where medians are not near such a line, no power law is said.
+The exponent of a size n is the slope of log seconds over log n, fitted by least squares to the
+sizes at which all seeds finished within the limit; the exponent of the gap, to all sizes that have
+a gap. If medians are not near such a line, no power law is stated.
 """
 
 import math
@@ -18,10 +18,10 @@ from cocap_opt.experiments.lab.results import load_csv
 from cocap_opt.experiments.lab.studies.runs import Run
 from cocap_opt.formulations.result import OPTIMALITY
 
-PROVED = 100 * OPTIMALITY  # %, at which a gap is none: the plan is proved to be the best
-GAP = 0.03  # certified gap whose time is taken: one that most sizes reach
-_LEAST_SIZES = 4  # of a fit: any two points are on a line, and three are often near one
-_NEAR = 1.5  # times, by which medians may be off a power law
+PROVED = 100 * OPTIMALITY  # %; with at most this gap, a plan is proved optimal
+GAP = 0.03  # certified gap to which time is measured; most sizes reach it
+_LEAST_SIZES = 4  # for a fit: any two points are on a line, and three are often near one
+_NEAR = 1.5  # largest factor between a median and a power law
 
 
 class Field(NamedTuple):
@@ -39,7 +39,7 @@ class Field(NamedTuple):
 
 
 _BASE = Field(robots=8, actors=8, cells=30, steps=16)
-# Where 15 x 15 cells are to compare with more, there is room for two people only.
+# When the number of cells changes, there are two people, as 15 x 15 cells have no room for more.
 BASES = {"robots": _BASE, "steps": _BASE, "cells": _BASE._replace(actors=2)}
 SIZES: dict[str, tuple[int, ...]] = {
     "robots": (2, 4, 8, 16, 32, 64),
@@ -64,7 +64,7 @@ class Sample(NamedTuple):
     limit: float  # s
     finished: bool  # no limit stopped it
     seconds: float
-    seconds_to_gap: float  # to a certified gap of GAP; infinite where it was not reached
+    seconds_to_gap: float  # to a certified gap of GAP; infinite if it was not reached
     gap: float  # certified, relative, at the end or the limit
     gap_of_cuts: float  # the same of envelope cuts alone, which bound faces one by one
     gigabytes: float  # peak memory
@@ -103,7 +103,7 @@ class GrowthPoint:
 
     @property
     def finished(self) -> bool:
-        """True if all runs came to their end."""
+        """True if no limit stopped a run."""
         return all(sample.finished for sample in self.samples)
 
 
@@ -113,7 +113,7 @@ class Measure(NamedTuple):
     Attributes
     ----------
     number : of a sample
-    whole : true of a point if no limit has cut one of its numbers short
+    whole : returns True for a point if no limit cut one of its numbers short
     least : smaller numbers count as this one; a law is fitted to larger medians only
     """
 
@@ -135,7 +135,7 @@ class Measure(NamedTuple):
         return [p for p in points if self.whole(p) and self.least < median(self.of(p)) < math.inf]
 
     def fit(self, points: Sequence[GrowthPoint]) -> tuple[float, float] | None:
-        """Returns slope and offset of log measure over log size, of sizes that no limit cut short.
+        """Returns slope and offset of log measure over log size, for sizes that no limit cut short.
 
         None if there are fewer than four such sizes, or if the medians are not near the line.
         """

@@ -1,3 +1,3 @@
-"""Plans of other projects and ours on their scenes, under one evaluator, with certified bounds."""
+"""Plans of other projects and ours on their scenes, with one evaluator and certified bounds."""
 
 __all__ = ["others", "stored_values"]

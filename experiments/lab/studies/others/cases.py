@@ -1,4 +1,4 @@
-"""Cases of a study of others: their scenes with starts, and the planners of theirs on them."""
+"""Cases of the study of other projects: their scenes with starts, and their planners on them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,9 +22,9 @@ class Case:
 
     Attributes
     ----------
-    seed : the start set; 0 where there are none
-    is_start_set : the starts are those of a start set, for which nothing of theirs is published
-    published : planners of theirs by name, where something is
+    seed : the start set; 0 if there are none
+    is_start_set : True if starts are those of a start set, for which they published no results
+    published : their planners with published results, by name
     """
 
     scene: Scene
@@ -35,7 +35,7 @@ class Case:
 
     @classmethod
     def all_of(cls, scenes: Sequence[Scene], sets: Sequence[int] | None, tell: Tell) -> list[Self]:
-        """Reads scenes and the plans beside them; what cannot be read is reported and left out.
+        """Reads scenes and the plans beside them; files that cannot be read are reported.
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class Case:
             try:
                 found += cls._of(scene, sets, tell)
             except (FileError, ProblemError) as error:
-                tell(f"{scene.word}: is left out: {error}")
+                tell(f"{scene.word}: left out: {error}")
         if not found:
             raise FileError("no scene can be read")
         return cls._told_apart(found)
@@ -72,11 +72,11 @@ class Case:
 
     @classmethod
     def _own_starts(cls, scene: Scene, tell: Tell) -> Self | None:
-        """Returns the case whose starts the scene's own file says; None if they cannot be used."""
+        """Returns the case with the starts of the scene's own file; None if these are unusable."""
         try:
             problem = load_scene(str(scene.path), 0, _OWN_STARTS)
         except FileError as error:
-            tell(f"{scene.word}: its own starts are left out: {error}")
+            tell(f"{scene.word}: its own starts left out: {error}")
             return None
         named = problem.replace(name=f"{problem.name}-own-starts")
         return cls._with_published(scene, named, tell)
@@ -88,7 +88,7 @@ class Case:
 
     @classmethod
     def _told_apart(cls, cases: Sequence[Self]) -> list[Self]:
-        """Returns the cases with no two scenes of one name."""
+        """Returns the cases, renamed so that no two scenes have the same name."""
         keys = [(case._words, case.seed) for case in cases]
         problems = Scenes.told_apart(
             {key: case.problem for key, case in zip(keys, cases, strict=True)}
@@ -106,7 +106,7 @@ class Case:
         return self.problem.horizon + 1 - self.problem.first_step
 
     def instance(self, planners: Sequence[str], settings: Settings) -> Instance:
-        """Returns its instance of a sweep, in which the plans of theirs have rows, too."""
+        """Returns its instance of a sweep, in which their plans have rows, too."""
         plans = {
             name: planner.plan
             for name, planner in self.published.items()
@@ -117,7 +117,7 @@ class Case:
 
     @classmethod
     def is_same(cls, cases: Sequence[Self], key: Key, digest: str) -> bool:
-        """Returns False if an earlier row's scene is not what a file makes now."""
+        """Returns False if the file of an earlier row's scene now makes another scene."""
         name, seed = key
         scene = next((c.scene for c in cases if c.is_start_set and c.problem.name == name), None)
         if scene is None or seed is None:

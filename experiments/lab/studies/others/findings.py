@@ -1,7 +1,7 @@
-"""Findings on the evaluation of others, in sentences: what they reported beside what it is worth.
+"""Findings on the evaluation of other projects, in sentences: reported rewards compared with J.
 
-Sentences that hold for all scenes come from their programs, which were read; those of a scene from
-the numbers that are stored with it.
+Sentences on all scenes come from reading their programs; sentences on one scene, from the numbers
+stored with it.
 """
 
 import math
@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 
 from cocap_opt.experiments.lab.studies.others.tables import Compared, signed_percent
 
-_NAMED = 8  # frames that are named
+_NAMED = 8  # most frames that a sentence lists
 _THEIR_BEST = "their-multipleroundsgreedy"
 
-# What holds for all their scenes.
+# Findings on all scenes of a project.
 ON_GREEDY_PERSPECTIVES = (
     "Greedy Perspectives: their coverage cache ignores whose camera asks, so that the reported "
     "rewards mix the drones' tilts; here each drone has its own.",
@@ -38,7 +38,7 @@ def findings(compared: Sequence[Compared], of_hughes: bool) -> list[str]:
 
 
 def _on_tilts(compared: Compared) -> Iterator[str]:
-    """Tells the effect of the tilts of their cache, and the distance of our evaluator."""
+    """Yields the effect of their cache's tilts, and the difference of our evaluator."""
     for planner in compared.case.published.values():
         worth = compared.reward(planner.name)
         if worth is None or planner.reported is None:
@@ -56,7 +56,7 @@ def _on_tilts(compared: Compared) -> Iterator[str]:
 
 
 def _on_frames(compared: Compared) -> Iterator[str]:
-    """Says at which frames the stored rewards are not those of the stored solutions."""
+    """Yields the frames at which stored rewards are not those of the stored solutions."""
     name, agreeing, frames = compared.case.problem.name, [], compared.case.counted_steps
     for source in compared.case.published.values():
         rewards, planner = compared.by_us.get(source.name), source.name.removeprefix("their-")
@@ -82,7 +82,7 @@ def _on_frames(compared: Compared) -> Iterator[str]:
 
 
 def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
-    """Says on how many scenes each planner of ours has the reward of their multi-round planner."""
+    """Yields the number of scenes on which our planners reach the reward of their best planner."""
     scenes = [scene for scene in compared if scene.reward(_THEIR_BEST) is not None]
     ours = dict.fromkeys(
         row.planner
@@ -108,13 +108,13 @@ def _above_their_best(compared: Compared, planner: str) -> float | None:
 
 
 def _than(value: float, other: float) -> str:
-    """Says by how much a value is more or less, in words."""
+    """Describes by how much a value is higher or lower than another."""
     share = 100 * (value / other - 1)
     return f"{abs(share):.2f} % {'more' if share >= 0 else 'less'}"
 
 
 def _percent(share: float) -> str:
-    """Returns a share in %, with two digits where it is small."""
+    """Returns a share in %, with two digits if it is small."""
     return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:,.0f} %"
 
 

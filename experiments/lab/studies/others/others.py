@@ -1,7 +1,7 @@
-"""Plans of other projects and ours on all scenes in a folder, with a bound beside each number.
+"""Plans of other projects and ours on all scenes in a folder, with a bound for each.
 
-A sweep whose instances are their scenes, with the plans that they have published and with each of
-their start sets, and with tables of its own.
+It is a sweep over their scenes, with the plans that they published and with each of their start
+sets; it has its own tables.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,16 +37,16 @@ _PLANNERS = ("cocap-lns", "cocap")
 _INTERRUPTED = 130  # exit code after Ctrl-C
 _JUDGED = {PLAN: "the plan", BETWEEN: "between cells", WORD: "their word"}
 _NOTES = """\
-Every plan, theirs or ours, is evaluated by the same referee; bounds are certified. `gap` is to the
-bound under the scene's collision rules, of plans that obey them. `gap_free` is to the bound without
-such rules, which holds for any plan. `best known` is the largest J that any method found here, that
-of the search for the bound included. `of` says what a reward is of: a plan, their word without one,
-or no plan that starts where the others do and flies from cell to cell. `shared cells` counts how
-often two drones of a plan are in one cell at one step, be that forbidden or not; `colliding` is the
-number of drones that take part in a conflict; `valid` is the number of plans without one. `reward`
-over start sets is view reward per drone and step, elsewhere J, the sum over all drones and steps.
-Columns without a value in every start set are left empty. Seconds are the planner's own; those of
-their programs are not known.
+The same referee evaluates all plans, theirs and ours; bounds are certified. `gap`: distance to the
+bound under the scene's collision rules, for plans that obey them. `gap_free`: distance to the bound
+without such rules, which holds for any plan. `best known`: the largest J that any method found
+here, including the search for the bound. `of`: the source of a reward, which is a plan, their file
+without a plan, or states that start elsewhere or lie between the cells. `shared cells`: how often
+two drones of a plan are in one cell at one step, whether this is forbidden or not. `colliding`:
+number of drones that take part in a conflict. `valid`: number of plans without a conflict.
+`reward`: over start sets, the view reward per drone and step; elsewhere J, the sum over all drones
+and steps. Columns that lack a value in some start set are empty. Seconds are measured for our
+planners; those of their programs are unknown.
 """
 
 
@@ -73,7 +73,7 @@ def others(
     workers: Workers = None,
     out: Out = None,
 ) -> int:
-    """Measures what is not in `out` yet by a sweep, and prints and writes the tables."""
+    """Measures with a sweep what is not in `out` yet, and prints and writes the tables."""
     if unknown := [name for name in planner or [] if name not in SOLVERS]:
         raise UsageError(f"--planner: must be among {', '.join(SOLVERS)}, not {unknown[0]!r}")
     numbers = None if sets is None else Option("--sets").numbers(sets)
@@ -115,7 +115,7 @@ def start_sets_in_markdown() -> str:
 
 
 def published_in_markdown(name: str) -> str:
-    """Returns plans that others have published beside ours, and of what their J is.
+    """Returns plans that other projects published, with ours, and the source of their J.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def published_in_markdown(name: str) -> str:
 
 
 def findings_in_markdown(name: str) -> str:
-    """Returns the stored findings on the evaluation of others, in sentences.
+    """Returns the stored findings on the evaluation of other projects, in sentences.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _write(
     sentences: Sequence[str],
     limit: float,
 ) -> None:
-    """Writes others.csv, start_sets.csv and others.md, as far as there is something to say."""
+    """Writes others.csv, start_sets.csv and others.md; parts without content are omitted."""
     tables = {
         "others.csv": Listing("Their plans and ours", beside),
         "start_sets.csv": Listing("View reward per drone and step over start sets", means),

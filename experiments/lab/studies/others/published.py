@@ -1,8 +1,8 @@
 """Scenes of other projects in a folder, and the plans and rewards that are published with them.
 
-The layouts are those of their repositories: of Greedy Perspectives a folder for each scene with
-`seq.yaml`, `map.npy` and `starts.csv`, beside which `peer_paths.csv` and `peer_reward.csv` may hold
-what their program planned; of Hughes et al. a folder for each scene with `scene.json` or
+The layouts are those of their repositories. Greedy Perspectives: a folder for each scene with
+`seq.yaml`, `map.npy` and `starts.csv`, and optionally `peer_paths.csv` and `peer_reward.csv` with
+the plan of their program. Hughes et al.: a folder for each scene with `scene.json` or
 `NAME_data.json`, solutions (`PLANNER/solution.json` or `solution_PLANNER.json`), and
 `ppa_evaluation.csv`.
 """
@@ -40,7 +40,7 @@ class Scene(NamedTuple):
     Attributes
     ----------
     word : the file, relative to the folder
-    is_hughes : it is one of Hughes et al., else of Greedy Perspectives
+    is_hughes : True if it is a scene of Hughes et al., False for Greedy Perspectives
     """
 
     word: str
@@ -49,12 +49,12 @@ class Scene(NamedTuple):
 
     @classmethod
     def all_in(cls, folder: Path) -> list[Self]:
-        """Finds the scenes in a folder and those below it.
+        """Finds the scenes in a folder, at any depth.
 
         Raises
         ------
         FileError
-            If it is not a folder, or there are none.
+            If it is not a folder, or contains no scene.
         """
         if not folder.is_dir():
             raise FileError(f"{folder}: must be a folder of scenes of other projects")
@@ -65,7 +65,7 @@ class Scene(NamedTuple):
         ]
         if not found:
             words = "seq.yaml of Greedy Perspectives, or scene.json or NAME_data.json of Hughes et"
-            raise FileError(f"{folder}: must hold folders with a {words} al.")
+            raise FileError(f"{folder}: must contain folders with a {words} al.")
         return found
 
     @property
@@ -75,15 +75,15 @@ class Scene(NamedTuple):
 
 
 class Published(NamedTuple):
-    """A planner of theirs on a scene, and its results that are published.
+    """One of their planners on a scene, and its published results.
 
     Attributes
     ----------
-    name : unlike that of any planner of ours
-    plan : None if none is stored, or no drone can fly it
-    evaluated : by our evaluator, of states between the cells, which make no plan
-    reported : as stored with the scene
-    own_tilts : by the pixels of their renderer, with each drone's own tilt
+    name : differs from the names of our planners
+    plan : None if none is stored, or if no drone can fly it
+    evaluated : rewards by our evaluator, for states between the cells, which are not a plan
+    reported : rewards as stored with the scene
+    own_tilts : rewards by the pixels of their renderer, with each drone's own tilt
     """
 
     name: str
@@ -94,11 +94,11 @@ class Published(NamedTuple):
 
     @classmethod
     def beside(cls, scene: Scene, problem: Problem, tell: Tell) -> list[Self]:
-        """Reads all that is published with a scene; what cannot be used is reported and left out.
+        """Reads all results that are published with a scene; unusable ones are reported.
 
         Parameters
         ----------
-        problem : the scene, with the starts that its own file says
+        problem : the scene, with the starts in its own file
         """
         reader = cls._of_hughes if scene.is_hughes else cls._of_greedy_perspectives
         return list(reader(scene, problem, tell))
@@ -107,14 +107,12 @@ class Published(NamedTuple):
     def _of_greedy_perspectives(cls, scene: Scene, problem: Problem, tell: Tell) -> Iterator[Self]:
         folder = scene.path.parent
         if not (folder / _PEER_PLAN).is_file():
-            tell(
-                f"{scene.word}: no {_PEER_PLAN} is beside it, so that only start sets are compared"
-            )
+            tell(f"{scene.word}: there is no {_PEER_PLAN} beside it; only start sets are compared")
             return
         try:
             plan = PlanReader(str(scene.path), problem).plan(folder / _PEER_PLAN).plan
         except FileError as error:  # such as moves that other conventions forbid
-            tell(f"{scene.word}: their plan is left out: {error}")
+            tell(f"{scene.word}: their plan left out: {error}")
             return
         steps, found = slice(problem.first_step, None), cls("theirs", plan)
         try:
@@ -143,12 +141,12 @@ class Published(NamedTuple):
                 return self._replace(evaluated=evaluated)
             return self._replace(plan=PlanReader(str(scene.path), problem).plan(file).plan)
         except (FileError, ProblemError) as error:
-            tell(f"{scene.word}: a plan of theirs is left out: {error}")
+            tell(f"{scene.word}: one of their plans left out: {error}")
             return self
 
 
 def not_there(folder: Path, scenes: list[Scene]) -> list[str]:
-    """Returns sentences that name the published scenes that a folder does not hold.
+    """Returns sentences that name the published scenes that are missing from a folder.
 
     If the folder is that of a single scene, no scene counts as missing.
     """
@@ -158,7 +156,7 @@ def not_there(folder: Path, scenes: list[Scene]) -> list[str]:
         missing = [name for name in names if name not in {scene.name for scene in here}]
         if here and missing and not any(scene.path.parent == folder for scene in here):
             whose = "Hughes et al." if is_hughes else "Greedy Perspectives"
-            sentences.append(f"{folder}: not there of the scenes of {whose}: {', '.join(missing)}")
+            sentences.append(f"{folder}: lacks scenes of {whose}: {', '.join(missing)}")
     return sentences
 
 
@@ -173,7 +171,7 @@ def _is_hughes(path: Path) -> bool:
 
 
 def _stored(scene: Scene, problem: Problem, tell: Tell) -> Mapping[str, Rewards]:
-    """Reads the rewards that are stored with a scene, by planners; none if they cannot be used."""
+    """Reads the rewards that are stored with a scene, by planner; none if they are unusable."""
     try:
         return stored_rewards(scene.path.parent / _STORED, problem)
     except ProblemError as error:

@@ -1,6 +1,6 @@
-"""Readers of what the programs of other projects stored beside their scenes: rewards, coverage.
+"""Readers of the rewards and coverage that other projects' programs stored beside their scenes.
 
-Of Greedy Perspectives the problem is one that `greedy_perspectives.read` made.
+For Greedy Perspectives, problems must be made by `greedy_perspectives.read`.
 """
 
 from pathlib import Path
@@ -21,15 +21,15 @@ _THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
 def reported_rewards(
     problem: Problem, path: Path
 ) -> tuple[tuple[float, ...], tuple[float, ...] | None]:
-    """Reads the view reward at each step that Greedy Perspectives' program gave its plan.
+    """Reads the view reward that Greedy Perspectives' program reports for each step of its plan.
 
-    The file has columns t, reported_view_reward and maybe own_tilt_view_reward, one row per
-    step. The row of 0 that their program writes after the last step is left out.
+    The file has columns t, reported_view_reward and optionally own_tilt_view_reward, one row per
+    step. The row with 0 that their program writes after the last step is omitted.
 
     Returns
     -------
-    the rewards [T+1] with the tilts that their cache mixes up, and those with each robot's own
-    tilt, or None where the file has none
+    the rewards [T+1] with the tilts that their cache mixes up, and the rewards with each robot's
+    own tilt, or None if the file has none
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The tables of a study of others: their plans beside ours, and means over start sets.
+"""The tables of the study of other projects: their plans and ours, and means over start sets.
 
-View reward per drone and step is J over the number of drones and of the steps that count: H, the
-start included, in scenes of Greedy Perspectives. Their published mean is over H + 1 rows, one of
-them a spurious 0, so that it is H / (H + 1) of ours.
+View reward per drone and step is J divided by the number of drones and by the number of steps that
+count; in scenes of Greedy Perspectives these are H steps, including the start. Their published mean
+is over H + 1 rows, one of them a spurious 0, so it is H / (H + 1) of ours.
 """
 
 import math
@@ -32,17 +32,17 @@ _NOTES = {
     BETWEEN: "+ starts elsewhere or flies between the cells: the bound does not hold for it",
     WORD: "* as their file says, without a plan; a gap if their evaluator proves to be ours",
 }
-_SAME = 1e-9  # relative, of rewards of a step
+_SAME = 1e-9  # relative difference up to which rewards of a step are equal
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A case on which there is something of theirs, and what a sweep found on it.
+    """A case with published results, and the results of a sweep on it.
 
     Attributes
     ----------
-    rows : of our planners, and of those of their plans that can be flown
-    plans : of these, by planners
+    rows : of our planners, and of their plans that can be flown
+    plans : the plans of these rows, by planner
     """
 
     case: Case
@@ -51,7 +51,7 @@ class Compared:
 
     @cached_property
     def by_us(self) -> dict[str, Sequence[float]]:
-        """Rewards step by step, by our evaluator, of the planners of theirs that can be judged."""
+        """Rewards step by step, by our evaluator, of their planners that can be judged."""
         found: dict[str, Sequence[float]] = {}
         for planner in self.case.published.values():
             if planner.plan is not None:
@@ -63,12 +63,12 @@ class Compared:
         return found
 
     def off(self, planner: Published) -> list[int]:
-        """Returns the steps, from 1, at which a reported reward is not that by our evaluator."""
+        """Returns the steps, counted from 1, at which a reported reward differs from ours."""
         pairs = zip(self.by_us.get(planner.name, ()), planner.reported or (), strict=False)
         return [t for t, pair in enumerate(pairs, 1) if not math.isclose(*pair, rel_tol=_SAME)]
 
     def records(self) -> list[Record]:
-        """Returns a record a planner, theirs first: rewards by one evaluator, gaps to one bound."""
+        """Returns a record per planner, theirs first, with the same evaluator and bound for all."""
         theirs = [self._theirs(planner) for planner in self.case.published.values()]
         ours = [self._of_row(row) for row in self.rows if row.planner not in self.case.published]
         best = self.best_of_theirs()
@@ -80,7 +80,7 @@ class Compared:
         ]
 
     def best_of_theirs(self) -> float | None:
-        """Returns the largest J of a plan of theirs that starts where ours do and can be flown."""
+        """Returns the largest J of their plans that start where ours do and can be flown."""
         rewards = [r.reward for r in self.rows if r.planner in self.case.published and r.valid]
         return max((reward for reward in rewards if reward is not None), default=None)
 
@@ -90,7 +90,7 @@ class Compared:
         return next(found, None)
 
     def listing(self) -> Listing:
-        """Returns the table as a terminal shows it."""
+        """Returns the table for a terminal."""
         records = self.records()
         shown = [
             {
@@ -118,7 +118,7 @@ class Compared:
         return f"{problem.name}: {drones}, bound {row.bound:,.2f}{known}"
 
     def _theirs(self, planner: Published) -> Record | None:
-        """Returns the record of a planner of theirs; None if there is nothing to be judged."""
+        """Returns the record of one of their planners; None if it has no result to judge."""
         told = {
             "by": "them",
             "reported": _sum(planner.reported),
@@ -135,7 +135,7 @@ class Compared:
         return self._record(planner.name, _sum(planner.reported), kind) | told
 
     def _starts_here(self, reported: Sequence[float]) -> bool:
-        """Returns True if rewards begin like those of a plan of theirs that can be flown."""
+        """Returns True if rewards begin like those of one of their plans that can be flown."""
         known = [
             planner.reported for planner in self.case.published.values() if planner.plan is not None
         ]
@@ -144,7 +144,7 @@ class Compared:
 
     @cached_property
     def _is_confirmed(self) -> bool:
-        """True if their evaluator is ours: all that can be judged is what they reported."""
+        """True if their evaluator equals ours: all rewards that can be judged are as reported."""
         return not any(self.off(planner) for planner in self.case.published.values())
 
     def _of_row(self, row: GapRow) -> Record:
@@ -157,7 +157,7 @@ class Compared:
         }
 
     def _shared(self, planner: str) -> int | None:
-        """Counts the times that two drones of a plan are in one cell, be that forbidden or not."""
+        """Counts how often two drones of a plan are in one cell, whether forbidden or not."""
         if planner not in self.plans:
             return None
         problem, paths = self.case.problem, self.plans[planner].paths
@@ -203,7 +203,7 @@ class OverSets(NamedTuple):
         return list(self._records())
 
     def listing(self) -> Listing:
-        """Returns the table as a terminal shows it."""
+        """Returns the table for a terminal."""
         shown = [
             {
                 **{key: record[key] for key in ("scene", "planner", "reward")},
@@ -239,7 +239,7 @@ class OverSets(NamedTuple):
         }
 
     def _each(self, row: GapRow, value: float | None) -> float | None:
-        """Returns a sum over drones and steps as a mean of one drone and step."""
+        """Returns a sum over drones and steps as a mean per drone and step."""
         return None if value is None else value / (row.robots * self.counted[row.scene])
 
 
@@ -255,7 +255,7 @@ def _above(value: float | None, other: float | None) -> float | None:
 
 
 def signed_percent(value: float | None) -> str:
-    """Returns a difference in % with its sign; next to nothing has none, "-" stands for None."""
+    """Returns a difference in % with its sign; about zero has no sign, and None is "-"."""
     if value is None:
         return "-"
     return f"{value:+.2f} %" if round(value, 2) else "0.00 %"
@@ -272,6 +272,6 @@ def _mean(values: Sequence[float | None]) -> float | None:
 def _of_all(
     statistic: Callable[[list[float]], float | None], values: Sequence[float | None]
 ) -> float | None:
-    """Returns a statistic if no value is missing: statistics over different start sets mislead."""
+    """Returns a statistic, or None if a value is missing, as other start sets would mislead."""
     known = [value for value in values if value is not None]
     return statistic(known) if known and len(known) == len(values) else None

@@ -1,4 +1,4 @@
-"""The experiments of the CoCap paper, made again over many seeds and answered with bounds."""
+"""The experiments of the CoCap paper, repeated over many seeds; bounds answer its claims."""
 
 __all__ = [
     "answers",

@@ -1,4 +1,4 @@
-"""Ablation: what each part adds beside others, in pairs on the same seeds.
+"""Ablation: what each part adds to others, in pairs on the same seeds.
 
 The parts are an order of the drones, rounds of best responses, CoCap's constraint tree, and large
 neighbourhood search. What a part adds is J with it minus J without it, in % of the certified bound.
@@ -22,8 +22,8 @@ from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
 
 ALL = "all scenes alike"
-_INSTEAD = "in place of "  # begins the companion of a part that replaces it
-_ALIKE = 0.1  # % of the bound within which two planners are called as good as each other
+_INSTEAD = "in place of "  # begins `beside` if the part replaces the other
+_ALIKE = 0.1  # % of the bound; planners with a smaller difference count as equally good
 
 
 class Contrast(NamedTuple):
@@ -61,18 +61,18 @@ CONTRASTS = (
 
 
 class Effect(NamedTuple):
-    """The gain by a part on one scene, or on all of them weighed alike."""
+    """The gain by a part on one scene, or on all scenes with equal weights."""
 
     scene: str
     contrast: Contrast
     differences: tuple[tuple[float, ...], ...]  # % of the bound, by scene and seed
     lost: int  # seeds on which one of the planners has no plan
-    ratios: tuple[float, ...]  # of the seconds with it to those without, where both were timed
-    stopped: int  # pairs of which a limit stopped the planner with it
+    ratios: tuple[float, ...]  # seconds with the part / without it, if both were timed
+    stopped: int  # pairs in which a limit stopped the planner with the part
 
     @classmethod
     def all_of(cls, rows: Sequence[GapRow], contrast: Contrast) -> list[Self]:
-        """Returns the effect on each scene, and at the end that on all of them."""
+        """Returns the effect on each scene, and last the effect on all scenes."""
         effects = []
         for (scene,), of_scene in GapRow.grouped(rows, "scene").items():
             with_it, without = (
@@ -98,7 +98,7 @@ class Effect(NamedTuple):
 
     @classmethod
     def over_all(cls, rows: Sequence[GapRow], contrast: Contrast) -> Self:
-        """Returns the effect on all scenes, weighed alike."""
+        """Returns the effect on all scenes, with equal weights."""
         return cls.all_of(rows, contrast)[-1]
 
     @property
@@ -108,7 +108,7 @@ class Effect(NamedTuple):
 
     @property
     def longer(self) -> str:
-        """The time with the part, as a multiple of that without it (geometric mean)."""
+        """The time with the part divided by the time without it (geometric mean)."""
         if not self.ratios:
             return NONE
         ratio = geometric_mean(self.ratios)
@@ -132,7 +132,7 @@ class Effect(NamedTuple):
         }
 
     def answer(self) -> ClaimAnswer:
-        """Answers if the part adds anything; if it takes away, or adds next to nothing, says so."""
+        """Answers whether the part adds anything, takes something away, or adds almost nothing."""
         found, contrast = self.mean, self.contrast
         change = _capital(contrast.words)
         if found is None:
@@ -167,7 +167,7 @@ def table(rows: Sequence[GapRow]) -> Table:
 
 
 def _difference(with_it: GapRow, without: GapRow) -> float:
-    """Returns the J that a plan has more than another, in % of the bound; rounding is none."""
+    """Returns the J of a plan minus another's, in % of the bound; 0 if only rounding differs."""
     if with_it.reward is None or without.reward is None or not with_it.bound:
         return 0.0
     share = 100 * (with_it.reward - without.reward) / with_it.bound

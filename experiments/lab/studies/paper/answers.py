@@ -1,6 +1,6 @@
 """The paper's claims, answered from measurements in sentences and tables.
 
-A claim about a mean holds if its whole confidence interval is on the right side of the line,
+A claim about a mean holds if its whole confidence interval is on the right side of the threshold,
 does not hold if it is on the wrong side, and is left open otherwise. Intervals are bootstrap
 intervals over seeds, since gaps are never negative and mostly small.
 """
@@ -23,12 +23,12 @@ from cocap_opt.stop import Limit
 
 SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"
 HOLDS, FAILS, OPEN = "Claim confirmed", "Claim refuted", "Inconclusive"
-_CLOSE = 1.0  # % below the bound without collisions that is called close to it
+_CLOSE = 1.0  # % below the bound without collisions; within this distance, a plan counts as close
 _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
 
 
 def lines() -> str:
-    """Says where the lines are drawn that claims are judged by."""
+    """States the thresholds by which claims are judged."""
     return (
         f"the paper does not define close; here it means within {_CLOSE:g} %, of planning "
         "without collisions and of value iteration alike"
@@ -36,11 +36,11 @@ def lines() -> str:
 
 
 class ClaimAnswer(NamedTuple):
-    """An answer in words, and what it says of the claim."""
+    """An answer in words, and its verdict on the claim."""
 
     words: str
     verdict: str  # HOLDS, FAILS or OPEN
-    figure: str = NONE  # the mean that decides, with its interval
+    figure: str = NONE  # the decisive mean, with its interval
 
     @staticmethod
     def below(found: Mean, line: float) -> str:
@@ -86,7 +86,7 @@ class SceneAnswers:
         ]
 
     def closeness(self) -> ClaimAnswer:
-        """Answers if CoCap comes close to unconstrained performance.
+        """Answers whether CoCap comes close to unconstrained performance.
 
         CoCap loses at most its distance below the certified bound without collisions, and at
         least its distance below the best plan found without collisions.
@@ -123,7 +123,7 @@ class SceneAnswers:
         )
 
     def price(self) -> str:
-        """Tells what collision avoidance costs the best plan, certified from both sides."""
+        """States what collision avoidance costs the best plan, certified from both sides."""
         least, most = self._prices()
         if not least:
             return f"{self.scene}: no price of collisions is certified."
@@ -135,7 +135,7 @@ class SceneAnswers:
         )
 
     def price_row(self) -> dict[str, str]:
-        """Returns the row of the price of collision avoidance, in % of the free bound."""
+        """Returns the row of the price of collision avoidance, in % of the bound without rules."""
         least, most = self._prices()
         return {
             "scene": self.scene,
@@ -152,7 +152,7 @@ class SceneAnswers:
         return [100 * low for low, _ in ends], [100 * high for _, high in ends]
 
     def against_sequential(self, planner: str = "cocap", name: str = "CoCap") -> ClaimAnswer:
-        """Answers if CoCap, or another planner, is better than sequential planning."""
+        """Answers whether CoCap, or another planner, is better than sequential planning."""
         pairs = self._pairs(planner, "sequential", lambda row: row.reward if row.valid else None)
         if not pairs:
             words = f"{self.scene}: there is no seed on which both planners have a plan."
@@ -171,7 +171,7 @@ class SceneAnswers:
         )
 
     def gains_much(self, least: float) -> ClaimAnswer:
-        """Answers if CoCap gains so many per cent over sequential planning on average."""
+        """Answers whether CoCap gains so many per cent over sequential planning on average."""
         pairs = self._pairs("cocap", "sequential", lambda row: row.reward if row.valid else None)
         if not pairs:
             return ClaimAnswer(f"{self.scene}: there is no seed on which both have a plan.", OPEN)
@@ -198,10 +198,10 @@ class SceneAnswers:
         )
 
     def times(self) -> ClaimAnswer:
-        """Answers if view search is faster than value iteration.
+        """Answers whether view search is faster than value iteration.
 
-        Value iteration needs the coverage of all states, which is computed before it; view
-        search computes what it touches while it runs. So that time is added to the former's.
+        Value iteration needs the coverage of all states, which is computed in advance; view search
+        computes coverage while it runs. So the time of coverage is added to value iteration's.
         """
         pairs = self._pairs("cocap", "cocap-vs", _whole_seconds)
         if not pairs:
@@ -223,7 +223,7 @@ class SceneAnswers:
         )
 
     def _cut_short(self) -> str:
-        """Says how many of the times of both low levels are cut short; nothing if none is."""
+        """States how many times of each low level a limit cut short; empty if none."""
         tables, views = (len(self._stopped(name).seeds) for name in ("cocap", "cocap-vs"))
         if not tables + views:
             return ""
@@ -233,7 +233,7 @@ class SceneAnswers:
         )
 
     def views(self) -> str:
-        """Tells how many views view search evaluates, with its discount and without, and its J."""
+        """States how many views view search evaluates, with and without discount, and its J."""
         theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
         parts, factors = [], []
         for planner, words in (
@@ -260,7 +260,7 @@ class SceneAnswers:
         )
 
     def kept_by_view_search(self) -> ClaimAnswer:
-        """Answers if view search plans nearly as well as value iteration does."""
+        """Answers whether view search plans nearly as well as value iteration."""
         pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
         if not pairs:
             return ClaimAnswer(f"{self.scene}: not both low levels have a plan.", OPEN)
@@ -277,7 +277,7 @@ class SceneAnswers:
         )
 
     def _where_both_end(self, costs: Mapping[Seed, float]) -> str:
-        """Tells the price of view search where no limit stopped it, nor value iteration."""
+        """States the price of view search on seeds on which no limit stopped either method."""
         stopped = self._stopped("cocap").seeds | self._stopped("cocap-vs").seeds
         ended = [cost for seed, cost in costs.items() if seed not in stopped]
         if len(ended) == len(costs):
@@ -286,7 +286,7 @@ class SceneAnswers:
         return f" On the {len(ended)} seeds on which no limit stopped either of them, {known}."
 
     def stopped(self) -> ClaimAnswer:
-        """Answers if CoCap's tree ends in time."""
+        """Answers whether CoCap's tree ends in time."""
         of_cocap, stopped = self._of("cocap"), self._stopped()
         limit = max(GapRow.values(of_cocap, "time_limit"), default=0.0)
         verdict = FAILS if stopped.seeds else HOLDS
@@ -299,7 +299,7 @@ class SceneAnswers:
         )
 
     def comparison(self) -> Table:
-        """Returns published seconds beside ours, and what only bounds can tell."""
+        """Returns published seconds and ours, and gaps, which only bounds make possible."""
         table = []
         for (planner,), of_planner in GapRow.grouped(self.rows, "planner").items():
             planned = [row for row in of_planner if row.valid]
@@ -331,7 +331,7 @@ class SceneAnswers:
         return table
 
     def cameras(self) -> str:
-        """Answers at what share of person-steps two drones or more see the person."""
+        """States the share of person-steps at which two drones or more see the person."""
         parts = []
         for planner in ("sequential", "cocap", RECOMMENDED):
             shares = GapRow.percent([r for r in self._of(planner) if r.valid], "seen_by_two")
@@ -347,7 +347,7 @@ class SceneAnswers:
 
         Parameters
         ----------
-        limit : s, that each planner had
+        limit : time limit (s) of each planner
         """
         parts = []
         for planner in ("sequential", "cocap", "cocap-lns"):
@@ -377,7 +377,7 @@ class SceneAnswers:
 
 
 def _whole_seconds(row: GapRow) -> float | None:
-    """Returns the time of a search with the coverage that it needs."""
+    """Returns the time of a search, including the coverage that it needs."""
     if row.seconds is None:
         return None
     return row.seconds + (0.0 if is_lazy(row.planner or "") else row.coverage_seconds or 0.0)

@@ -1,4 +1,4 @@
-"""The paper's claims beside the scenes: yes, no or open, each with its mean and interval."""
+"""The paper's claims by scene: yes, no or open, each with its mean and interval."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -22,7 +22,7 @@ from cocap_opt.experiments.tables.tables import Table
 _WORDS = {HOLDS: "yes", FAILS: "no", OPEN: "open"}
 _TITLE, _ALL = "CoCap", "all scenes"
 _AS_PUBLISHED = f"gains {PUBLISHED:g} % over it, as published"
-# Each claim, the number that decides it, and what answers it.
+# Each claim, the number that decides it, and the function that answers it.
 _CLAIMS: tuple[tuple[str, str, Callable[[SceneAnswers], ClaimAnswer]], ...] = (
     ("outperforms sequential planning", "J above it", SceneAnswers.against_sequential),
     (_AS_PUBLISHED, "J above it", lambda scene: scene.gains_much(PUBLISHED)),
@@ -63,6 +63,6 @@ def _row(claim: str, measured: str, answers: Mapping[str, ClaimAnswer]) -> dict[
 
 
 def _cell(answer: ClaimAnswer) -> str:
-    """Returns the verdict and the number that decides, which no line ends before its sign."""
+    """Returns the verdict and the decisive number, without a line break before its sign."""
     figure = answer.figure.replace(" %", "\u00a0%")
     return f"**{_WORDS[answer.verdict]}** {figure}"

@@ -1,9 +1,9 @@
 """The search for scenes in which CoCap gains most over sequential planning.
 
-The paper reports 13 % on its corridor, whose scene was not published. So corridors are drawn at
-random; the best are tried again with fresh seeds, since the largest of many is large by chance;
-the best of these is changed in one parameter after the other; and what is best then is judged with
-seeds that took no part in the search.
+The paper reports 13 % on its corridor, but did not publish the scene. So corridors are drawn at
+random. The best are tried again with fresh seeds, since the largest of many gains is large by
+chance. The best of these is changed in one parameter after another, and the resulting best corridor
+is judged with seeds that were not used in the search.
 """
 
 import math
@@ -25,8 +25,8 @@ from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.scenarios.built_in import SIZE, Room, drones, walker
 from cocap_opt.stop import NO_LIMIT, Limit, TimeLimit, WorkLimit
 
-PUBLISHED = 13.0  # % that CoCap is above sequential planning on the paper's corridor
-_MOUTH, _MIDDLE = 9, 15  # cell x at which the corridor begins, cell y in its middle
+PUBLISHED = 13.0  # %, CoCap's gain over sequential planning on the paper's corridor
+_MOUTH, _MIDDLE = 9, 15  # x of the cell where the corridor begins, y of its middle cell
 _STARTS = {  # where drones start, in words
     "file": "in file before it",
     "mouth": "around its mouth",
@@ -67,12 +67,12 @@ class Corridor(NamedTuple):
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Self:
-        """Returns a random one, each parameter at one of its levels."""
+        """Returns a random corridor, with each parameter at one of its levels."""
         return cls(*(levels[int(rng.integers(len(levels)))] for levels in _LEVELS.values()))
 
     @property
     def changed(self) -> Iterator["Corridor"]:
-        """All that differ from it in one parameter."""
+        """Yields all corridors that differ from it in one parameter."""
         for name, levels in _LEVELS.items():
             for level in levels:
                 if level != getattr(self, name):
@@ -108,7 +108,7 @@ class Corridor(NamedTuple):
 
     @property
     def _starts(self) -> Room:
-        """The cells in which drones may start; in file they fill all of them, in any order."""
+        """The cells in which drones may start; if they start in file, they fill all of them."""
         if self.starts == "file":
             return Room(_MOUTH - self.drones, _MOUTH, _MIDDLE, _MIDDLE + 1)
         return Room(6, _MOUTH, 13, 18) if self.starts == "mouth" else Room(3, 7, 9, 21)
@@ -124,7 +124,7 @@ class Corridor(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """J of planners on a corridor with a seed: -infinite without a plan, None if not asked."""
+    """J of planners on a corridor with a seed; -inf without a plan, None if not planned."""
 
     stage: str  # of the search: DRAWN, AGAIN, CHANGED or FRESH
     corridor: Corridor
@@ -134,14 +134,14 @@ class Trial(NamedTuple):
     cocap: float
     orders: float | None  # of `best-of-orders`
     lns: float | None  # of `cocap-lns`
-    limit: str  # that stopped CoCap, or none
+    limit: str  # the limit that stopped CoCap, or none
     bound: float | None  # certified
-    fell_back: bool = False  # CoCap was stopped, and its plan is that of sequential planning
+    fell_back: bool = False  # CoCap was stopped, and its plan is sequential planning's
 
     def gain(self, planner: str = "cocap") -> float:
-        """Returns J above that of sequential planning, in %; or of the bound."""
+        """Returns the gain in J of a planner, or of the bound, over sequential planning, in %."""
         value = getattr(self, planner)
-        assert value is not None, f"{planner} was not asked"
+        assert value is not None, f"{planner} was not run"
         return 100 * (float(value) / self.sequential - 1)
 
     @property
@@ -153,7 +153,7 @@ class Trial(NamedTuple):
 
     @classmethod
     def of(cls, record: dict[str, str]) -> Self:
-        """Returns the trial of a row that was read."""
+        """Returns the trial in a row of a file."""
         kinds = {"starts": str, "height": float}
         corridor = Corridor(*(kinds.get(k, int)(record[k]) for k in Corridor._fields))
         numbers: dict[str, Any] = {key: _value(record[key]) for key in (*_PLANNED, "bound")}
@@ -165,12 +165,12 @@ class Trial(NamedTuple):
         )  # fmt: skip
         if "fell_back" in record:
             return trial._replace(fell_back=record["fell_back"] == str(True))
-        # Older files do not say it; what was stopped at the same J nearly always is that plan.
+        # Older files lack this field; a stopped plan with the same J nearly always is that plan.
         return trial._replace(fell_back=trial.limit != NO_LIMIT and trial.cocap == trial.sequential)
 
 
 def _value(text: str) -> float | None:
-    """Returns a number that was read; None where it is empty, or 0, as older files have it."""
+    """Returns the number in a field; None if it is empty, or 0, as in older files."""
     return (float(text) or None) if text else None
 
 
@@ -181,21 +181,21 @@ class CorridorSearch(NamedTuple):
     """The extent of a search."""
 
     drawn: int = 200
-    again: int = 13  # the best that are tried again
-    seeds: int = 4  # with which each is tried again
-    rounds: int = 4  # at most, in which all that differ in one parameter are tried
-    fresh: int = 10  # seeds with which the best is judged
+    again: int = 13  # number of best corridors that are tried again
+    seeds: int = 4  # number of seeds for each of these
+    rounds: int = 4  # most rounds of trying all changes of one parameter
+    fresh: int = 10  # number of seeds by which the best is judged
 
     @classmethod
     def of(cls, drawn: int) -> Self:
-        """Returns a search among so many random corridors, as thorough as they are many."""
+        """Returns a search among so many random corridors; the other numbers grow with theirs."""
         return cls(
             drawn, again=-(-drawn // 16), seeds=min(4, drawn), rounds=min(4, drawn // 50),
             fresh=min(10, drawn),
         )  # fmt: skip
 
     def trials(self, seed: int, tell: Callable[[str], None]) -> list[Trial]:
-        """Returns all trials of the search; those of the best corridor at the end.
+        """Returns all trials of the search; trials of the best corridor come last.
 
         Parameters
         ----------
@@ -233,7 +233,7 @@ def _largest(gains: dict[Corridor, float]) -> tuple[Corridor, float]:
 
 
 def _mean_gain(trials: Sequence[Trial]) -> float:
-    """Returns CoCap's mean gain where both have a plan; 0 where they never do."""
+    """Returns CoCap's mean gain over trials in which both have a plan; 0 if there are none."""
     return fmean([trial.gain() for trial in planned(trials)] or [0.0])
 
 
@@ -265,7 +265,7 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
 
 
 def read_trials(path: Path) -> list[Trial]:
-    """Reads the trials of a file; raises FileError for what is no such table."""
+    """Reads the trials of a file; raises FileError if it is not such a table."""
     words = "is not a trial of the search; without the file it is searched again"
     return read_csv(path, Trial.of, words)
 
@@ -274,7 +274,7 @@ def read_trials(path: Path) -> list[Trial]:
 
 
 def by_level(trials: Sequence[Trial]) -> list[dict[str, str]]:
-    """Returns a row per parameter and level of the corridors that were drawn."""
+    """Returns a row per parameter and level of the random corridors."""
     drawn = planned([trial for trial in trials if trial.stage == DRAWN])
     table = []
     for name, levels in _LEVELS.items():
@@ -295,7 +295,7 @@ def by_level(trials: Sequence[Trial]) -> list[dict[str, str]]:
 
 
 def sentences(trials: Sequence[Trial]) -> list[str]:
-    """Answers under which conditions CoCap gains what the paper reports."""
+    """Answers under which conditions CoCap's gain reaches the paper's figure."""
     drawn = [trial for trial in trials if trial.stage == DRAWN]
     gains = [trial.gain() for trial in planned(drawn)]
     fresh = [trial for trial in trials if trial.stage == FRESH]
@@ -311,7 +311,7 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
 
 
 def answer_for_the_best(trials: Sequence[Trial]) -> ClaimAnswer:
-    """Answers if CoCap gains what the paper reports in the corridor in which it gains most."""
+    """Answers whether CoCap reaches the paper's gain in the corridor in which it gains most."""
     fresh = planned([trial for trial in trials if trial.stage == FRESH])
     found = Mean.of([trial.gain() for trial in fresh])
     words = f"in a corridor {fresh[0].corridor.words}"

@@ -1,4 +1,4 @@
-"""Figures of the paper's experiments, and the rewards per step that are stored for one of them."""
+"""Figures of the paper's experiments, and the rewards per step that one of them needs."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -92,9 +92,9 @@ def curves_of(rewards: Sequence[StepReward]) -> dict[str, Curves]:
 
 
 def curves_figure(curves: Mapping[str, Curves]) -> Figure:
-    """Draws the reward up to each step beside that of sequential planning, a panel per scene.
+    """Draws the reward up to each step relative to sequential planning, a panel per scene.
 
-    Lines are means over the seeds that both have, shaded their bootstrap intervals.
+    Lines are means over the seeds that both planners have; shaded areas are bootstrap intervals.
     """
     rows = len(curves) // 2 + 1  # the last panel, or half of a row, has the legend
     figure = new_figure(WIDTH, 0.3 + 1.9 * rows)
@@ -116,7 +116,7 @@ def curves_figure(curves: Mapping[str, Curves]) -> Figure:
 
 
 def _draw_gains(ax: Axes, planners: Curves) -> Axes:
-    """Draws how much more each planner has up to a step than sequential planning, in %."""
+    """Draws how far each planner's reward up to a step is above sequential planning's, in %."""
     base = planners.get("sequential", {})
     for planner, rewards in planners.items():
         seeds = sorted(rewards.keys() & base.keys())
@@ -135,7 +135,7 @@ def _draw_gains(ax: Axes, planners: Curves) -> Axes:
 
 
 def ablation_figure(effects: Mapping[str, Sequence[tuple[str, Mean]]]) -> Figure:
-    """Draws what each part adds, a block per part, a mark with its interval per scene.
+    """Draws what each part adds: a block per part, and a mark with an interval per scene.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
 
 
 def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
-    """Draws several plans at the step at which two drones would collide, around these two.
+    """Draws several plans around two drones, at the step at which these would collide.
 
     Parameters
     ----------

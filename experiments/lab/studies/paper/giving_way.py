@@ -1,9 +1,9 @@
-"""Encounters of drones: which of two gives way, and what of its own reward that costs.
+"""Encounters of drones: which of two gives way, and how much of its own reward this costs.
 
-Two drones whose unconstrained plans collide cannot both keep them. In sequential planning no
-drone makes way for a later one; it may fly elsewhere because of a still earlier one. A coordinated
-plan may send the earlier one elsewhere, at a cost to its own view, for the good of the team. That
-is measured here in encounters of two drones that collide with no third one, so that each drone
+Two drones whose unconstrained plans collide cannot both keep them. In sequential planning, no drone
+gives way to a later one, though it may fly elsewhere because of a still earlier one. A coordinated
+plan may send the earlier drone elsewhere, at a cost to its own view, for the good of the team. This
+is measured here in encounters of two drones that collide with no third drone, so that each drone
 counts once. A drone's own reward is J of its path alone.
 """
 
@@ -15,7 +15,7 @@ from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
-_GIVES = 1e-6  # share of its own reward; a drone that loses more gives some up
+_GIVES = 1e-6  # share of its own reward; a drone that loses more gives up some of it
 
 
 class Encounter(NamedTuple):
@@ -27,7 +27,7 @@ class Encounter(NamedTuple):
     step: int  # of their first conflict
     own_before: tuple[float, float]  # J of each one's path alone, in the unconstrained plan
     own_after: tuple[float, float]
-    moved: tuple[bool, bool]  # true if the path is another one
+    moved: tuple[bool, bool]  # True if the path differs
     team: float  # J of the plan
 
     @property
@@ -38,12 +38,12 @@ class Encounter(NamedTuple):
 
     @property
     def earlier_gives_way(self) -> bool:
-        """True if the earlier drone flies elsewhere and loses own reward by it."""
+        """True if the earlier drone flies elsewhere and loses some of its own reward."""
         return self.moved[0] and self.given_up[0] > _GIVES
 
     @classmethod
     def all_of(cls, problem: Problem, seed: int, unconstrained: Plan, plan: Plan) -> list[Self]:
-        """Finds the pairs of drones that collide in the unconstrained plan, with no third."""
+        """Finds the pairs of drones that collide in the unconstrained plan, but with no third."""
         team = check(problem, plan).reward
         found = []
         for pair, step in _apart(_first_conflicts(problem, unconstrained)).items():

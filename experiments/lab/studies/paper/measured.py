@@ -1,8 +1,8 @@
-"""The rows of the paper's study: those of its sweep, and measurements that no sweep makes.
+"""The rows of the paper's study: rows of its sweep, and measurements that sweeps do not make.
 
 Searches take milliseconds, and the first one on a scene also makes what all later ones use. So
-times are taken again, after that, as CPU time, the least of three. Some compositions that
-are no planners of their own are measured beside the planners: they leave a part out, or add one.
+times are measured again afterwards, as CPU time, the least of three. Some compositions that are not
+planners are measured, too: planners without one of their parts, or with another one.
 """
 
 import hashlib
@@ -37,8 +37,8 @@ from cocap_opt.stop import Stop, TimeLimit, never
 
 MEASURED = "measured.csv"  # in the folder of the results
 POLISHED, DIVE = "cocap-polished", "cocap-vs-dive"
-_REPEATS = 3  # of what is quick
-_QUICK, _SLOW = 0.1, 10.0  # s: repeated below the first, not even timed again from the second on
+_REPEATS = 3  # for quick searches
+_QUICK, _SLOW = 0.1, 10.0  # s: quicker searches are repeated; slower ones are not timed again
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",
     "coverage_seconds", "views", "conflicts", "seen_by_two", "seen_by_three", "median_error",
@@ -61,7 +61,7 @@ def polished(problem: Problem, stop: Stop = never, *, plan: Plan) -> Result:
     return result_of(team, limit)
 
 
-# `cocap-vs` with gamma 1, in which nothing is discounted.
+# `cocap-vs` with gamma 1, i.e. without discount.
 _DIVING = Method(partial(cocap, low_level=ViewSearch(Compounded(1.0))), lazy=True)
 
 
@@ -69,14 +69,14 @@ _DIVING = Method(partial(cocap, low_level=ViewSearch(Compounded(1.0))), lazy=Tru
 
 
 def completed(instances: Sequence[Instance], limit: float, folder: Path) -> list[GapRow]:
-    """Returns the rows of instances with times taken again, and those of the compositions.
+    """Returns the rows of instances with times measured again, and rows of the compositions.
 
-    The file in the folder is written after each instance. Rows that it has already, made by the
-    same code with the same limit, are not made again.
+    The file in the folder is written after each instance. Rows that the same code with the same
+    limit has already written there are not computed again.
 
     Parameters
     ----------
-    limit : s, of each planner
+    limit : time limit (s) of each planner
     """
     path, known = folder / MEASURED, dict[str, list[GapRow]]()
     for row in read_rows(path) if path.exists() else []:
@@ -106,7 +106,7 @@ class _Measurements(NamedTuple):
 
     @property
     def key(self) -> str:
-        """A digest of all that the rows depend on."""
+        """A digest of everything that the rows depend on."""
         swept = self.instance.rows()[0]
         code = f"{SweepCell.digest_of_code()} {code_digest(__name__)}"
         bounds, cells = (swept.bound, swept.bound_free), sorted(self.instance.cells)
@@ -114,11 +114,11 @@ class _Measurements(NamedTuple):
         return hashlib.sha256(words.encode()).hexdigest()[:12]
 
     def rows(self) -> list[GapRow]:
-        """Returns the rows of the sweep with times taken again, and those of the compositions."""
+        """Returns the rows of the sweep with times measured again, and of the compositions."""
         problem, swept = self.instance.problem, self.instance.rows()
         coverage = median(_coverage_seconds(problem) for _ in range(_REPEATS))
         compiled(problem).prepare_all()
-        self._run(RECOMMENDED, RECOMMENDED)  # makes what is made once
+        self._run(RECOMMENDED, RECOMMENDED)  # makes what is made only once
         rows = [self._timed_again(row) for row in swept] + list(self._compositions(swept[0]))
         lazy = {DIVE, *filter(is_lazy, PLANNERS)}
         return [
@@ -142,7 +142,7 @@ class _Measurements(NamedTuple):
         plan = self.instance.plan("cocap")
         if plan is not None:
             polish = self._run(POLISHED, Method(partial(polished, plan=plan)))
-            of_both = polish.judged._replace(views=None)  # CoCap's are not known
+            of_both = polish.judged._replace(views=None)  # CoCap's views are unknown
             yield self._row(swept, POLISHED, of_both, None)
         dive = self._run(DIVE, _DIVING)
         yield self._row(swept, DIVE, dive.judged, dive.seconds)
@@ -171,7 +171,7 @@ def _coverage_seconds(problem: Problem) -> float:
 
 
 def _kept(row: GapRow) -> dict[str, object]:
-    """Returns the columns on which answers and tables depend, with nine digits."""
+    """Returns the columns that answers and tables need, with nine digits."""
     return {name: _rounded(getattr(row, name)) for name in _KEPT}
 
 
@@ -180,7 +180,7 @@ def _rounded(value: object) -> object:
 
 
 def read_rows(path: Path) -> list[GapRow]:
-    """Reads the rows of a file; columns that it has not are empty."""
+    """Reads the rows of a file; columns that it lacks are empty."""
     return read_csv(path, _row)
 
 

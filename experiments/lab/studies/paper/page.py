@@ -1,4 +1,4 @@
-"""The page of the paper's study: the verdict, the answers and the tables, all from numbers."""
+"""The page of the paper's study: verdict, answers and tables, all made from numbers."""
 
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
@@ -33,13 +33,13 @@ class Page(NamedTuple):
 
     Attributes
     ----------
-    rows : of the scenes, compositions of the ablation included
+    rows : of the scenes, including compositions of the ablation
     team_rows : of the scaling experiment
-    trials : of the search for where CoCap gains most
-    giving : the table of who gives way
+    trials : of the search for scenes where CoCap gains most
+    giving : the table of drones that give way
     example : the encounter that is drawn
-    missing : scenes and seeds that are not computed yet
-    figures : the names of those beside the page
+    missing : number of scenes and seeds that are not computed yet
+    figures : names of the figures beside the page
     """
 
     rows: Sequence[GapRow]
@@ -51,7 +51,7 @@ class Page(NamedTuple):
     figures: Collection[str] = ()
 
     def summary(self) -> list[str]:
-        """Returns the answers in short."""
+        """Returns the answers in brief."""
         scenes = SceneAnswers.all_of(self.rows)
         better = [scene.against_sequential().verdict for scene in scenes].count(HOLDS)
         near = [scene.closeness().verdict for scene in scenes].count(HOLDS)
@@ -72,7 +72,7 @@ class Page(NamedTuple):
         ]
 
     def _stopped_runs(self) -> list[str]:
-        """Says how many of CoCap's runs a limit stopped, if it stopped some."""
+        """States how many of CoCap's runs a limit stopped, if any."""
         runs = sum(row.planner == "cocap" for row in self.rows)
         found = [
             StoppedRuns.of(of_scene, "cocap")
@@ -93,7 +93,7 @@ class Page(NamedTuple):
         return found.text(2, " %") if found else NONE
 
     def verdict(self) -> dict[str, list[str]]:
-        """Returns the sentences for CoCap, against it, and on claims that are left open."""
+        """Returns the sentences for CoCap, against CoCap, and on claims that are left open."""
         sides: dict[str, list[str]] = {title: [] for title in _SIDES.values()}
         for answer in self._claims():
             sides[_SIDES[answer.verdict]].append(answer.words)
@@ -155,16 +155,15 @@ class Page(NamedTuple):
         return [
             *(f"![{words}]({name})\n" for name, words in _FIGURES.items() if name in self.figures),
             Tables({title: table for title, table in tables.items() if table}).markdown(),
-            f"Published seconds: {SOURCE}, its corridor of 8 steps on the authors' machine; its "
-            "rewards are of scenes that were not published. Intervals: 95 %, bootstrap over seeds. "
-            "Seconds are of the search, of the processor where it takes less than ten; coverage is "
-            "apart but for planners that evaluate views one by one. cocap-polished is "
-            "CoCap's plan after rounds, cocap-vs-dive is "
-            "cocap-vs with gamma 1.\n",
+            f"Published seconds: {SOURCE}, for its corridor of 8 steps on the authors' machine; "
+            "its rewards are for scenes that were not published. Intervals: 95 %, bootstrap over "
+            "seeds. Seconds: time of the search, as CPU time if it is below ten seconds, excluding "
+            "coverage except for planners that evaluate views one by one. cocap-polished: CoCap's "
+            "plan after rounds; cocap-vs-dive: cocap-vs with gamma 1.\n",
         ]
 
     def _others(self) -> list[str]:
-        """Returns who gives way, and the scaling experiment."""
+        """Returns the table of drones that give way, and the scaling experiment."""
         parts = []
         if self.giving:
             parts += [Tables({"Who gives way": self.giving}).markdown(), _story(self.example)]
@@ -183,7 +182,7 @@ def _listed(title: str, sentences: Sequence[str]) -> str:
 
 
 def _story(example: Encounter | None) -> str:
-    """Returns the sentences about the encounter in which most is given up."""
+    """Returns sentences on the encounter in which a drone gives up most."""
     if example is None:
         return "No earlier drone gave up any of its own reward in these scenes.\n"
     i, k = example.robots

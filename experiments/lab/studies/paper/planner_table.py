@@ -1,4 +1,4 @@
-"""The table of planners: of what each is made, what it takes and promises, its gap and its time."""
+"""The table of planners: parts, requirements and guarantees of each, its gap and its time."""
 
 import math
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ def planner_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _needs(planner: Method[Result]) -> str:
-    """Returns the number of drones that a planner takes, if it is limited, and which coverage."""
+    """Returns the number of drones that a planner supports, if limited, and its coverage."""
     views = "single views" if planner.lazy else "all coverage"
     if planner.most_robots is None:
         return views
@@ -58,7 +58,7 @@ def _needs(planner: Method[Result]) -> str:
 
 
 def _gap(rows: Sequence[GapRow]) -> str:
-    """Returns the mean gap of plans that obey the rules; * where a limit stopped some."""
+    """Returns the mean gap of plans that obey the rules, with a * if a limit stopped some."""
     gaps = GapRow.percent([row for row in rows if row.valid], "gap")
     if not gaps:
         return NONE
@@ -68,7 +68,7 @@ def _gap(rows: Sequence[GapRow]) -> str:
 
 
 def time_ratio(rows: Sequence[GapRow], base: dict[tuple[str, int | None], float | None]) -> str:
-    """Returns the ratio of its time to that of sequential planning, as a geometric mean."""
+    """Returns a planner's time divided by that of sequential planning, as a geometric mean."""
     logs = [
         math.log(row.seconds / other)
         for row in rows
@@ -86,13 +86,13 @@ def planners(
         Path | None, Parameter(help="folder of `study paper` (default: stored results)")
     ] = None,
 ) -> None:
-    """Prints the table in Markdown, and a sentence on what its numbers are."""
+    """Prints the table in Markdown, and a note that explains its numbers."""
     rows = _rows() if paper is None else _rows(paper / MEASURED)
     print_texts([_with_note(planner_table(rows), rows)], [])
 
 
 def described_planners_in_markdown() -> str:
-    """Returns the parts of each planner, the problems that it takes and its promises."""
+    """Returns the parts of each planner, the problems that it supports, and its guarantees."""
     return markdown_table(_without(planner_table(()), "time"))
 
 
@@ -103,7 +103,7 @@ def measured_planners_in_markdown() -> str:
 
 
 def short_planners_in_markdown() -> str:
-    """Returns the rows and columns of the stored table that a newcomer wants to see first."""
+    """Returns the rows and columns of the stored table that matter most to newcomers."""
     rows = _rows()
     table = [row for row in planner_table(rows) if row["planner"].split("`")[1] in _IN_SHORT]
     return _with_note(_without(table, "takes", "promises"), rows)
@@ -143,7 +143,7 @@ def _rows(path: Path = STORED / "paper.csv") -> Sequence[GapRow]:
 
 
 def _with_note(table: Table, rows: Sequence[GapRow]) -> str:
-    """Returns a table in Markdown, and what its numbers are."""
+    """Returns a table in Markdown, and a note that explains its numbers."""
     seeds = len({row.seed for row in rows})
     limit = max(GapRow.values(rows, "time_limit"), default=0.0)
     joint = any("`joint`" in row["planner"] for row in table)
@@ -159,7 +159,7 @@ def _with_note(table: Table, rows: Sequence[GapRow]) -> str:
 
 
 def _fallen_back(rows: Sequence[GapRow]) -> str:
-    """Says where stopped runs of `cocap` have the plans of `sequential`, if some have."""
+    """States on which scenes stopped runs of `cocap` have the plans of `sequential`, if any."""
     said = ""
     for (scene,), of_scene in GapRow.grouped(rows, "scene").items():
         fallen = StoppedRuns.of(of_scene, "cocap").fallen_back

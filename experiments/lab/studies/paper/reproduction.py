@@ -1,4 +1,4 @@
-"""All of the paper's experiments, computed by sweeps and written as one page with its figures."""
+"""All of the paper's experiments, computed by sweeps and written as one page with figures."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -40,12 +40,12 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 
 SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
-_ENCOUNTERS = ("corridor", "bottleneck")  # scenes in which it is asked who gives way
+_ENCOUNTERS = ("corridor", "bottleneck")  # scenes in which encounters are examined
 DRAWN_AS_CURVES = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 _SCALING = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 CONDITIONS = "conditions.csv"
 _PAGE = "paper.md"
-_AT_A_TIME = 3600.0  # s, that a worker may take for a cell
+_AT_A_TIME = 3600.0  # s that a worker may take for a cell
 FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
 
 
@@ -65,7 +65,7 @@ def paper(
         bool, Parameter(negative="", help="only write the page of the stored results")
     ] = False,
 ) -> int:
-    """Computes what is missing, and writes paper.md and its figures."""
+    """Computes missing results, and writes paper.md and its figures."""
     if stored:
         make_folder(out)
         page = Page(read_rows(STORED / "paper.csv"), read_trials(STORED / "paper-conditions.csv"))
@@ -108,14 +108,14 @@ def _teams(sizes: Sequence[int], seeds: Sequence[int], settings: Settings) -> li
 
 
 def _searched(path: Path, search: CorridorSearch) -> list[Trial]:
-    """Returns the trials of the file, or else searches for where CoCap gains most."""
+    """Returns the trials in the file; without a file, searches for where CoCap gains most."""
     if search.drawn and not path.exists():
         save_csv(path, [trial.record for trial in search.trials(0, say)])
     return read_trials(path) if path.exists() else []
 
 
 def _planners_of(problem: Problem) -> tuple[str, ...]:
-    """Returns all planners but those that do not take so many drones."""
+    """Returns all planners that support so many drones."""
     return tuple(name for name in PLANNERS if name != "joint" or len(problem.robots) <= 2)
 
 
@@ -128,7 +128,7 @@ def _write(
     trials: Sequence[Trial],
     missing: int,
 ) -> None:
-    """Writes the page and its figures from the instances that are whole."""
+    """Writes the page and its figures from the complete instances."""
     results = Results(out)
     searched = [i for i in instances if i.problem.name in _ENCOUNTERS]
     giving, found = _giving_way(searched)
@@ -152,7 +152,7 @@ def _write(
 
 
 def effects_of(rows: Sequence[GapRow]) -> dict[str, list[tuple[str, Mean]]]:
-    """Returns by part what it adds on each scene, and on all."""
+    """Returns, by part, what the part adds on each scene, and on all scenes."""
     return {
         f"{contrast.part}\n{contrast.words}": [
             (effect.scene, effect.mean) for effect in Effect.all_of(rows, contrast) if effect.mean
@@ -200,10 +200,10 @@ def _example(instances: Sequence[Instance], example: Encounter) -> Figure:
 def _points(
     rows: Sequence[GapRow], sizes: Sequence[int]
 ) -> dict[str, list[tuple[int, float, float]]]:
-    """Returns median seconds and mean reward (% of the free bound) per planner and team size.
+    """Returns median seconds and mean reward per planner and team size.
 
-    That bound holds for plans with conflicts, too, so that all seeds count for every planner
-    that has a plan on each.
+    Rewards are in % of the bound without rules, which also holds for plans with conflicts. So all
+    seeds count for each planner that has a plan for every seed.
     """
     points: dict[str, list[tuple[int, float, float]]] = {}
     for planner in _SCALING:

@@ -1,7 +1,7 @@
-"""Runs of a planner that a limit stopped, told apart from those that ended.
+"""Runs of a planner that a limit stopped, separated from those that finished.
 
-CoCap that is stopped gives the plan of sequential planning where that is better than what it has
-(`planners/constraint_tree`), so that means over all runs are partly means over the other planner.
+If CoCap is stopped, it returns the plan of sequential planning if that is better than its own
+(`planners/constraint_tree`). So means over all runs are partly means over the other planner.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,8 +12,8 @@ from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.stop import NO_LIMIT
 
-_SAME = 1e-8  # relative, of rewards that are stored with nine digits
-_BEGINS_FROM = {POLISHED: "cocap"}  # compositions, and the planner whose plan they take
+_SAME = 1e-8  # relative difference of equal rewards, which are stored with nine digits
+_BEGINS_FROM = {POLISHED: "cocap"}  # compositions, and the planner whose plan they start from
 
 Seed = int | None
 
@@ -24,7 +24,7 @@ class StoppedRuns(NamedTuple):
     Attributes
     ----------
     seeds : of these runs
-    fallen_back : those of them on which its plan has the J of sequential planning
+    fallen_back : seeds among them on which its plan has the J of sequential planning
     """
 
     seeds: frozenset[Seed]
@@ -34,7 +34,7 @@ class StoppedRuns(NamedTuple):
     def of(cls, rows: Sequence[GapRow], planner: str) -> Self:
         """Finds the stopped runs of a planner among the rows of a scene.
 
-        A composition counts as stopped where the planner whose plan it takes was stopped.
+        A composition counts as stopped if the planner whose plan it starts from was stopped.
         """
         asked = {planner, _BEGINS_FROM.get(planner, planner)}
         seeds = frozenset(r.seed for r in rows if r.planner in asked and r.limit != NO_LIMIT)
@@ -47,7 +47,7 @@ class StoppedRuns(NamedTuple):
 
     @property
     def whose_plan(self) -> str:
-        """Says of the stopped runs how many have the plan of sequential planning."""
+        """States how many of the stopped runs have the plan of sequential planning."""
         if not self.fallen_back:
             return ""
         if self.fallen_back == self.seeds:
@@ -55,12 +55,12 @@ class StoppedRuns(NamedTuple):
         return f", on {len(self.fallen_back)} of which its plan is that of sequential planning"
 
     def apart(self, values: Mapping[Seed, float]) -> str:
-        """Tells the mean of values, in %, of runs that ended, and of those that were stopped.
+        """States the mean of values, in %, of runs that finished, and of runs that were stopped.
 
         Returns
         -------
         str
-            A sentence with a space before it; nothing if no run with a value was stopped.
+            A sentence with a space before it; empty if no run with a value was stopped.
         """
         ended, stopped = (
             [value for seed, value in values.items() if (seed in self.seeds) == late]

@@ -1,3 +1,3 @@
-"""The predicted accuracy of plans held to noisy pictures of walkers, and quality beside J."""
+"""The predicted accuracy of plans compared with noisy pictures of walkers, and quality with J."""
 
 __all__ = ["figure", "quality"]

@@ -1,4 +1,4 @@
-"""Pinhole cameras in space: the images that they have of points, also from a little beside."""
+"""Pinhole cameras in space: their images of points, also if the cameras are slightly displaced."""
 
 from typing import NamedTuple, Self
 
@@ -22,13 +22,13 @@ class Cameras(NamedTuple):
     focal: FloatArray
 
     def seen(self, points: FloatArray) -> FloatArray:
-        """Returns points [.., 3] (m) as each camera has them [.., C, 3]: right, up, forward."""
+        """Returns points [.., 3] (m) in the axes of each camera [.., C, 3]: right, up, forward."""
         ways = points[..., None, :] - self.places
         result: FloatArray = (self.axes @ ways[..., None])[..., 0]
         return result
 
     def images(self, seen: FloatArray) -> FloatArray:
-        """Returns the images [.., C, 2] (px, right and up of the middle) of points in its axes."""
+        """Returns the images [.., C, 2] (px, right and up of the middle) of such points."""
         result: FloatArray = self.focal[..., None] * seen[..., :2] / seen[..., 2:]
         return result
 
@@ -40,7 +40,7 @@ class Cameras(NamedTuple):
         return result
 
     def for_points(self, shape: tuple[int, ...]) -> Self:
-        """Returns them with an entry for each of the points [*shape], in a row [n, C, ..]."""
+        """Returns the cameras with an entry for each of the points [*shape], as [n, C, ..]."""
         count = self.focal.shape[-1]
         return type(self)(
             np.broadcast_to(self.places, (*shape, count, 3)).reshape(-1, count, 3),
@@ -49,11 +49,11 @@ class Cameras(NamedTuple):
         )
 
     def taken(self, which: IntArray) -> Self:
-        """Returns those of the points of these numbers [n]."""
+        """Returns the cameras of the points with these numbers [n]."""
         return type(self)(self.places[which], self.axes[which], self.focal[which])
 
     def moved(self, ways: FloatArray, turns: FloatArray) -> Self:
-        """Returns cameras that are beside their places, and look past what they look at.
+        """Returns cameras with displaced positions and rotated directions.
 
         Parameters
         ----------

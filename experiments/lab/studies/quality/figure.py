@@ -1,4 +1,4 @@
-"""The figure of the study: errors predicted and measured, and quality beside J."""
+"""The figure of the study: predicted and measured errors, and quality compared with J."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,12 +22,12 @@ from cocap_opt.pictures.style import (
     set_plain_log,
 )  # fmt: skip
 
-_MOST_MM = 1e4  # beyond it nobody triangulates
+_MOST_MM = 1e4  # larger errors are too large for triangulation
 _COARSE = "tiny-"
 
 
 def quality_figure(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> Figure:
-    """Draws measured over predicted errors, and quality by J: of all plans, and of good ones."""
+    """Draws measured against predicted errors, and quality against J, of all and of good plans."""
     figure = new_figure(WIDTH, 6.4)
     (errors, every), (median, good) = figure.subplots(2, 2)
     fine = [plan for plan in plans if not plan.scene.startswith(_COARSE)]
@@ -74,7 +74,7 @@ def quality_figure(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> Fig
 def _draw_errors(
     ax: Axes, steps: Sequence[PersonStep], styles: Mapping[str, tuple[str, str]]
 ) -> None:
-    """Draws measured errors by those predicted, of scenes with fine cameras."""
+    """Draws measured against predicted errors, for scenes with fine cameras."""
     for scene, (colour, mark) in styles.items():
         of_scene = [step for step in steps if step.scene == scene and step.predicted < _MOST_MM]
         ax.plot([step.predicted for step in of_scene], [step.measured for step in of_scene], ".",

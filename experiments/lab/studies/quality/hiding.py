@@ -1,4 +1,4 @@
-"""The joints that a camera really has: in its picture, with nothing before them."""
+"""The joints that a camera really sees: in its picture, with nothing in front of them."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from cocap_opt.vision.surfaces import Surface
 
 
 class Hiding:
-    """Ground, columns, meshes and other people, which hide joints; a body does not hide its own.
+    """Ground, columns, meshes and other people hide joints; a body does not hide its own joints.
 
-    A detector of joints in pictures guesses those that are behind the body itself.
+    Detectors of joints in pictures guess joints that are behind the body itself.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -33,12 +33,12 @@ class Hiding:
         cameras: Cameras,
         joints: FloatArray,
     ) -> BoolArray:
-        """Returns an array [S, J, C], true where a camera has a joint.
+        """Returns an array [S, J, C], True if a camera sees a joint.
 
         Parameters
         ----------
         steps, people : [S]
-        drones : [S, C] whose cameras these are
+        drones : [S, C] drones that carry the cameras
         cameras : [S, 1, C]
         joints : [S, J, 3] m, from the corner of the map
         """

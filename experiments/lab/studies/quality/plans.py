@@ -1,4 +1,4 @@
-"""Plans of a scene by good planners and by bad ones, and their quality beside J."""
+"""Plans of a scene by good and by bad planners, with their quality and J."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from cocap_opt.run.judged import Judged
 from cocap_opt.stop import TimeLimit, never
 
 ORDER, RANDOM, HOVERING = "order", "random", "hovering"
-# The recommended planner when the results that are stored were made.
+# The recommended planner at the time when the stored results were made.
 SEARCHED = "cocap-lns"
 TRIANGULATED = ("sequential", SEARCHED, "formation", f"{RANDOM} 0")
 _GOOD = ("sequential", "sequential-rounds", SEARCHED)
@@ -39,20 +39,20 @@ class PlannedQuality(NamedTuple):
 
 
 def is_good(planner: str) -> bool:
-    """Returns True for planners that look for the most J over all steps."""
+    """Returns True for planners that maximise J over all steps."""
     return planner in _GOOD or planner.startswith(ORDER)
 
 
 def plans_of(
     problem: Problem, seed: int, names: Sequence[str], limit: float
 ) -> Iterator[PlannedQuality]:
-    """Yields plans that obey the rules; those of which a planner finds none are left out.
+    """Yields plans that obey the rules; planners that find none are omitted.
 
     Parameters
     ----------
     seed : of the problem
-    names : of `ALL`, or of any planner
-    limit : s, of each planner that takes one
+    names : names in `ALL`, or of any planner
+    limit : time limit (s) of each planner that has one
     """
     for name in names:
         plan = _planned(problem, name, limit)
@@ -68,9 +68,9 @@ def plans_of(
 
 
 def random_plan(problem: Problem, seed: int) -> Plan | None:
-    """Returns a plan that obeys the rules, whose drones fly and look wherever; None if none is.
+    """Returns a random plan that obeys the rules; None if there is none.
 
-    Each takes the best path of random rewards, clear of those before it.
+    Each drone takes its best path for random rewards, clear of the drones before it.
     """
     rng = np.random.default_rng([seed, 1])
 
@@ -90,7 +90,7 @@ def random_plan(problem: Problem, seed: int) -> Plan | None:
 
 
 def plan_in_order(problem: Problem, seed: int) -> Plan | None:
-    """Returns the plan of sequential planning in a random order; None where it has none."""
+    """Returns the plan of sequential planning in a random order; None if it finds none."""
     order = np.random.default_rng([seed, 2]).permutation(len(problem.robots)).tolist()
     responses = Responses(value_iteration, never)
     nobody = responses.nobody(problem)
@@ -99,7 +99,7 @@ def plan_in_order(problem: Problem, seed: int) -> Plan | None:
 
 
 def _planned(problem: Problem, name: str, limit: float) -> Plan | None:
-    """Returns the plan of a name; None where there is none."""
+    """Returns the plan of a name; None if there is none."""
     kind, _, number = name.partition(" ")
     if name == HOVERING:
         return Plan.hovering(problem)

@@ -1,4 +1,4 @@
-"""Predicted accuracy held to walkers that are triangulated, and quality beside J."""
+"""Predicted accuracy compared with triangulated walkers, and quality compared with J."""
 
 import math
 from collections.abc import Sequence
@@ -30,9 +30,9 @@ from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import SCENES, load_scene
 
 _STEPS, _PLANS, _FIGURE = "quality.csv", "quality-plans.csv", "quality.png"
-_LARGE = ("field-long", "field-large")  # of which the first seed is enough, built in
-_LARGEST = "field-large"  # of which only those plans are made that are triangulated
-_MOST = 30  # person-steps of a plan
+_LARGE = ("field-long", "field-large")  # built-in scenes for which one seed is enough
+_LARGEST = "field-large"  # only plans that are triangulated are made for it
+_MOST = 30  # person-steps of a plan that are triangulated
 _MOST_DRAWS = 10_000
 _EXACT = Assumptions()
 _POSED = Assumptions(position_error=0.05, attitude_error=math.radians(0.5))
@@ -97,7 +97,7 @@ def stored_accuracy() -> str:
 
 
 def stored_agreement() -> str:
-    """Returns J beside quality, as it is stored, in Markdown."""
+    """Returns the stored comparison of J with quality, in Markdown."""
     return objective_in_markdown(stored_plans())
 
 
@@ -109,7 +109,7 @@ def _tell(steps: Sequence[PersonStep], plans: Sequence[PlanRow], results: Result
         ("errors of joints: median, and 10 to 90 %, of person-steps", accuracy_rows(steps)),
         ("by the widest angle between two rays", angle_rows(steps)),
         ("rank correlations with J, of all plans and of good ones", agreement_rows(plans)),
-        ("the plan of the most J, and that which most shows people to two", choice_rows(plans)),
+        ("the plan with the most J, and the plan with the most views by two", choice_rows(plans)),
     ):
         if rows:
             Listing(title, rows).print()
@@ -133,11 +133,11 @@ def _measured(
 
 
 def _seeds_of(name: str, seeds: Sequence[int]) -> Sequence[int]:
-    """Returns the seeds of a built-in scene: one of those that are large, or the same by any."""
+    """Returns the seeds of a built-in scene: one if it is large, or the same for every seed."""
     return seeds[:1] if name in _LARGE or name.startswith("tiny-") else seeds
 
 
 def _has_pictures(problem: Problem) -> bool:
-    """Returns True if two drones or more film, and all of them with pinhole cameras."""
+    """Returns True if there are at least two drones, and all of them have pinhole cameras."""
     cameras = [robot.camera for robot in problem.robots]
     return len(cameras) >= 2 and all(isinstance(camera, Camera) for camera in cameras)

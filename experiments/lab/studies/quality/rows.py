@@ -15,16 +15,16 @@ class PersonStep(NamedTuple):
     planner: str
     step: int
     person: int
-    cameras: int  # that see the person
-    angle: float  # degrees, the widest between two rays
-    middle: float  # predicted of the person's middle, as quality tells it
-    predicted: float  # of the joints, by the same model
+    cameras: int  # number of cameras that see the person
+    angle: float  # degrees, the widest angle between two rays
+    middle: float  # predicted for the person's middle, as `quality` reports it
+    predicted: float  # predicted for the joints, by the same model
     measured: float  # by least squares
-    library: float  # by aniposelib's linear method; nan where it is not installed
+    library: float  # by aniposelib's linear method; nan if it is not installed
     predicted_posed: float  # with errors of the poses, too
     measured_posed: float
     kept: float  # share of the joints that two of these cameras have in the picture, unhidden
-    predicted_kept: float  # of these, by the cameras that have them; nan of none
+    predicted_kept: float  # for these joints, by the cameras that see them; nan without any
 
     @classmethod
     def read(cls, path: Path) -> list[Self]:

@@ -1,4 +1,4 @@
-"""The tables and sentences of the study, of its rows alone."""
+"""The tables and sentences of the study, made only from its rows."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -18,13 +18,13 @@ _NEAR = 0.1  # by which the median of measured over predicted may differ from 1
 _ANGLES = (0, 10, 30, 90)  # degrees
 _COARSE = "tiny-"  # scenes whose cameras have 60 px of focal length
 _LARGE = 100.0  # ratios above it say no more than that
-_FEWEST = 5  # different plans of which ranks are compared
+_FEWEST = 5  # smallest number of different plans for a rank correlation
 
 _Instance = tuple[str, int]
 
 
 class _Agreement(NamedTuple):
-    """Rank correlations of J with a quality, mean over instances: of all plans and of good ones."""
+    """Rank correlations of J with a quality, means over instances, for all and for good plans."""
 
     every: float
     good: float
@@ -38,7 +38,7 @@ _MEASURES: dict[str, Callable[[PlanRow], float]] = {
 
 
 def accuracy_rows(steps: Sequence[PersonStep]) -> list[Record]:
-    """Returns for each scene the ratios of measured to predicted errors: median, 10 and 90 %."""
+    """Returns, for each scene, ratios of measured to predicted errors: median, 10 and 90 %."""
     scenes = list(dict.fromkeys(_scene(step) for step in steps))
     return [
         {"scene": scene} | _ratios([step for step in steps if _scene(step) == scene])
@@ -47,7 +47,7 @@ def accuracy_rows(steps: Sequence[PersonStep]) -> list[Record]:
 
 
 def angle_rows(steps: Sequence[PersonStep]) -> list[Record]:
-    """Returns the same ratios by the angle between rays, of scenes with fine cameras."""
+    """Returns the same ratios by the angle between rays, for scenes with fine cameras."""
     rows: list[Record] = []
     for low, high in pairwise(_ANGLES):
         within = [
@@ -59,7 +59,7 @@ def angle_rows(steps: Sequence[PersonStep]) -> list[Record]:
 
 
 def agreement_rows(plans: Sequence[PlanRow]) -> list[Record]:
-    """Returns for each scene the rank correlations of J with what a shoot is for."""
+    """Returns, for each scene, the rank correlations of J with the qualities of a shoot."""
     rows: list[Record] = []
     fine = [plan for plan in plans if not plan.scene.startswith(_COARSE)]
     for scene in dict.fromkeys(plan.scene for plan in fine):
@@ -78,7 +78,7 @@ _KINDS = {"every": "all", "good": "good"}
 
 
 def choice_rows(plans: Sequence[PlanRow]) -> list[Record]:
-    """Returns for each scene what the plan of the most J leaves, and another plan would give."""
+    """Returns, for each scene, views by two in the plan with the most J, and the most views."""
     rows: list[Record] = []
     for scene in dict.fromkeys(plan.scene for plan in plans):
         choices = [
@@ -97,20 +97,20 @@ def choice_rows(plans: Sequence[PlanRow]) -> list[Record]:
 
 
 class _Choice(NamedTuple):
-    """Of the plans of an instance that of the most J, and that of the most views by two."""
+    """The plan of an instance with the most J, and the plan with the most views by two."""
 
     first: PlanRow
     best: PlanRow
 
     @classmethod
     def of(cls, plans: Sequence[PlanRow]) -> "_Choice":
-        """Returns both; of equals that with more J."""
+        """Returns both plans; of plans with equal views, the one with more J."""
         first = max(plans, key=lambda plan: plan.reward)
         return cls(first, max(plans, key=lambda plan: (plan.by_two, plan.reward)))
 
 
 def sentences(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> list[str]:
-    """Says how far the error is off, what differs, and what speaks for and against J."""
+    """Returns sentences on the predicted error, and on what speaks for and against J."""
     return [*_on_accuracy(steps), *_on_objective(plans)]
 
 
@@ -125,7 +125,7 @@ def accuracy_in_markdown(steps: Sequence[PersonStep]) -> str:
 
 
 def objective_in_markdown(plans: Sequence[PlanRow]) -> str:
-    """Returns the tables of J beside quality and the sentences below them."""
+    """Returns the tables that compare J with quality, and the sentences below them."""
     parts = [
         markdown(agreement_rows(plans)),
         markdown(choice_rows(plans)),
@@ -197,7 +197,7 @@ def _on_objective(plans: Sequence[PlanRow]) -> list[str]:
 
 
 def _ratios(steps: Sequence[PersonStep]) -> Record:
-    """Returns the columns that tables of accuracy have."""
+    """Returns the columns of the tables of accuracy."""
     return {
         "person-steps": len(steps),
         "predicted": f"{np.median([step.predicted for step in steps]):.3g} mm",
@@ -210,7 +210,7 @@ def _ratios(steps: Sequence[PersonStep]) -> Record:
 
 
 def _spread(ratios: Iterable[float]) -> tuple[float, float, float]:
-    """Returns 10 %, median and 90 % of those that are numbers; nan of none."""
+    """Returns 10 %, median and 90 % of the ratios that are not nan; nan if there are none."""
     known = [ratio for ratio in ratios if math.isfinite(ratio)]
     if not known:
         return math.nan, math.nan, math.nan
@@ -229,7 +229,7 @@ def _told(spread: tuple[float, float, float]) -> str:
 
 
 def _scene(step: PersonStep) -> str:
-    """Returns the scene, those with coarse cameras under one name."""
+    """Returns the scene's name; scenes with coarse cameras share one name."""
     return _COARSE.rstrip("-") if step.scene.startswith(_COARSE) else step.scene
 
 
@@ -246,7 +246,7 @@ def _instances(plans: Sequence[PlanRow]) -> dict[_Instance, list[PlanRow]]:
 
 
 def _distinct(plans: Iterable[PlanRow]) -> list[PlanRow]:
-    """Returns plans without those that others are equal to in all numbers."""
+    """Returns the plans without repetitions of plans with the same numbers."""
     return list({plan[3:]: plan for plan in plans}.values())
 
 
@@ -263,7 +263,7 @@ def _agreements(plans: Sequence[PlanRow]) -> dict[str, _Agreement]:
 
 
 def _correlation(plans: Iterable[PlanRow], measure: Callable[[PlanRow], float]) -> float:
-    """Returns Spearman's rank correlation of J and a measure; nan where it has none."""
+    """Returns Spearman's rank correlation of J and a measure; nan if it is undefined."""
     from scipy.stats import spearmanr  # slow to import
 
     distinct = [plan for plan in _distinct(plans) if not math.isnan(measure(plan))]

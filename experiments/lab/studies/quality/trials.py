@@ -1,4 +1,4 @@
-"""Joints of walkers in the pictures of a plan, with noise, triangulated again and again."""
+"""Joints of walkers in the pictures of a plan, repeatedly triangulated with noise."""
 
 from collections.abc import Iterator
 from typing import NamedTuple, Self
@@ -25,11 +25,11 @@ class Trials(NamedTuple):
 
     Attributes
     ----------
-    draws : of noise, for each joint
-    most : person-steps of a plan, drawn from all that can be triangulated
-    exact : with which plans are judged, and pictures have noise
-    posed : the same with errors of the drones' poses
-    library : the library triangulates, too
+    draws : number of noise samples for each joint
+    most : largest number of person-steps of a plan, drawn from all that can be triangulated
+    exact : assumptions by which plans are judged, and noise is drawn
+    posed : the same, with errors of the drones' poses
+    library : True if the library triangulates, too
     """
 
     draws: int
@@ -80,7 +80,7 @@ class _Films(NamedTuple):
 
         Parameters
         ----------
-        sees : [S, J, C] true where a camera has the joint (default: all of them)
+        sees : [S, J, C] True if a camera sees the joint (default: all of them)
         """
         seen = self.cameras.seen(self.joints)
         by_point = jacobians(seen, np.broadcast_to(self.cameras.focal, seen.shape[:-1]))
@@ -95,7 +95,7 @@ class _Films(NamedTuple):
     ) -> tuple[FloatArray, FloatArray]:
         """Returns errors [S] (mm, RMS over joints and draws) by least squares and by the library.
 
-        The latter are nan where it is not asked for.
+        The library's errors are nan if `library` is False.
         """
         images = self._images(given, draws, rng)  # [S, J, N, C, 2]
         shape = images.shape[:3]
@@ -117,7 +117,7 @@ class _Films(NamedTuple):
         return self._rms(points), self._rms(by_other)
 
     def _images(self, given: Assumptions, draws: int, rng: np.random.Generator) -> FloatArray:
-        """Returns images [S, J, N, C, 2] (px) with noise, by cameras that are a little astray."""
+        """Returns images [S, J, N, C, 2] (px) with noise, by slightly displaced cameras."""
         count, drones = self.drones.shape
         cameras = Cameras(*(part[:, :, None] for part in self.cameras))
         if given.position_error or given.attitude_error:
@@ -175,7 +175,7 @@ def _covariances(seen: FloatArray, by_point: FloatArray, given: Assumptions) -> 
 
 
 def _all_ahead(poses: Poses, joints: FloatArray, seen: BoolArray) -> BoolArray:
-    """Returns an array [T+1, A], true where all drones that see a person have all joints ahead."""
+    """Returns an array [T+1, A], True if all drones that see a person have all joints ahead."""
     steps, people, count, _ = joints.shape
     ways = joints.reshape(steps, 1, people * count, 3) - poses.places[:, :, None]
     ahead = poses.seen_by_cameras(ways)[..., 2].reshape(*seen.shape, count) > _NEAREST

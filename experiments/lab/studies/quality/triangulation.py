@@ -1,4 +1,4 @@
-"""Points found from their images by several cameras: by least squares, and by a library."""
+"""Points located from their images in several cameras, by least squares and by a library."""
 
 import numpy as np
 
@@ -7,21 +7,21 @@ from cocap_opt.experiments.lab.studies.quality.cameras import Cameras
 from cocap_opt.footage.accuracy import jacobians
 
 _ROUNDS = 60
-_ARRIVED = 1e-7  # m, a step after which a point is found
-_DAMPED = 1e-3  # the first damping, in shares of the diagonal
-_STUCK = 1e9  # damping at which no step leads downwards
-_LOST = 1e4  # m from the person: rays that part have their least squares infinitely far away
-_LEAST = 1e-12  # added to the diagonal in shares of its sum, so that a step always exists
+_ARRIVED = 1e-7  # m; the search ends after a shorter step
+_DAMPED = 1e-3  # the first damping, as a share of the diagonal
+_STUCK = 1e9  # damping at which the search gives up, as no step decreases the sum
+_LOST = 1e4  # m from the person; for diverging rays, the least squares are infinitely far away
+_LEAST = 1e-12  # share of its sum added to the diagonal, so that a step always exists
 
 
 def least_squares(
     cameras: Cameras, images: FloatArray, whitening: FloatArray, middles: FloatArray
 ) -> FloatArray:
-    """Returns the points [n, 3] (m) of the least sum of squares of whitened errors in the images.
+    """Returns the points [n, 3] (m) with the least sum of squares of whitened image errors.
 
-    That is the most likely point where errors are normal. It is found by Levenberg's and
-    Marquardt's way from the point nearest to all rays, or from the middle of the person if that is
-    behind a camera.
+    This is the most likely point if errors are normal. The Levenberg-Marquardt method starts from
+    the point nearest to all rays, or from the middle of the person if that point is behind a
+    camera.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def least_squares(
 
 
 def nearest_to_rays(cameras: Cameras, images: FloatArray) -> FloatArray:
-    """Returns the points [n, 3] (m) of the least sum of squares of distances from all rays."""
+    """Returns the points [n, 3] (m) with the least sum of squared distances from all rays."""
     rays = cameras.rays(images)
     across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
     right = (across @ cameras.places[..., None]).sum(axis=-3)
@@ -94,20 +94,20 @@ def has_library() -> bool:
     """Returns True if aniposelib is installed."""
     try:
         import aniposelib.cameras  # noqa: F401
-    except ImportError:  # OpenCV's may be one of a system library that is missing
+    except ImportError:  # also if OpenCV lacks a system library
         return False
     return True
 
 
 def _ahead(cameras: Cameras, points: FloatArray) -> BoolArray:
-    """Returns an array [n], true for points [n, 3] that no camera has behind itself."""
+    """Returns an array [n], True for points [n, 3] that are behind no camera."""
     return np.asarray((cameras.seen(points)[..., 2] > 0).all(axis=-1))
 
 
 def _errors(
     cameras: Cameras, images: FloatArray, whitening: FloatArray, points: FloatArray
 ) -> FloatArray:
-    """Returns the whitened errors [n, C, 2] in the images; of a point behind a camera any."""
+    """Returns the whitened image errors [n, C, 2]; undefined for points behind a camera."""
     seen = cameras.seen(points)
     seen[..., 2] = np.where(seen[..., 2] > 0, seen[..., 2], 1.0)
     result: FloatArray = (whitening @ (images - cameras.images(seen))[..., None])[..., 0]

@@ -1,8 +1,8 @@
-"""A walking figure of fifteen joints, which stays inside of the shape of the person that it is.
+"""A walking figure of fifteen joints, which stays inside the shape of its person.
 
 Lengths are shares of the height: Drillis and Contini, Body Segment Parameters, 1966, as quoted by
 Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, figure 4.1. Arms and legs
-swing as pendulums with the way that is walked, arms against legs.
+swing like pendulums with the distance walked, arms against legs.
 """
 
 import math
@@ -22,11 +22,11 @@ _MIDDLE = {"head": 0.936, "neck": 0.870, "pelvis": 0.530}  # heights
 _SHOULDER, _HIP = (0.129, 0.818), (0.0955, 0.530)  # aside, and height
 _ARM, _LEG = (0.186, 0.146), (0.245, 0.246)  # upper and lower part
 _SWING = math.radians(25)  # of thigh and upper arm, to both sides
-_STRIDE = 0.83  # way of two steps, by the height
+_STRIDE = 0.83  # length of two steps, as a share of the height
 
 
 def joints_of(actor: Actor, steps: int) -> FloatArray:
-    """Returns the places [steps, J, 3] (m) of a person's joints at the steps from 0 on."""
+    """Returns the places [steps, J, 3] (m) of a person's joints at the steps 0, 1, .."""
     poses, height = actor.poses[:steps], actor.shape.height
     walked = np.hypot(*np.diff(poses[:, :2], axis=0).T).cumsum()
     phases = math.tau * np.concatenate([[0.0], walked]) / (_STRIDE * height)
@@ -60,7 +60,7 @@ def _limb(
 ) -> list[FloatArray]:
     """Returns the root of a limb and the ends of its two parts, each [n, 3].
 
-    The lower part is bent by a share of the swing while the limb is off the middle.
+    The lower part is bent by a share of the swing unless the limb hangs straight down.
     """
     lower = angle + bent * np.abs(angle)
     places = [np.stack([0 * angle, 0 * angle + root[0], 0 * angle + root[1]], axis=-1)]
@@ -71,7 +71,7 @@ def _limb(
 
 
 def _inner_radius(shape: Shape) -> float:
-    """Returns the radius (m) of the largest circle inside of a shape, seen from above."""
+    """Returns the radius (m) of the largest circle inside a shape, seen from above."""
     if isinstance(shape, Prism):
         return shape.apothem
     return min(shape.length, shape.width) / 2

@@ -1,3 +1,3 @@
-"""The price that drones keep apart: what it costs in J and time, certified."""
+"""The price of keeping drones apart: its certified cost in J, and its cost in time."""
 
 __all__ = ["figure", "points", "separation", "tables"]

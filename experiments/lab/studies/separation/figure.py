@@ -22,7 +22,7 @@ from cocap_opt.pictures.style import (
 
 
 def separation_figure(points: Sequence[SeparationPoint]) -> Figure:
-    """Draws the price of separation, and processor seconds relative to those without one."""
+    """Draws the price of separation, and CPU times relative to those without a separation."""
     figure = new_figure(WIDTH, 7)
     (price, plan), (lns, proof) = figure.subplots(2, 2)
     scenes = list(dict.fromkeys(point.scene for point in points))
@@ -54,7 +54,7 @@ def separation_figure(points: Sequence[SeparationPoint]) -> Figure:
 def _draw_price(
     ax: Axes, points: Sequence[SeparationPoint], scene: str, style: Sequence[str]
 ) -> None:
-    """Draws the median of seeds; the band is what is certified: from the least to the most."""
+    """Draws the median over seeds; the band shows the certified range of the price."""
     colour, mark = style
     wide = sorted({point.separation for point in points if point.separation})
     ends = [[p.price(p.base(points)) for p in points if p.separation == apart] for apart in wide]
@@ -71,7 +71,7 @@ def _draw_times(
     style: Sequence[str],
     seconds: Callable[[SeparationPoint], float],
 ) -> None:
-    """Draws the median over seeds of the time beside that without a separation."""
+    """Draws the median over seeds of the time relative to that without a separation."""
     colour, mark = style
     wide = sorted({point.separation for point in points if point.separation})
     ratios = [

@@ -16,16 +16,16 @@ class SeparationPoint(NamedTuple):
 
     scene: str
     seed: int
-    separation: float  # m; 0: none, the scene's own rules
+    separation: float  # m; 0: no separation, only the scene's own rules
     cocap: float  # J
-    cocap_seconds: float  # of processor
+    cocap_seconds: float  # CPU time
     cocap_limit: str
     lns: float  # J of the recommended planner, cocap-lns
     lns_seconds: float
     lns_limit: str
     best: float  # J of the best plan
     bound: float  # certified
-    proof_seconds: float  # of processor
+    proof_seconds: float  # CPU time
     proof_limit: str
 
     @classmethod
@@ -34,16 +34,16 @@ class SeparationPoint(NamedTuple):
         return load_csv(path, cls, "separation")
 
     def base(self, points: "Sequence[SeparationPoint]") -> "SeparationPoint":
-        """Returns the point without a separation of the same instance."""
+        """Returns the point of the same instance without a separation."""
         return next(
             point for point in points
             if (point.scene, point.seed, point.separation) == (self.scene, self.seed, 0)
         )  # fmt: skip
 
     def price(self, base: "SeparationPoint") -> tuple[float, float]:
-        """Returns the certified least and greatest price, in % of the optimum of `base`.
+        """Returns the certified smallest and largest price, in % of the optimum of `base`.
 
-        J of a plan and a bound enclose each optimum; where both are proved, so is the price.
+        The J of a plan and a bound enclose each optimum; if both are proved, so is the price.
         """
         least = 1 - self.bound / base.best
         most = 1 - self.best / base.bound
@@ -73,7 +73,7 @@ class SeparationPoint(NamedTuple):
 
 
 def between(least: float, most: float) -> str:
-    """Returns a range of percentages in words, or one where its ends are the same."""
+    """Returns a range of percentages in words, or one percentage if both ends are equal."""
     return f"{most:.2f}" if most - least < 0.005 else f"{least:.2f}..{most:.2f}"
 
 

@@ -1,4 +1,4 @@
-"""The price that drones keep apart: J and time by their separation, certified."""
+"""The price of keeping drones apart: certified J, and time, by separation."""
 
 import math
 from collections.abc import Sequence
@@ -43,8 +43,8 @@ def separation(
 ) -> int:
     """Measures, prints, and writes the table (separation.csv) and the figure (separation.png).
 
-    What is compared with has no separation but the scene's rules: `vertex+swap` of built-in scenes,
-    `vertex` of Greedy Perspectives'.
+    The reference has no separation, only the scene's rules: `vertex+swap` in built-in scenes,
+    `vertex` in scenes of Greedy Perspectives.
     """
     if stored:
         points = SeparationPoint.read(STORED / _TABLE)
@@ -59,7 +59,7 @@ def separation(
     ]
     separations = sorted({0.0, *wanted})
     for instance in instances:
-        built(*instance, 0.0, separations[-1])  # what has no room is told before hours of work
+        built(*instance, 0.0, separations[-1])  # fails before hours of work if there is no room
     results, points, is_whole = Results.into(out), list[SeparationPoint](), True
     try:
         for instance in instances:
@@ -79,7 +79,7 @@ def separation(
 
 
 def _draw(points: Sequence[SeparationPoint], results: Results) -> None:
-    # Here, for processes that measure load this module, and their memory is told.
+    # Imported here, as measuring processes load this module, and their memory is reported.
     from cocap_opt.experiments.lab.studies.separation.figure import separation_figure
 
     results.draw(_FIGURE, partial(separation_figure, points))
@@ -88,9 +88,9 @@ def _draw(points: Sequence[SeparationPoint], results: Results) -> None:
 def _measured(
     scene: str, seed: int, separations: Sequence[float], limit: float
 ) -> "list[SeparationPoint]":
-    """Plans and proves at each separation; those that fail are reported, and left out.
+    """Plans and proves at each separation; separations that fail are reported and omitted.
 
-    Where it fails without a separation, there is nothing to compare with: all are left out.
+    If it fails without a separation, there is no reference, so all are omitted.
     """
     builds = [partial(built, scene, seed, apart, max(separations)) for apart in separations]
     methods = ("cocap", RECOMMENDED, BOUND_METHOD)
@@ -124,13 +124,13 @@ def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> Separat
 def built(scene: str, seed: int, apart: float, widest: float) -> Problem:
     """Builds a scene with a separation, and with starts that allow the widest one.
 
-    Starts are the same at all separations, so that only the rules differ: each robot begins in
-    the free cell nearest to its own start that keeps the widest separation to the earlier ones.
+    Starts are the same at all separations, so that only the rules differ: each robot starts in the
+    free cell nearest to its own start that keeps the widest separation from earlier robots.
 
     Raises
     ------
     FileError
-        If no cell does.
+        If there is no such cell.
     """
     problem = load_scene(scene, seed)
     rules = problem.rules if problem.rules.vertex else CollisionRules()
@@ -160,6 +160,6 @@ def _spread(problem: Problem, apart: float) -> tuple[Robot, ...]:
         else:
             raise FileError(
                 f"{problem.name}: no free cell for drone {number} to start in that is {apart:g} m "
-                "from the drones before it; take smaller separations"
+                "from the drones before it; use smaller separations"
             )
     return tuple(robot for robot, _ in placed)

@@ -72,19 +72,19 @@ def _times(points: Sequence[SeparationPoint], planner: str, wide: Iterable[float
 def _times_the_base(
     apart: Sequence[SeparationPoint], points: Sequence[SeparationPoint], planner: str
 ) -> float:
-    """Returns a planner's time as a multiple of that without a separation, as geometric mean.
+    """Returns a planner's time divided by that without a separation, as a geometric mean.
 
     Parameters
     ----------
     apart : points at one separation
-    points : all of them, those without a separation among them
+    points : all points, including those without a separation
     """
     ratios = [_seconds(p, planner) / _seconds(p.base(points), planner) for p in apart]
     return math.exp(fmean(map(math.log, ratios)))
 
 
 def _verdict(points: Sequence[SeparationPoint]) -> str:
-    """Says how often each planner takes no more than a few times as long, in a sentence."""
+    """States how often each planner takes at most `_MUCH` times as long."""
     parts = []
     for planner in _PLANNERS:
         pairs = [(p, p.base(points)) for p in points if p.separation]
@@ -101,7 +101,7 @@ def _verdict(points: Sequence[SeparationPoint]) -> str:
 
 
 def _star(points: Iterable[SeparationPoint], planner: str) -> str:
-    """Returns a mark where a limit stopped a planner."""
+    """Returns a mark if a limit stopped a planner."""
     return "\\*" if any(_limit(point, planner) != NO_LIMIT for point in points) else ""
 
 

@@ -1,3 +1,3 @@
-"""Bounds and exact methods held against their targets, and against generic solvers."""
+"""Bounds and exact methods compared with their targets and with generic solvers."""
 
 __all__ = ["comparisons", "table"]

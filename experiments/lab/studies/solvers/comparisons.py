@@ -1,12 +1,12 @@
 """Rows of the table of solvers that compare our methods with generic solvers on one instance.
 
-The instance is a scene cut off after h steps. h is the most steps that the generic solver
-finishes within the limit on the first seed. The ratios are medians over all seeds.
+The instance is a scene cut off after h steps. h is the largest number of steps for which the
+generic solver finishes within the limit on the first seed. The ratios are medians over all seeds.
 
-Generic solvers get one integer program of the whole instance, that of
+Generic solvers get the whole instance as one integer program, made by
 `integer_programs.outer_approximation`. Alone, a solver has only its own bound and cuts. With our
-root, it begins with the bound and the cuts of column generation, and stops once its plan meets that
-bound.
+root, it starts with the bound and the cuts of column generation, and stops once its plan attains
+that bound.
 """
 
 import math
@@ -30,8 +30,8 @@ _BOTTLENECK_STEPS = (2, 4, 6, 8, 11)
 _CORRIDOR_STEPS = range(2, 9)
 _RELAXED = {"corridor": 5, "field": 3}  # scenes and steps, small enough for one program
 _RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
-_REPEATS = 3  # of ours, which takes a fraction of a second
-_SAME = 1e-7  # relative, by which bounds differ that are the same
+_REPEATS = 3  # for our method, which takes a fraction of a second
+_SAME = 1e-7  # relative difference up to which bounds are equal
 
 
 def _contenders(root: Root | None) -> dict[str, BoundMethod]:
@@ -86,7 +86,7 @@ def _cone_program(options: RowOptions) -> list[Metric]:
 
 
 def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
-    """Returns the most steps that the cone program finishes, its run, and why no more."""
+    """Returns the most steps that the cone program finishes, its run, and why not more."""
     best: tuple[int, Run] | None = None
     for steps in _BOTTLENECK_STEPS:
         build = partial(scene, "bottleneck", seed, steps)
@@ -101,7 +101,9 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
 
 
 def _relaxations(options: RowOptions) -> list[Metric]:
-    """Measures how far relaxations are above the optimum, and what they close of the weakest."""
+    """Measures how far relaxations are above the optimum, and how much of the weakest's gap they
+    close.
+    """
     figures = []
     for name, steps in _RELAXED.items():
         above: dict[str, list[float]] = {}
@@ -162,7 +164,7 @@ def _against(
 def _largest_closed(
     contenders: Mapping[str, BoundMethod], seed: int, limit: float
 ) -> tuple[int, dict[str, Run], str]:
-    """Returns the most steps for which a solver proves the optimum, its runs, and why no more.
+    """Returns the most steps for which a solver proves the optimum, its runs, and why not more.
 
     A solver that fails is not tried with more steps.
     """
@@ -186,7 +188,7 @@ def _largest_closed(
 
 
 def _try(build: Build, method: Measurable, limit: float, name: str, seed: int) -> Run | None:
-    """Runs a method; returns None if it failed or did not come to its end within the limit."""
+    """Runs a method; returns None if it failed or did not finish within the limit."""
     try:
         result = Run.of(build, method, limit).told(name, seed)
     except Run.Error as error:
@@ -196,7 +198,7 @@ def _try(build: Build, method: Measurable, limit: float, name: str, seed: int) -
 
 
 def _require_same(name: str, theirs: float, ours: float) -> None:
-    """Raises Run.Error if two proved optima differ: then one of the methods is wrong."""
+    """Raises Run.Error if two proved optima differ, as one of the methods must be wrong."""
     if abs(theirs - ours) > 2 * OPTIMALITY * abs(ours):
         raise Run.Error(f"{name}'s optimum is {theirs!r}, branch-and-price's {ours!r}")
 

@@ -1,8 +1,8 @@
 """Rows of the table of solvers that measure our methods on one scene, with their targets.
 
-Each row is a function that returns metrics, numbers beside those that they must reach. Where a
-method needs more than the limit, its seconds are infinite, so that a median over seeds stays a
-median.
+Each row is a function that returns metrics: numbers with the targets that they must reach. If a
+method needs more than the limit, its seconds are infinite, so that a median over seeds remains
+correct.
 """
 
 import math
@@ -22,14 +22,14 @@ _ROOT_SECONDS = 2.0
 
 
 class Target(NamedTuple):
-    """A number that a figure is to reach."""
+    """A number that a metric should reach."""
 
     relation: Literal["<", ">="]
     number: float
 
     @classmethod
     def below(cls, number: float) -> Self:
-        """Makes the target of being less than a number."""
+        """Makes the target of being below a number."""
         return cls("<", number)
 
     @classmethod
@@ -47,7 +47,7 @@ class Metric(NamedTuple):
 
     Attributes
     ----------
-    note : the instances that it was measured on, or why there is no number
+    note : the instances on which it was measured, or why there is no number
     """
 
     name: str
@@ -59,7 +59,7 @@ class Metric(NamedTuple):
 
     @property
     def met(self) -> str:
-        """The most ambitious target that is met, in a word; empty without a target."""
+        """The most ambitious target that is met, in one word; empty without a target."""
         if self.moonshot is not None and self.moonshot.met(self.value):
             return "moonshot"
         if self.must is not None:
@@ -75,7 +75,7 @@ class Metric(NamedTuple):
 
     @property
     def targets(self) -> dict[str, str]:
-        """The targets by their names, with their unit; empty where there is none."""
+        """The targets with their unit, by name; an empty text if there is no such target."""
         named = {"must": self.must, "moonshot": self.moonshot}
         return {
             name: "" if target is None else f"{target.relation} {target.number:g} {self.unit}"
@@ -85,7 +85,7 @@ class Metric(NamedTuple):
 
 @dataclass(frozen=True)
 class RowOptions:
-    """RowOptions of the command; None where each row has a default of its own."""
+    """Options of the command; None if each row has its own default."""
 
     seeds: tuple[int, ...] | None = None
     limit: float | None = None
@@ -96,7 +96,7 @@ class RowOptions:
         return tuple(default) if self.seeds is None else self.seeds
 
     def at_most(self, seconds: float) -> float:
-        """Returns the time limit (s) of a row whose targets name one, if need be cut short."""
+        """Returns the time limit (s) of a row whose targets name one, shortened to the option's."""
         return seconds if self.limit is None else min(seconds, self.limit)
 
     def limit_or(self, seconds: float) -> float:
@@ -124,7 +124,7 @@ def _bottleneck(options: RowOptions) -> list[Metric]:
     roots = _runs("bottleneck", seeds, min(_ROOT_SECONDS, seconds), "column-generation")
     near = [r.seconds_to_gap(0.0002) for r in runs]
     in_time = min(60.0, seconds)
-    # The best known J stands for the optimum, so that the bound's distance is overestimated.
+    # The best known J replaces the optimum, so the bound's distance is overestimated.
     off = [
         100 * (root.bound - max(r.value, root.value)) / root.bound
         for root, r in zip(roots, runs, strict=True)
@@ -194,7 +194,7 @@ def _wide(
 
     Parameters
     ----------
-    gaps : %, the median that must be reached, by time in s; the last one is the time limit
+    gaps : median gap (%) that must be reached, by time in s; the last time is the time limit
     """
     longest = options.at_most(max(gaps))
     runs = _runs(name, options.seeds_or(SEEDS), longest)

@@ -1,4 +1,4 @@
-"""The table of solvers: the time and the gap of our methods, beside their targets and others."""
+"""The table of solvers: times and gaps of our methods, with targets, and of other solvers."""
 
 import os
 import platform
@@ -45,7 +45,7 @@ def solvers(
     ] = None,
     out: Out = None,
 ) -> int:
-    """Measures rows and prints them; the file solvers.csv keeps its other rows."""
+    """Measures rows and prints them; other rows in solvers.csv are kept."""
     options = RowOptions(None if seeds is None else Option("--seeds").numbers(seeds), limit, large)
     wanted = list(dict.fromkeys(rows or ROWS))
     if unknown := [name for name in wanted if name not in ROWS]:
@@ -69,7 +69,7 @@ def solvers(
 
 
 def solvers_in_markdown() -> str:
-    """Returns the stored metrics of bounds and exact methods; targets are for the project alone."""
+    """Returns the stored metrics of bounds and exact methods, without the project's targets."""
     return markdown([
         {
             "row": row["row"],
@@ -82,12 +82,12 @@ def solvers_in_markdown() -> str:
 
 
 def _measure(name: str, options: RowOptions) -> list[Metric]:
-    """Measures a row; a row that is skipped or fails has one figure without a number."""
+    """Measures a row; a row that is skipped or fails has one metric without a number."""
     try:
         return ROWS[name](options)
     except UnsupportedError as error:
         return [Metric("skipped", float("nan"), "", note=str(error))]
-    except Exception as error:  # the other rows are still worth having
+    except Exception as error:  # the other rows are measured all the same
         say(f"{name}: failed: {error}")
         return [Metric("failed", float("nan"), "", note=f"{type(error).__name__}: {error}")]
 
@@ -125,7 +125,7 @@ def _shown(name: str, metric: Metric) -> Record:
 
 
 def _names_once(rows: Sequence[Record]) -> list[Record]:
-    """Returns the rows in which a name is left out if the row before has the same."""
+    """Returns the rows, without names that are the same as in the row above."""
     before = ["", *(row["row"] for row in rows)]
     return [
         row | {"row": "" if row["row"] == other else row["row"]}
@@ -134,7 +134,7 @@ def _names_once(rows: Sequence[Record]) -> list[Record]:
 
 
 def _in_order(records: Sequence[Record]) -> list[Record]:
-    """Returns the records in the order of ROWS, and at the end those whose row is unknown."""
+    """Returns the records in the order of ROWS; records of unknown rows come last."""
     order = list(ROWS)
     return sorted(records, key=lambda r: order.index(r["row"]) if r["row"] in ROWS else len(order))
 
@@ -145,7 +145,7 @@ def _load() -> str:
 
 
 def _commit() -> str:
-    """Returns the commit of this code, with a + if files have changed since; empty if unknown."""
+    """Returns the commit of this code, with a + if files were changed; empty if unknown."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+"]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()

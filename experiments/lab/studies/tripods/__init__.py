@@ -1,3 +1,3 @@
-"""Fixed cameras in rooms, beside those that lab-camera-optimizer places."""
+"""Fixed cameras in rooms, compared with the placements of lab-camera-optimizer."""
 
 __all__ = ["tripods"]

@@ -1,4 +1,4 @@
-"""lab-camera-optimizer in a Python of its own: where it mounts cameras, and what it scores."""
+"""lab-camera-optimizer in its own Python: its placements of cameras, and its scores."""
 
 import json
 import subprocess
@@ -10,13 +10,13 @@ from cocap_opt.experiments.lab.studies.tripods.rooms import Mounted, Room
 from cocap_opt.files.documents import FileError
 
 _SCRIPT = Path(__file__).with_name("theirs.py")
-_RANGE = 12.0  # m, farther than any point of the rooms is from a wall that sees it
+_RANGE = 12.0  # m, more than the distance of any point of the rooms from a wall
 _STEP = 0.5  # m between mounting places, as ours
 _SEED = 0
 
 
 class Placed(NamedTuple):
-    """Cameras that the program has placed, their score by it, and the seconds of CPU time."""
+    """Cameras that the program placed, their score by the program, and its CPU time in seconds."""
 
     cameras: list[Mounted]
     score: float
@@ -28,13 +28,13 @@ class Program(NamedTuple):
 
     Attributes
     ----------
-    python : that has it
+    python : the Python interpreter that has it installed
     """
 
     python: Path
 
     def place(self, room: Room, number: int) -> Placed:
-        """Returns where the program mounts so many cameras."""
+        """Returns the program's placement of so many cameras."""
         (found,) = self._asked(room, {"place": [number], "score": []})["placed"]
         return Placed([Mounted(*c) for c in found["cameras"]], found["score"], found["seconds"])
 
@@ -64,7 +64,7 @@ class Program(NamedTuple):
 
 
 def configuration(room: Room) -> dict[str, Any]:
-    """Returns a room in the words of the program's configuration files."""
+    """Returns a room in the form of the program's configuration files."""
     across, upright = room.lens
     x, y = room.size
     return {

@@ -1,8 +1,8 @@
-"""Laboratory rooms with cameras on their walls, as problems: a camera is a drone that hovers.
+"""Laboratory rooms with cameras on their walls, as problems in which a camera is a hovering drone.
 
-The facts of the rooms (sizes, lenses, heights, zones) are those of the example configurations of
-lab-camera-optimizer 1.2.1 (F. Delaplace, MIT licence). Points of a zone are visited one after the
-other by one person who stands there, a step for each, so that nobody hides anybody else.
+The rooms' sizes, lenses, heights and zones are those of the example configurations of
+lab-camera-optimizer 1.2.1 (F. Delaplace, MIT licence). One person stands at the points of a zone,
+one point per step, so that people do not hide each other.
 """
 
 import math
@@ -37,7 +37,7 @@ _LEAST_SINE, _LEAST_WAY = 0.01, 0.1  # m; of its rule for tilts
 
 
 class Mounted(NamedTuple):
-    """A camera that is mounted somewhere.
+    """A mounted camera.
 
     Attributes
     ----------
@@ -54,30 +54,30 @@ class Mounted(NamedTuple):
 
 
 class Zone(NamedTuple):
-    """A rectangle where people are to be seen."""
+    """A rectangle in which people must be seen."""
 
     box: Box
     weight: float
 
 
 class Room(NamedTuple):
-    """A rectangular room, with the floor at height 0, and what is to be seen in it.
+    """A rectangular room with the floor at height 0, and the zones that cameras must see.
 
     Attributes
     ----------
-    source : the configuration that its facts are from
+    source : the configuration file from which its numbers come
     size : m along x and y
     ceiling : m
-    lens : degrees of view across and upright, of a camera in landscape
+    lens : horizontal and vertical angle of view in degrees, of a camera in landscape
     heights : m at which cameras are mounted
-    spacing : m, least distance of cameras seen from above
+    spacing : m, smallest distance between cameras, seen from above
     walk : m, y of the line at which cameras are tilted
     analysis : m, x of both ends of the part of the walk that is analysed
-    zones : where people are to be seen; a point in several has the largest weight
-    target : cameras that are to see a point, by the configuration
-    bilateral, decay : weights of the score of lab-camera-optimizer, of views from both sides and of
+    zones : where people must be seen; a point in several zones has the largest weight
+    target : number of cameras that should see a point, by the configuration
+    bilateral, decay : weights in the score of lab-camera-optimizer, of views from both sides and of
         distance
-    restarts : of its search
+    restarts : number of restarts of its search
     pillars : solid from floor to ceiling
     person : m, height
     whole : share of a person that a camera must see
@@ -112,7 +112,7 @@ class Room(NamedTuple):
         return [(x, y, weight) for (x, y), weight in sorted(found.items())]
 
     def half_view(self, orientation: str) -> float:
-        """Returns half of the angle of view across (degrees)."""
+        """Returns half of the horizontal angle of view (degrees)."""
         return self.lens[orientation == PORTRAIT] / 2
 
     def tilt(self, y: float, heading: float, height: float) -> float:
@@ -144,8 +144,8 @@ class Cells(NamedTuple):
 
         Parameters
         ----------
-        seen_by : cameras of those that see a point that count, at most
-        starts : of each orientation the states that each of its cameras may be in
+        seen_by : largest number of cameras that count for a point
+        starts : by orientation, the states in which each of its cameras may be
         """
         room, points = self.room, self.room.points
         return Problem(
@@ -177,7 +177,7 @@ class Cells(NamedTuple):
     def _map(self) -> HeightMap:
         """A level map whose outermost cells have their middles on the walls."""
         x, y = (round(size / _CELL) + 1 for size in self.room.size)
-        # Walls are not solid matter: in a room without corners that stick out they hide nobody.
+        # Walls are not solid, as they hide nobody in a room without corners that stick out.
         return HeightMap(
             heights=np.zeros((x, y)), resolution=_CELL, origin=(-_CELL / 2, -_CELL / 2)
         )
@@ -194,7 +194,7 @@ class Cells(NamedTuple):
         return Robot(start=start, motion=motion, camera=camera)
 
     def candidates(self, orientation: str) -> tuple[State, ...]:
-        """Returns all states in which a camera may be mounted, looking nowhere past its walls."""
+        """Returns all states in which a camera may be mounted without looking past its walls."""
         half, turn, found = self.room.half_view(orientation), 360 / self.headings, set[State]()
         for x, y, normal, open_to in self._places():
             most = abs(open_to - half)  # in a corner wide views look past one wall
@@ -207,9 +207,9 @@ class Cells(NamedTuple):
         return tuple(sorted(found))
 
     def _places(self) -> Iterator[tuple[int, int, float, float]]:
-        """Yields the free cells along the walls, the direction inwards, and how far they open.
+        """Yields the free cells along the walls, with the inward direction and half of the opening.
 
-        Directions and half of the opening are in degrees.
+        Both angles are in degrees.
         """
         last_x, last_y = (round(size / _CELL) for size in self.room.size)
         for x in range(last_x + 1):
@@ -221,7 +221,7 @@ class Cells(NamedTuple):
                     yield x, y, normal, 45.0 if corner else 90.0
 
     def _in_pillar(self, x: float, y: float) -> bool:
-        """Returns True if the cell around a place has a pillar in it."""
+        """Returns True if the cell around a place contains a pillar."""
         half = _CELL / 2
         return any(
             x0 <= x + half and x - half <= x1 and y0 <= y + half and y - half <= y1
@@ -229,7 +229,7 @@ class Cells(NamedTuple):
         )
 
     def state(self, camera: Mounted) -> State:
-        """Returns the state that is nearest to a camera that is tilted by the rule."""
+        """Returns the nearest state to a camera that is tilted by the rule."""
         turn, heights = 360 / self.headings, np.array(self.room.heights)
         heading = round(camera.heading / turn) % self.headings
         tilt = self.room.tilt(camera.y, camera.heading, camera.height)
@@ -242,7 +242,7 @@ class Cells(NamedTuple):
         )
 
     def camera(self, orientation: str, state: State) -> Mounted:
-        """Returns the camera of a state, whose tilt is by the rule."""
+        """Returns the camera of a state, tilted by the rule."""
         return Mounted(
             state.x * _CELL, state.y * _CELL, state.heading * 360 / self.headings, orientation,
             self.room.heights[state.layer],
@@ -250,9 +250,10 @@ class Cells(NamedTuple):
 
 
 def exactly(room: Room, cameras: Sequence[Mounted]) -> tuple[Cells, dict[str, list[State]]]:
-    """Returns cells to a degree that have the very tilts of some cameras, and the cameras' states.
+    """Returns cells with headings in steps of a degree and the exact tilts of some cameras, and the
+    cameras' states.
 
-    Places are rounded to those of the room's mounting places, as in all cells.
+    Places are rounded to the room's mounting places, as in all cells.
     """
     tilts = sorted({room.tilt(c.y, c.heading, c.height) for c in cameras})
     cells = Cells(room, 360, tuple(tilts))

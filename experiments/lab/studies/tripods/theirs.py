@@ -1,9 +1,9 @@
-"""Calls lab-camera-optimizer, in a Python that has it: reads what is asked as JSON, and answers.
+"""Calls lab-camera-optimizer in a Python that has it: reads a request as JSON, writes the answer.
 
-This file is run by that Python, as a script, and imports nothing of ours. Asked is a document of
-`config` (the program's own configuration), `walk`, `analysis` and `points`, `place` (numbers of
-cameras that it is to place), `score` (placements whose score it is to compute) and `seed`. The
-answer has, for each number, the cameras, their score and the seconds; and the scores.
+That Python runs this file as a script, which imports nothing from this project. A request has
+`config` (the program's own configuration), `walk`, `analysis`, `points`, `place` (numbers of
+cameras to place), `score` (placements to score) and `seed`. The answer has the cameras, their score
+and the seconds for each number in `place`, and the scores of the placements in `score`.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from typing import Any
 def main() -> None:
     """Answers one document of standard input."""
     asked = json.load(sys.stdin)
-    with contextlib.redirect_stdout(sys.stderr):  # the program talks
+    with contextlib.redirect_stdout(sys.stderr):  # the program prints
         answer = {
             "placed": [_placed(asked, number) for number in asked["place"]],
             "scores": [_score(asked, cameras) for cameras in asked["score"]],
@@ -29,7 +29,7 @@ def main() -> None:
 
 
 def _loaded(asked: dict[str, Any], number: int) -> tuple[Any, dict[str, Any]]:
-    """Returns the program's configuration and its state of the zone."""
+    """Returns the program's configuration, and its state of the zone."""
     config = asked["config"]
     config["camera_sets"][0]["count_max"] = number
     with tempfile.TemporaryDirectory() as folder:
@@ -49,7 +49,7 @@ def _loaded(asked: dict[str, Any], number: int) -> tuple[Any, dict[str, Any]]:
 
 
 def _placed(asked: dict[str, Any], number: int) -> dict[str, Any]:
-    """Lets the program place so many cameras."""
+    """Makes the program place so many cameras."""
     config, state = _loaded(asked, number)
     points = [tuple(point) for point in asked["points"]]
     random.seed(asked["seed"])
@@ -66,7 +66,7 @@ def _placed(asked: dict[str, Any], number: int) -> dict[str, Any]:
 
 
 def _score(asked: dict[str, Any], cameras: list[Any]) -> float:
-    """Lets the program score cameras."""
+    """Makes the program score cameras."""
     config, state = _loaded(asked, len(cameras))
     points = [tuple(point) for point in asked["points"]]
     scoring = import_module("core.scoring")

@@ -1,7 +1,7 @@
-"""Fixed cameras on walls: proved optima beside the placements of lab-camera-optimizer.
+"""Fixed cameras on walls: proved optima compared with the placements of lab-camera-optimizer.
 
-Each is judged by the other's measure, too. Ours is the share of the zones' points, by their weight,
-that so many cameras see; theirs is a score of many parts, of which that is none.
+Each is also judged by the other's measure. Ours is the share of the zones' points, by weight, that
+so many cameras see; theirs is a score with many parts, which do not include ours.
 """
 
 import math
@@ -37,7 +37,7 @@ from cocap_opt.run.options import Option
 
 _TABLE = "tripods.csv"
 _APART = 30.0  # degrees
-_ALL = 1 - 1e-9  # share that counts as all, rounding aside
+_ALL = 1 - 1e-9  # share that counts as all, in view of rounding
 
 
 class Value(NamedTuple):
@@ -69,15 +69,15 @@ class Value(NamedTuple):
 
 
 class Best(NamedTuple):
-    """The best placement that was found, and what none exceeds.
+    """The best placement found, and a bound that no placement exceeds.
 
     Attributes
     ----------
-    cameras : those found
-    value : of them
-    bound : share of points, by weight, that so many of these cameras see at most
-    seconds : of CPU time, of all searches
-    is_proved : True if the views of no other placement are more
+    cameras : the placed cameras
+    value : their value
+    bound : upper bound on the share of points, by weight, that so many cameras see
+    seconds : CPU time of all searches
+    is_proved : True if it is proved that no other placement has more views
     """
 
     cameras: list[Mounted]
@@ -88,27 +88,27 @@ class Best(NamedTuple):
 
 
 class TripodRow(NamedTuple):
-    """A room with so many cameras, placed by both: a row of tripods.csv.
+    """A room with so many cameras, placed by both programs: a row of tripods.csv.
 
-    Shares are of points, by their weight. What has `theirs` is lab-camera-optimizer's.
+    Shares are of points, by weight. `theirs` means lab-camera-optimizer.
     """
 
     room: str
     cameras: int
-    seen_by: int  # cameras that are to see a point
+    seen_by: int  # number of cameras that must see a point
     points: int
-    theirs: float  # share that so many see, of its placement as it is
-    theirs_rounded: float  # of its placement in our cells
+    theirs: float  # share that so many cameras see, in its unrounded placement
+    theirs_rounded: float  # the same, in its placement rounded to our cells
     theirs_apart: float  # share that two see from 30 degrees apart
-    ours: float  # share that so many see, of ours
+    ours: float  # share that so many cameras see, in our placement
     ours_apart: float
-    bound: float  # on the share, of all placements in our cells
+    bound: float  # on this share, for all placements in our cells
     proved: bool
     theirs_score: float  # its score of its placement
-    ours_score: float  # its score of ours
-    theirs_seconds: float  # of CPU time
+    ours_score: float  # its score of our placement
+    theirs_seconds: float  # CPU time
     ours_seconds: float
-    heading_rounding: float  # degrees, the largest of its cameras
+    heading_rounding: float  # degrees, largest rounding of its cameras' headings
     tilt_rounding: float  # degrees
 
 
@@ -134,7 +134,7 @@ def tripods(
     for each in [ROOMS[name] for name in room or ROOMS]:
         for row in compared(each, numbers, seen_by, limit, program):
             rows.append(row)
-            results.save(_TABLE, rows)  # what is there stays if it is stopped
+            results.save(_TABLE, rows)  # after each room, in case the study is stopped
     Listing("cameras on walls", [row._asdict() for row in rows]).print()
 
 
@@ -145,8 +145,8 @@ def compared(
 
     Parameters
     ----------
-    seconds : of CPU time, for each of our searches, of which there is one for each number of
-        cameras in landscape, until all points are seen
+    seconds : CPU time for each of our searches; there is one for each number of cameras in
+        landscape, until all points are seen
     """
     for number in numbers:
         placed = program.place(room, number)
@@ -163,7 +163,7 @@ def _row(room: Room, seen_by: int, placed: Placed, best: Best, score: float) -> 
     tilted = [
         abs(room.tilt(c.y, c.heading, c.height) - cells.tilts[state.pitch]) for c, state in rounded
     ]
-    # The search is for views, up to so many of a point: the share of points may be below its best.
+    # The search counts views, up to so many per point, so the share of points may not be the best.
     attained = best.is_proved and best.value.seen >= _ALL * best.bound
     exact = value_as_placed(room, placed.cameras, seen_by)
     in_cells = value_in_cells(room, placed.cameras, seen_by)
@@ -176,7 +176,7 @@ def _row(room: Room, seen_by: int, placed: Placed, best: Best, score: float) -> 
 
 
 def value_as_placed(room: Room, cameras: Sequence[Mounted], seen_by: int) -> Value:
-    """Returns the value of cameras with headings to a degree, and the very tilts."""
+    """Returns the value of cameras with headings rounded to a degree, and exact tilts."""
     cells, states = exactly(room, cameras)
     return _value(cells, states, seen_by)
 
@@ -192,7 +192,7 @@ def value_in_cells(room: Room, cameras: Sequence[Mounted], seen_by: int) -> Valu
 
 
 def nearest(cells: Cells, camera: Mounted) -> State:
-    """Returns the candidate for the place of a camera whose heading and tilt are nearest to its.
+    """Returns the candidate at the place of a camera with the nearest heading and tilt.
 
     Headings count first, then tilts.
     """
@@ -211,7 +211,7 @@ def nearest(cells: Cells, camera: Mounted) -> State:
 
 
 def best_placement(room: Room, number: int, seen_by: int, seconds: float) -> Best:
-    """Returns the best placement of so many cameras, over all numbers of those in landscape."""
+    """Returns the best placement of so many cameras, for all numbers of cameras in landscape."""
     cells, spent = Cells(room), ProcessorLimit(math.inf)
     candidates = {side: cells.candidates(side) for side in (LANDSCAPE, PORTRAIT)}
     found: list[tuple[float, list[Mounted], Value]] = []
@@ -282,7 +282,7 @@ def tripods_in_markdown() -> str:
 
 
 def tripods_in_words() -> str:
-    """Says in how many stored rows each program's cameras see all points, and who scores higher."""
+    """States in how many rows each program's cameras see all points, and which scores higher."""
     rows = stored_placements()
     ours, theirs, rounded = (
         sum(getattr(row, field) >= _ALL for row in rows)
