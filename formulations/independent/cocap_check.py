@@ -68,7 +68,7 @@ DAMAGED = (
 MOST_CORNERS = 1_000_000  # limit on corners of a cut that are examined
 # limit on branches of the searches of a file; tries of prices at a branch
 MOST_BRANCHES, TRIES = 1_000_000, 40
-MOST_FOUND = 1_000_000  # limit on the ways that a search keeps, of some hundred bytes each
+MOST_FOUND = 3_000_000  # limit on the ways that a search keeps, of some hundred bytes each
 
 Number = int | Fraction
 Ints = tuple[int, ...]

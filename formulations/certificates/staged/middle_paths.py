@@ -23,14 +23,14 @@ from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, may
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError
 from cocap_opt.formulations.certificates.staged.team_moves import (
+    MOST_PLACED,
     Following,
     Reached,
     Team,
+    n_placed,
 )
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
-
-MOST_PLACED = 20_000_000  # states of the robots at the ends of all moves to a step, 8 bytes each
 
 
 def best_plan_through(
@@ -90,11 +90,10 @@ def may_begin_later(model: Model) -> bool:
 
 def _few(team: Team, parts: Iterable[Reached]) -> list[Reached]:
     """Returns the moves to a step; raises NotEndedError if there are too many."""
-    found, n = [Reached.empty(len(team.numbers))], 0
+    found = [Reached.empty(len(team.numbers))]
     for part in parts:
         found.append(part)
-        n += part.placed.size
-        if n > MOST_PLACED:
+        if n_placed(found) > MOST_PLACED:
             raise NotEndedError
     return found
 

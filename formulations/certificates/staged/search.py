@@ -32,9 +32,8 @@ if TYPE_CHECKING:
 PLAIN_NODES = 300  # nodes after which the compiled search takes over, if it is available
 # nodes (second) after which it takes over for teams of at least this many robots (first)
 _LARGE, _FEW_NODES = 5, 30
-# Limit on collected joint states per search: each would be followed by as many at the next step, so
-# a search that exceeds it would not end soon.
-MOST_FOUND = 1_000_000
+# Limit on the joint states that one search collects, of some hundred bytes each
+MOST_FOUND = 3_000_000
 AT_ONCE = 20_000  # nodes of the compiled search between two checks of the stopping criterion
 
 

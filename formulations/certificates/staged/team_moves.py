@@ -29,7 +29,7 @@ from cocap_opt.formulations.certificates.staged.search import (
 )
 from cocap_opt.stop import Stop
 
-MOST_REACHED = 1_000_000  # joint states of one step, of some hundred bytes each
+MOST_PLACED = 20_000_000  # states of all robots in the joint states of one step, 8 bytes each
 MOST_CHOICES = 10_000  # states of one step over all robots: a table has a row and a column for each
 _AT_ONCE = 50_000  # joint states whose pixels are added up at once
 # Processing a move that was found takes as long as this many nodes, for a team of so many pairs:
@@ -288,9 +288,9 @@ class Team:
         reached, waiting = Reached.empty(len(self.numbers)), list[Reached]()
         for part in self.moves_after(t, before, following, stop):
             waiting.append(part)
-            if sum(len(part.values) for part in waiting) > MOST_REACHED:
+            if n_placed(waiting) > MOST_PLACED:
                 reached, waiting = self.best([reached, *waiting]), []
-                if len(reached.values) > MOST_REACHED:
+                if n_placed([reached]) > MOST_PLACED:
                     raise NotEndedError
         return self.best([reached, *waiting])
 
@@ -411,7 +411,7 @@ class Team:
             placed = np.empty_like(heads)
             placed[:, choices.robots] = joint.states[heads]
             found.append(Reached(worths(joint, heads), placed, rows))
-            if sum(len(part.values) for part in found) > MOST_REACHED:
+            if n_placed(found) > MOST_PLACED:
                 raise NotEndedError
         return found
 
@@ -537,6 +537,11 @@ class Team:
             alike = self.numbers == number
             same[:, alike] = np.sort(placed[:, alike], axis=1)
         return same
+
+
+def n_placed(parts: Iterable[Reached]) -> int:
+    """Returns the number of states of all robots in some joint states."""
+    return sum(part.placed.size for part in parts)
 
 
 def worths(joint: JointStates, chosen: IntArray) -> FloatArray:

@@ -99,6 +99,8 @@ class PathTrials:
                 share, nodes_before = lower, nodes_now
             elif less > self._parameters.less:
                 less = max(less / 2, self._parameters.less)
+            elif (middle := self._middle_step(narrowing, most_nodes)) != begun:
+                begun = middle  # for larger explorations, another step is better
             else:
                 return
 
