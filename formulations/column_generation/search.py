@@ -91,14 +91,9 @@ class Search:
 
     @contextmanager
     def ending_before(self, seconds: float) -> Iterator[None]:
-        """Inside, stops so many seconds before the time limit; raises LimitReached there.
-
-        Parameters
-        ----------
-        seconds : 0 and infinity change nothing
-        """
+        """Inside, stops so many seconds before the time limit; infinity changes nothing."""
         stop = self.stop
-        if 0 < seconds < np.inf:
+        if seconds < np.inf:
             self.stop = stop.before(seconds)
         try:
             yield

@@ -53,7 +53,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.step_searches impor
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.problem import COVERAGE_VERSION
-from cocap_opt.stop import LimitReached
+from cocap_opt.stop import Limit, LimitReached
 
 METHOD = "step-envelopes"
 # relative: reduction of the bound that stages must achieve; excess of J at which a plan is better
@@ -159,12 +159,15 @@ class _Envelopes:
         Part of a time limit is kept for the paths: at the end, they lower the bound by more than
         one more stage.
         """
-        kept = self.search.parameters.trials.time_kept * self.search.stop.seconds_left
+        left = self.search.stop.seconds_left if self.trials.is_possible else math.inf
+        kept = self.search.parameters.trials.time_kept * left
         try:
-            with self.search.ending_before(kept if self.trials.is_possible else 0.0):
+            with self.search.ending_before(kept):
                 self._add_stages(cutoff)
-        except LimitReached:
+        except LimitReached as reached:
             self.search.stop.check()
+            if kept == math.inf or reached.limit is not Limit.TIME:
+                raise
             self._explore_paths(cutoff)
             self._add_stages(cutoff)
         self._explore_paths(cutoff)
