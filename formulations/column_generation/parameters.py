@@ -417,6 +417,8 @@ class TrialParameters(Section):
     less : share
         reduction of each higher target relative to the one before; for 5 % less, a trial takes 1.6
         to 5 times as many nodes (field, seed 1, without and with views)
+    least_less : share
+        smallest reduction of a target: it is halved after a trial that has not ended
     most_less : share
         largest reduction of a target, however fast the earlier trials were
     aimed_times : times
@@ -437,6 +439,7 @@ class TrialParameters(Section):
     times_nodes: float = 10.0
     plain_times_nodes: float = 0.25
     less: Share = 0.05
+    least_less: Share = 0.0125
     most_less: Share = 0.25
     aimed_times: float = 4.0
     next_times: int = 8

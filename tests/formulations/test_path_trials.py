@@ -130,14 +130,38 @@ def test_higher_targets_come_down_until_a_trial_fails(
     told: list[float] = []
     trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
-    less = DEFAULTS.trials.less
-    assert shares == pytest.approx([1 - less * k for k in range(1, len(shares) + 1)])
-    assert shares[-1] < 0.4 <= shares[-2] + 1e-9
+    less, least = DEFAULTS.trials.less, DEFAULTS.trials.least_less
+    ended = [share for share in shares if share >= 0.4 - 1e-9]
+    assert ended == pytest.approx([1 - less * k for k in range(1, len(ended) + 1)])
+    # What has not ended is tried again with smaller steps.
+    failed = [ended[-1] - share for share in shares[len(ended) :]]
+    assert failed == pytest.approx([less / 2**k for k in range(len(failed))])
+    assert failed[-1] == pytest.approx(least)
     assert trials.stages == 7
-    assert trials.bound == pytest.approx(ending.targets[-2], rel=1e-9)
-    assert trials.above == ending.targets[-2]
+    last = ending.targets[len(ended) - 1]
+    assert trials.bound == pytest.approx(last, rel=1e-9) and trials.above == last
     assert told == sorted(told, reverse=True) and told[-1] == trials.bound
     assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
+
+
+def test_another_step_in_the_middle_is_tried_once_a_trial_fails(
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each step fails once at the same target; then trials end."""
+    tried: list[int] = []
+
+    def failing(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
+        tried.append(begun)
+        raise NotEndedError
+
+    def choose(self: MiddleStep, *_: object) -> None:
+        self.begun = (self.begun + 1) % 3
+
+    monkeypatch.setattr(path_trials, "explored", failing)
+    monkeypatch.setattr(MiddleStep, "choose", choose)
+    trials.for_higher_targets(narrowing, 0, 10**7, lambda: None)
+    assert [*dict.fromkeys(tried)] == [1, 2, 0]
+    assert tried[-2:] == [2, 0] and trials.above is None
 
 
 def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
@@ -156,7 +180,7 @@ def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
     ended = [share for share in shares if share >= 0.3]
     assert np.diff(ended[1:4]) == pytest.approx(-step, rel=0.02)
     assert trials.bound == pytest.approx(value + ended[-1] * (bound - value), rel=1e-9)
-    assert ended[-1] < 0.3 + 2 * DEFAULTS.trials.less
+    assert ended[-1] < 0.3 + 2 * DEFAULTS.trials.least_less
 
 
 def test_a_limit_ends_trials_and_keeps_what_they_proved(

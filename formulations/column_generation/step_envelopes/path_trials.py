@@ -87,7 +87,7 @@ class PathTrials:
         """
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
         begun = self._middle_step(narrowing, allowed)
-        share, less, nodes_before = 1.0, self._parameters.less, 0
+        share, less, nodes_before, failed = 1.0, self._parameters.less, 0, set[int]()
         while share > 0:
             before, lower = self.nodes, max(share - less, 0.0)
             most_nodes = min(allowed, self._parameters.most_nodes)
@@ -95,14 +95,15 @@ class PathTrials:
                 report()
                 nodes_now = self.nodes - before
                 allowed = max(allowed, self._parameters.next_times * nodes_now)
-                less = self._next_less(share - lower, nodes_before, nodes_now)
+                if not failed:
+                    less = self._next_less(share - lower, nodes_before, nodes_now)
                 share, nodes_before = lower, nodes_now
-            elif less > self._parameters.less:
-                less = max(less / 2, self._parameters.less)
-            elif (middle := self._middle_step(narrowing, most_nodes)) != begun:
-                begun = middle  # for larger explorations, another step is better
-            else:
-                return
+                continue
+            failed.add(begun)
+            if less > self._parameters.least_less:
+                less = max(less / 2, self._parameters.least_less)
+            elif (begun := self._middle_step(narrowing, most_nodes)) in failed:
+                return  # for larger explorations, no other step is better
 
     def _middle_step(self, narrowing: Narrowing, most_nodes: int) -> int:
         """Returns the step at which the paths of a trial begin; 0: at the start.
