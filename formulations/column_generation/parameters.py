@@ -429,6 +429,9 @@ class TrialParameters(Section):
         largest trial for a higher target
     first_times : times `fewest_nodes`
         largest size of the first trial for a higher target
+    times_stages : times
+        expected size of a trial for a higher target at which trials end, relative to the stages,
+        unless time is kept for them
     time_kept : share
         time kept for trials for higher targets, of what a limit leaves before the first stage
     """
@@ -445,6 +448,7 @@ class TrialParameters(Section):
     next_times: int = 8
     most_nodes: int = 300_000_000
     first_times: int = 10
+    times_stages: float = 15.0
     time_kept: Share = 0.15
 
 

@@ -183,6 +183,22 @@ def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
     assert ended[-1] < 0.3 + 2 * DEFAULTS.trials.least_less
 
 
+def test_trials_end_before_they_are_long_unless_time_is_kept_for_them(
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A few times the nodes of the stages, or of the smallest trial."""
+    value, bound = trials.search.value, narrowing.bound
+    most = DEFAULTS.trials.times_stages * DEFAULTS.trials.fewest_nodes
+    shares = []
+    for to_the_end in (False, True):
+        ending = Ending(-np.inf, doubling=0.04 * (bound - value))
+        replace_trials(monkeypatch, ending)
+        trials.for_higher_targets(narrowing, 0, 10, lambda: None, to_the_end)
+        shares.append((ending.targets[-1] - value) / (bound - value))
+    assert 1000 * 2 ** ((0.95 - shares[0]) / 0.04) == pytest.approx(most, rel=0.5)
+    assert shares[1] == pytest.approx(0.0)
+
+
 def test_a_limit_ends_trials_and_keeps_what_they_proved(
     trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -230,7 +246,7 @@ def test_part_of_a_time_limit_is_kept_for_paths(
         stop.left = min(stop.left, 10.0)
         self.search.stop.check()
 
-    def explore_paths(self: envelopes._Envelopes, cutoff: object) -> None:
+    def explore_paths(self: envelopes._Envelopes, cutoff: object, to_the_end: bool = False) -> None:
         told.append(("paths", self.search.stop.seconds_left))
 
     monkeypatch.setattr(envelopes._Envelopes, "_add_stages", add_stages)

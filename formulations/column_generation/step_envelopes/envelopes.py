@@ -168,17 +168,18 @@ class _Envelopes:
             self.search.stop.check()
             if kept == math.inf or reached.limit is not Limit.TIME:
                 raise
-            self._explore_paths(cutoff)
+            self._explore_paths(cutoff, to_the_end=True)
             self._add_stages(cutoff)
         self._explore_paths(cutoff)
 
-    def _explore_paths(self, cutoff: Callable[[], float]) -> None:
+    def _explore_paths(self, cutoff: Callable[[], float], to_the_end: bool = False) -> None:
         """Explores the paths of plans above ever lower targets; raises LimitReached."""
         self._raise_target()
         if self.bound > cutoff():
             self.trials.for_higher_targets(
-                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer
-            )
+                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer,
+                to_the_end,
+            )  # fmt: skip
 
     def _add_stages(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close states or lower the bound; raises LimitReached."""

@@ -76,7 +76,12 @@ class PathTrials:
         return False
 
     def for_higher_targets(
-        self, narrowing: Narrowing, stages: int, nodes: int, report: Callable[[], None]
+        self,
+        narrowing: Narrowing,
+        stages: int,
+        nodes: int,
+        report: Callable[[], None],
+        to_the_end: bool = False,
     ) -> None:
         """Explores the plans above ever lower targets, as long as trials end; raises LimitReached.
 
@@ -84,7 +89,10 @@ class PathTrials:
         ----------
         narrowing, stages, nodes : as in `after_stages`
         report : called to report the bound that has been proved
+        to_the_end : False: stop before trials become long in comparison with the stages
         """
+        of_stages = self._parameters.times_stages * max(nodes, self._fewest_nodes())
+        most_expected = math.inf if to_the_end else of_stages
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
         begun = self._middle_step(narrowing, allowed)
         share, less, nodes_before, failed = 1.0, self._parameters.less, 0, set[int]()
@@ -95,8 +103,12 @@ class PathTrials:
                 report()
                 nodes_now = self.nodes - before
                 allowed = max(allowed, self._parameters.next_times * nodes_now)
+                times = min(most_expected / max(nodes_now, 1), self._parameters.aimed_times)
+                longer = self._next_less(share - lower, nodes_before, nodes_now, times)
+                if longer < self._parameters.least_less and not to_the_end:
+                    return
                 if not failed:
-                    less = self._next_less(share - lower, nodes_before, nodes_now)
+                    less = max(longer, self._parameters.least_less)
                 share, nodes_before = lower, nodes_now
                 continue
             failed.add(begun)
@@ -120,20 +132,20 @@ class PathTrials:
             self.nodes += self._middle.nodes - before
         return self._middle.begun
 
-    def _next_less(self, less: float, nodes_before: int, nodes_now: int) -> float:
+    def _next_less(self, less: float, nodes_before: int, nodes_now: int, times: float) -> float:
         """Returns the reduction of the next target, after a trial that has ended.
 
         Parameters
         ----------
         less : the last reduction of the target
         nodes_before, nodes_now : nodes of the last two trials, of which the second took more
+        times : wanted size of the next trial, relative to the second
         """
-        least = self._parameters.less
         if not 0 < nodes_before < nodes_now:
-            return least
+            return self._parameters.less
         # Each reduction multiplies the nodes by about the same factor, or a larger one later on.
-        steps = math.log(self._parameters.aimed_times) / math.log(nodes_now / nodes_before)
-        return max(least, min(steps * less, self._parameters.most_less))
+        steps = math.log(times) / math.log(nodes_now / nodes_before)
+        return min(steps * less, self._parameters.most_less)
 
     def _has_ended(
         self, narrowing: Narrowing, begun: int, share: float, most_nodes: int, stages: int
