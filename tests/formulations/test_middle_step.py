@@ -35,7 +35,7 @@ class Explored:
         """Ends, or not, and takes down what was asked for."""
         self.rooms.append(narrowing.bound - narrowing.target)
         self.tried.append(begun)
-        times = self.rooms[-1] / self.rooms[0]
+        times = self.rooms[-1] / self.rooms[0] if self.rooms[0] > 0 else 1.0
         nodes = int(self.nodes * times * (1 + abs(begun - self.best)))
         self.spent += min(nodes, most_nodes)
         if nodes > most_nodes:
@@ -80,6 +80,17 @@ def test_the_step_stays_where_no_exploration_ends(
     middle.choose(narrowing, 0.0, 1_000_000, never)
     assert middle.begun == 7 == explored.tried[0]
     assert middle.nodes == MiddleParameters().many * 1_000_000 * len(explored.tried)
+
+
+def test_a_bound_that_is_no_more_than_the_best_plan_is_no_error(
+    narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The target is then the best plan's J."""
+    explored = Explored(3, 10)
+    monkeypatch.setattr(middle_step, "explored", explored)
+    middle = MiddleStep(MiddleParameters())
+    middle.choose(narrowing, narrowing.bound + 1.0, 10**6, never)
+    assert middle.begun == 3
 
 
 def test_paths_begin_at_the_start_where_moves_are_rewarded(

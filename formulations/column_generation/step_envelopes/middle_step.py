@@ -68,7 +68,7 @@ class MiddleStep:
         apart = -(-horizon // parameters.most_steps)
         steps = [*dict.fromkeys((self.begun, *range(0, horizon + 1, apart)))]
         while steps and less <= 1:
-            higher = narrowing.above(narrowing.bound - less * room)
+            higher = narrowing.above(value + (1 - less) * room)
             ranked = self._ranked(higher, steps, many, stop)
             if less == parameters.first_less and apart > 1:
                 near = {s + k for _, s in ranked[:1] for k in range(1 - apart, apart)}
