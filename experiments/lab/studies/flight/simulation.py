@@ -37,7 +37,7 @@ class Reference(NamedTuple):
 
     @classmethod
     def of(cls, flown: Trajectory, parts: int) -> "Reference":
-        """Returns the flights at each tick; the ticks of a step are a multiple of `parts`."""
+        """Returns the flights at each tick; a step has a multiple of `parts` ticks."""
         robots, pieces = flown.pieces.shape[:2]
         count = parts * math.ceil(flown.step / parts / TICK - 1e-9)
         ticks = np.arange(flown.problem.horizon * count + 1)

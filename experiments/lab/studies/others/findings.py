@@ -82,7 +82,7 @@ def _on_frames(compared: Compared) -> Iterator[str]:
 
 
 def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
-    """Yields the number of scenes on which our planners reach the reward of their best planner."""
+    """Yields on how many scenes each of our planners reaches their multi-round planner's reward."""
     scenes = [scene for scene in compared if scene.reward(_THEIR_BEST) is not None]
     ours = dict.fromkeys(
         row.planner

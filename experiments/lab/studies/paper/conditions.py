@@ -108,7 +108,7 @@ class Corridor(NamedTuple):
 
     @property
     def _starts(self) -> Room:
-        """The cells in which drones may start; if they start in file, they fill all of them."""
+        """The cells in which drones may start; in file, they fill all of them, in any order."""
         if self.starts == "file":
             return Room(_MOUTH - self.drones, _MOUTH, _MIDDLE, _MIDDLE + 1)
         return Room(6, _MOUTH, 13, 18) if self.starts == "mouth" else Room(3, 7, 9, 21)
@@ -165,7 +165,7 @@ class Trial(NamedTuple):
         )  # fmt: skip
         if "fell_back" in record:
             return trial._replace(fell_back=record["fell_back"] == str(True))
-        # Older files lack this field; a stopped plan with the same J nearly always is that plan.
+        # Older files lack this field; a stopped run with the same J nearly always fell back.
         return trial._replace(fell_back=trial.limit != NO_LIMIT and trial.cocap == trial.sequential)
 
 
@@ -188,7 +188,7 @@ class CorridorSearch(NamedTuple):
 
     @classmethod
     def of(cls, drawn: int) -> Self:
-        """Returns a search among so many random corridors; the other numbers grow with theirs."""
+        """Returns a search among so many random corridors; the other numbers grow with `drawn`."""
         return cls(
             drawn, again=-(-drawn // 16), seeds=min(4, drawn), rounds=min(4, drawn // 50),
             fresh=min(10, drawn),
@@ -233,7 +233,7 @@ def _largest(gains: dict[Corridor, float]) -> tuple[Corridor, float]:
 
 
 def _mean_gain(trials: Sequence[Trial]) -> float:
-    """Returns CoCap's mean gain over trials in which both have a plan; 0 if there are none."""
+    """Returns CoCap's mean gain over trials in which both planners have a plan; 0 without any."""
     return fmean([trial.gain() for trial in planned(trials)] or [0.0])
 
 

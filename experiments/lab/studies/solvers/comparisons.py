@@ -101,9 +101,7 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
 
 
 def _relaxations(options: RowOptions) -> list[Metric]:
-    """Measures how far relaxations are above the optimum, and how much of the weakest's gap they
-    close.
-    """
+    """Measures relaxations' gaps to the optimum, and how much of the first one's gap they close."""
     figures = []
     for name, steps in _RELAXED.items():
         above: dict[str, list[float]] = {}
