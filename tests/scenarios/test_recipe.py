@@ -878,7 +878,7 @@ def test_names_hold_no_nul(tmp_path: Path, table: str) -> None:
 def test_numbers_of_too_many_digits_are_refused(tmp_path: Path) -> None:
     """Python does not read them, which is no error of msgspec's."""
     text = (FLAT + DRONE).replace("steps = 4", "steps = 4" + 4300 * "0")
-    with pytest.raises(ProblemError, match="toml: must hold whole numbers of at most 4300 digits"):
+    with pytest.raises(ProblemError, match="toml: must contain whole numbers of at most 4300"):
         read(write(tmp_path, text))
 
 

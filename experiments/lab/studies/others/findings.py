@@ -50,8 +50,8 @@ def _on_tilts(compared: Compared) -> Iterator[str]:
         by_own_tilts = math.fsum(planner.own_tilts)
         yield (
             f"{name}: their program reported {reported:,.1f}; by its own pixels with each drone's "
-            f"own tilt that is {_than(by_own_tilts, reported)}. Our J is "
-            f"{_than(worth, by_own_tilts)} than those."
+            f"own tilt, the reward is {_than(by_own_tilts, reported)}. Our J is "
+            f"{_than(worth, by_own_tilts)} than that."
         )
 
 

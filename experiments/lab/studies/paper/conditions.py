@@ -270,7 +270,7 @@ def read_trials(path: Path) -> list[Trial]:
     return read_csv(path, Trial.of, words)
 
 
-# -- what is said of it ------------------------------------------------------------------------
+# -- tables and sentences ----------------------------------------------------------------------
 
 
 def by_level(trials: Sequence[Trial]) -> list[dict[str, str]]:
@@ -301,11 +301,11 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
     fresh = [trial for trial in trials if trial.stage == FRESH]
     many = sum(gain >= PUBLISHED for gain in gains)
     said = [
-        f"Of {len(gains)} corridors drawn at random CoCap gains {PUBLISHED:g} % or more over "
-        f"sequential planning on {many}, on average {Mean.of(gains).text(2, ' %')}, at most "
+        f"CoCap gains {PUBLISHED:g} % or more over sequential planning on {many} of {len(gains)} "
+        f"random corridors; the mean gain is {Mean.of(gains).text(2, ' %')}, the largest "
         f"{max(gains):.1f} %.{_without_plan(len(drawn) - len(gains))} On "
-        f"{_stopped(drawn)} its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} of "
-        "these with the plan of sequential planning."
+        f"{_stopped(drawn)}, its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} "
+        "of these with the plan of sequential planning."
     ]
     return said + _of_the_best(fresh) + _of_its_neighbours(trials, fresh)
 
@@ -319,7 +319,7 @@ def answer_for_the_best(trials: Sequence[Trial]) -> ClaimAnswer:
 
 
 def _without_plan(corridors: int) -> str:
-    return f" On {corridors} more one of the two has no plan." if corridors else ""
+    return f" On {corridors} more, one of the two has no plan." if corridors else ""
 
 
 def _stopped(trials: Sequence[Trial]) -> int:
