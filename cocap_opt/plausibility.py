@@ -51,7 +51,8 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
         if not (mesh.is_solid and len(mesh.surface))
     ]
     found += [
-        f"meshes[{k}] is all below the ground: its top is at {mesh.corners[..., 2].max():.4g} m"
+        f"meshes[{k}] is entirely below the ground: its top is at "
+        f"{mesh.corners[..., 2].max():.4g} m"
         for k, mesh in enumerate(problem.meshes)
         if _below_ground(problem, mesh)
     ]

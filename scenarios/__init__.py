@@ -66,7 +66,7 @@ class _Format(NamedTuple):
     is_seeded: bool = True  # True: the seed selects one of several scenes in a file
 
     def read(self, path: Path, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
-        """Reads a scene file; `options` gives words by name, for options of the format."""
+        """Reads a scene file; `options` maps the names of the format's options to words."""
         more = (options,) if self.options.allowed else ()
         problem: Problem = self._module().read(path, seed, *more)
         return problem

@@ -194,7 +194,7 @@ def _on_map(workspace: Workspace, actor: Actor) -> bool:
 
 
 def _ground(workspace: Workspace, poses: FloatArray) -> FloatArray:
-    """Returns the altitude of the ground [n] at poses [n, 4]; off the map, at its edge.
+    """Returns the altitude of the ground [n] at poses [n, 4]; off the map, that at its edge.
 
     If a map does not separate ground from obstacles, all altitudes are 0, so that nobody is lifted
     onto an obstacle.

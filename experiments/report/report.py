@@ -243,7 +243,7 @@ def _telling_seed(rows: Sequence[GapRow]) -> tuple[int | None, list[GapRow]]:
 
 
 def _telling_pair(rows: Sequence[GapRow]) -> list[GapRow]:
-    """Returns up to two plans of a seed: the most conflicts, or else the worst, then the best."""
+    """Returns up to two plans of a seed: most conflicts (or else worst) first, then the best."""
     good = sorted((row for row in rows if row.valid), key=lambda row: row.reward or 0.0)
     colliding = [row for row in rows if row.conflicts]
     if colliding:

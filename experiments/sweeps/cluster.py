@@ -62,7 +62,7 @@ class Cluster(Crew):
     @classmethod
     @contextmanager
     def local(cls, workers: int, stop: Stop, cell_limit: float) -> "Iterator[Cluster]":
-        """Yields a cluster on this machine, with so many processes of one thread each."""
+        """Yields a cluster on this machine, with `workers` processes of one thread each."""
         _silence_dask()
         cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
         with dask.config.set(_LOCAL), ExitStack() as stack:
@@ -147,7 +147,8 @@ class Cluster(Crew):
     def _kill(self, local: LocalCluster, busy: list[str]) -> None:
         """Kills workers, and waits until the scheduler notices; their nannies start new ones.
 
-        Asking a nanny to restart its worker is not reliable: on a busy machine it may close.
+        Asking a nanny to restart its worker is not reliable: on a busy machine the
+        nanny may close instead.
         """
         for nanny in local.workers.values():
             if nanny.worker_address in busy:
@@ -178,7 +179,7 @@ def _outcome(task: Task, future: Future) -> CellFile:
 
 @contextmanager
 def _scheduler_there(client: Client) -> Iterator[None]:
-    """Raises ClusterError, with a message of one line, if the scheduler's connection is lost."""
+    """Raises ClusterError, with a message of one line, if the connection is lost."""
     try:
         yield
     except (OSError, CancelledError, ClosedClientError) as error:
@@ -220,7 +221,7 @@ def _silence_dask() -> None:
 
 
 class _Quiet(WorkerPlugin):
-    """Silences each worker and pins it to a core, so that cells do not slow each other down."""
+    """Silences each worker and pins it to its own core, so that cells do not compete for one."""
 
     def __init__(self, cores: list[int]) -> None:
         self._cores = cores

@@ -118,7 +118,7 @@ class RunFile(Document, frozen=True, kw_only=True):
 
     @classmethod
     def add_run(cls, folder: Path, before: Sequence[CommandRun], run: CommandRun) -> None:
-        """Writes the file, and adds the run, unless an equal run is listed with another time."""
+        """Writes the file, and adds the run, unless one that differs only in its time is listed."""
         again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
         runs = [*before] if again else [*before, run]
         save_bytes(folder / RUN, encode(cls(code=_rows_digest(), runs=runs)))

@@ -254,7 +254,7 @@ def _files(found: GapRow, folder: Path | None, plan: str, certificate: str) -> d
 
 
 def _with_gains(rows: Sequence[TeamRow]) -> list[TeamRow]:
-    """Returns rows with their gains over the team with one drone fewer, camera and height equal."""
+    """Returns rows with their gains over the same team with one drone fewer."""
     known = {
         (row.camera, row.height, row.drones): row.reward for group in grouped(rows) for row in group
     }

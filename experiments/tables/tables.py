@@ -50,8 +50,8 @@ _NOTES = {
     _DIFFERENCES: "Against: difference in J from the named planner on the same seed, in % of that "
                   "planner's J. Better, equal, worse: number of seeds. Both plans must obey the "
                   "rules.",
-    _PRICE: "Costs: by how many % the collision rules lower the best J of a scene, as proved "
-            "limits. Optimum known: seeds on which the optimum is proved.",
+    _PRICE: "Costs: certified limits on how much the collision rules lower the best J of a "
+            "scene, in %. Optimum known: seeds on which the optimum is proved.",
     CAMERAS: "Seen by: share of person-steps at which at least so many drones see the person. "
              "Median error: at half of the person-steps, a point in space is located to within "
              "this error (median over plans). Only plans that obey the rules count.",

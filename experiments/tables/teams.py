@@ -44,7 +44,7 @@ class TeamRow:
                     **_REWARD),
     ] = None  # fmt: skip
     cameras: Annotated[
-        int, TableColumn("Number of drones that must see a person, so that the person counts.")
+        int, TableColumn("Number of drones that must see a person for the person to count.")
     ] = 2
     seen: Annotated[
         float | None,
@@ -175,7 +175,7 @@ def teams_table(rows: Sequence[TeamRow]) -> Listing:
 
 
 def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
-    """Yields, for each camera and height, the smallest team found, and what is proved of fewer.
+    """Yields, by camera and height, the smallest team found, and what is proved of smaller ones.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float)
 
 
 def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:
-    """Returns a sentence with the share that no smaller team exceeds."""
+    """Returns a sentence on the share that no plan of these teams exceeds."""
     numbers = [str(row.drones) for row in group]
     if fewer:
         words = f"{counted(group[-1].drones, 'drone')}{fewer if numbers[1:] else ''}"

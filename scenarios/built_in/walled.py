@@ -132,8 +132,8 @@ def _any_bottleneck(
     Parameters
     ----------
     width : of corridors and exit, in cells
-    first, spacing : distance (m) of the first person from the exit at step 0, and the additional
-        distance of each following person
+    first, spacing : walking distance (m) of the first person from the exit at step 0, and the
+        additional distance of each following person
     """
     rng = np.random.default_rng(seed)
     steps = 11

@@ -158,7 +158,7 @@ class EarthTable(Table):
         return earth
 
     def _what_crs_is(self) -> str:
-        """Returns an explanation of `crs`, for users who only have a latitude and a longitude."""
+        """Explains `crs` to users who only have a latitude and a longitude."""
         example = "EPSG:25830"
         if self.latitude is not None and self.longitude is not None:
             example = f"{utm(self.longitude, self.latitude)} here"

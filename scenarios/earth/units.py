@@ -4,7 +4,7 @@ pyproj reads such texts. If it is not installed, units are read directly from WK
 specifications say where they are; this is impossible for codes.
 
 Sources: OGC 01-009 (WKT 1) and OGC 18-010r11 (WKT 2); https://proj.org/usage/projections.html for
-proj4; of Arc/Info, ESRI, "ArcInfo Workstation: PROJECTDEFINE".
+proj4; ESRI, "ArcInfo Workstation: PROJECTDEFINE", for Arc/Info.
 """
 
 import re
@@ -29,7 +29,7 @@ _PROJ4 = re.compile(r"\+?(?:proj|init)\s*=", re.IGNORECASE)
 _WKT = re.compile(r"[A-Za-z_]+\s*[\[(]")
 _ARC_INFO = re.compile(r"projection\s", re.IGNORECASE)
 _DAMAGED = (
-    "must be a reference system, in WKT, as proj4, or a code such as EPSG:25830, but is damaged "
+    "must be a reference system in WKT or proj4, or a code such as EPSG:25830, but is damaged "
     "or of another kind"
 )
 _NEEDED = (
@@ -51,7 +51,7 @@ class Units(NamedTuple):
 
     across: Stated | None  # unit of x and y; None: the system has no lengths on a plane
     heights: Stated | None = None  # unit of heights; None: none stated
-    kind: str = "degrees"  # the kind of unit instead of lengths on a plane
+    kind: str = "degrees"  # what x and y are in, if not in lengths on a plane
 
 
 def units_of(text: str) -> Units:
@@ -76,12 +76,11 @@ def units_of(text: str) -> Units:
     is_wkt, is_proj4, code = _WKT.match(text), _PROJ4.match(text), _CODE.fullmatch(text)
     if not (is_wkt or is_proj4 or code):
         raise ProblemError(f"{_DAMAGED}: {text[:40]!r}")
-    written = (
-        _of_wkt(text) if is_wkt else None
-    )  # which refuses WKT without units; pyproj takes metres
+    # This also rejects WKT without units, for which pyproj would assume metres.
+    written = _of_wkt(text) if is_wkt else None
     found = _by_pyproj(f"{code[1]}:{code[2]}" if code else text) or written
     if found is not None:
-        # PROJ leaves out what stands below the first of several systems.
+        # If the text contains several systems, one below another, PROJ reads only the first.
         beside = written.heights if written is not None else None
         return found if found.heights else found._replace(heights=beside)
     if code:
@@ -124,7 +123,7 @@ def _by_pyproj(text: str) -> Units | None:
     if any(axis.direction == "down" for axis in heights):
         raise _depths()
     if not across:
-        return Units(None, _first(heights), "heights alone")
+        return Units(None, _first(heights), "heights only")
     if plane.is_geographic or plane.is_geocentric:
         return Units(None, _first(heights), "x, y, z" if plane.is_geocentric else "degrees")
     if len({axis.unit_conversion_factor for axis in across}) > 1:
@@ -210,7 +209,7 @@ def _of_arc_info(text: str) -> Units:
     if projection == "geographic":
         return Units(None)
     if "units" not in fields:
-        raise ProblemError("must have a line Units, as METERS or FEET")
+        raise ProblemError("must have a line Units with METERS or FEET")
     if projection == "mercator":
         raise NotTrueError(
             "must be a projection whose metres are true where the map is, not Mercator"

@@ -318,7 +318,7 @@ def _read_map(path: Path) -> BoolArray:
         for line, row in enumerate(grid, start=5):
             _require(len(row) == columns, f"line {line}", f"must have {columns} characters")
             known = set(row) <= set(FREE + BLOCKED)
-            _require(known, f"line {line}", f"must hold only the characters {FREE}{BLOCKED}")
+            _require(known, f"line {line}", f"must contain only the characters {FREE}{BLOCKED}")
         return np.array([[terrain in FREE for terrain in row] for row in grid]).T
 
 

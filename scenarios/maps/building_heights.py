@@ -53,7 +53,7 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
     Parameters
     ----------
     properties : of a feature
-    field : as messages name them
+    field : name of the properties in messages
 
     Raises
     ------

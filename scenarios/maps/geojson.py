@@ -1,7 +1,7 @@
 """Polygons and the properties of their features in GeoJSON.
 
-Source: RFC 7946. A feature may have no geometry, and any geometry may be empty; the member `crs` is
-of GeoJSON 2008, https://geojson.org/geojson-spec.html.
+Source: RFC 7946. A feature may have no geometry, and any geometry may be empty; the member `crs`
+belongs to GeoJSON 2008, https://geojson.org/geojson-spec.html.
 """
 
 from collections import Counter
@@ -87,7 +87,8 @@ def read_geojson(text: str) -> tuple[list[FoundPolygon], Counter[str], Any]:
     Raises
     ------
     ProblemError
-        If it is invalid: a ring is not closed, a position is not a list of numbers; one line.
+        If it is invalid, e.g. if a ring is not closed or a position is not a list of numbers; one
+        line.
     """
     kind = _Feature | _FeatureCollection | _Geometry
     try:
@@ -158,7 +159,7 @@ def _ring(ring: Ring, field: str) -> FloatArray:
     """Returns the points [n, 2] of a ring, without altitudes."""
     points = np.array([position[:2] for position in ring])
     if (points[0] != points[-1]).any():
-        raise ProblemError(f"GeoJSON: rings must end at the point where they begin, {field}")
+        raise ProblemError(f"GeoJSON: {field}: must end at the point where it begins")
     if len(points) < 4:
-        raise ProblemError(f"GeoJSON: rings must have at least four points, {field}")
+        raise ProblemError(f"GeoJSON: {field}: must have at least four points")
     return points

@@ -51,13 +51,13 @@ def read(
         raise _no_geotransform() from error
     except (RasterioError, CRSError, UnicodeError) as error:
         raise ProblemError(
-            "cannot be read as GeoTIFF: it is damaged, cut off, or packed in an unknown way"
+            "cannot be read as GeoTIFF: it is damaged, cut off, or compressed in an unknown way"
         ) from error
 
 
 @contextmanager
 def _unlogged() -> Iterator[None]:
-    """Suppresses GDAL's own messages about a file in the log of rasterio."""
+    """Suppresses GDAL's own messages about a file in rasterio's log."""
     log = logging.getLogger("rasterio")
     before = log.level
     log.setLevel(logging.CRITICAL + 1)
@@ -129,7 +129,7 @@ def _band(dataset: Any, band: int | None) -> int:
         raise ProblemError(f"band: must be within 1..{dataset.count}, not {band}")
     kind = dataset.dtypes[band - 1]
     if kind.startswith("complex"):
-        raise ProblemError(f"band {band}: must hold real numbers, not {kind}")
+        raise ProblemError(f"band {band}: must contain real numbers, not {kind}")
     return band
 
 

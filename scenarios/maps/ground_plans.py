@@ -1,8 +1,8 @@
 """Ground plans in files: polygons of the walkable area and of the obstacles in it.
 
 They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}},
-or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says; see
-`cocap_opt.scenarios.maps.plan_systems` for their coordinates.
+or GeoJSON or WKT, whose polygons are obstacles or walkable areas, as the recipe states. Their
+coordinates are described in `cocap_opt.scenarios.maps.plan_systems`.
 """
 
 import re
@@ -36,8 +36,8 @@ SLIVER = 0.01  # m2; rounding may make rings enclose this area twice
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
 _OTHER_JSON = {  # keys of other formats of polygons, and the names of the formats
     "arcs": "is TopoJSON; convert it with `ogr2ogr NEW.geojson OLD.json`",
-    "geometryType": "is JSON of Esri; convert it with `ogr2ogr NEW.geojson OLD.json`",
-    "elements": "is JSON of Overpass; convert it with osmtogeojson",
+    "geometryType": "is Esri JSON; convert it with `ogr2ogr NEW.geojson OLD.json`",
+    "elements": "is Overpass JSON; convert it with osmtogeojson",
 }
 _SOUND = "POLYGON ((0 0, 4 0, 4 3, 0 0))"
 
@@ -93,15 +93,15 @@ def ground_plan(
     unit : of the coordinates; None: as stated in the file, otherwise degrees in GeoJSON and m in
         other files
     meaning : of the polygons of GeoJSON and WKT
-    projection : converts degrees to metres; its system is that of the file if the file states
-        another
+    projection : converts degrees to metres; if it has a system, and the file states a system of
+        metres, the two must be the same
 
     Raises
     ------
     ProblemError
-        If the text is of another kind or has no such ground plan, a polygon crosses itself, or
-        coordinates are in another system, or are degrees although the scene has no place on the
-        Earth.
+        If the text is of another kind or has no such ground plan, if a polygon crosses itself, if
+        coordinates are in another system, or if they are degrees and the scene has no place on
+        the Earth.
     """
     if text.lstrip().startswith("<"):
         raise ProblemError(
@@ -128,16 +128,16 @@ def ground_plan(
 def sound(polygon: Polygon, field: str) -> BaseGeometry:
     """Returns a valid polygon (m), or raises a ProblemError if the polygon is ambiguous.
 
-    Rings may pass a point twice, or cross themselves by a rounding.
+    Rings may pass through a point twice, or cross themselves slightly because of rounding.
 
     Parameters
     ----------
-    field : as the message names it
+    field : name of the polygon in messages
     """
     if shapely.is_valid(polygon):
         return polygon
     mended = shapely.make_valid(polygon)
-    # In the area, a loop with the other orientation counts negative or twice.
+    # A loop with the opposite orientation counts as negative area, or twice.
     if abs(polygon.area - mended.area) > SLIVER:
         reason = shapely.is_valid_reason(polygon)
         at = re.search(r"\[(\S+) (\S+?)\]", reason)
@@ -198,7 +198,7 @@ def _of_polygons(
     found, others, stated = _found(text, kind)
     if not found:
         held = f", but has {_counted(others)}" if others else ""
-        raise ProblemError(f"must hold at least one polygon{held}")
+        raise ProblemError(f"must contain at least one polygon{held}")
     _require_points([item.polygon for item in found])
     placed = in_metres([item.polygon for item in found], kind, stated, unit, projection)
     whole = [
@@ -212,7 +212,7 @@ def _of_polygons(
         if polygon is not None and polygon.area > 0
     ]
     if not kept:
-        raise ProblemError(f"must hold at least one polygon with an area; {'; '.join(notes)}")
+        raise ProblemError(f"must contain at least one polygon with an area; {'; '.join(notes)}")
     polygons = tuple(polygon for _, polygon in kept)
     if meaning == "obstacles":
         extents = [extent(item.properties, f"{item.field}properties") for item, _ in kept]
@@ -245,7 +245,7 @@ def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str],
             raise ProblemError(
                 f"{kind.name}: rings must end at the point where they begin"
             ) from error
-        raise ProblemError(f"cannot be read as {kind.name}, which is such as {_SOUND}") from error
+        raise ProblemError(f"cannot be read as {kind.name}, such as {_SOUND}") from error
     parts = list(parts_of(geometry))
     others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
     polygons = [
@@ -271,7 +271,7 @@ def _left_out(polygons: Sequence[BaseGeometry | None], others: Counter[str]) -> 
     if far := sum(part is None for part in polygons):
         yield (
             f"{far} of {len(polygons)} polygons are more than {FARTHEST / 1000:g} km from the map, "
-            "and left out"
+            "and are left out"
         )
     if flat := sum(part is not None and part.area == 0 for part in polygons):
         yield f"{flat} of {len(polygons)} polygons have no area, and are left out"

@@ -51,13 +51,13 @@ class LandCoverTable(Table):
         Raises
         ------
         ProblemError
-            If the file cannot be read or has no polygon, or one crosses itself; one line, naming
-            the file.
+            If the file cannot be read or has no polygon, or if a polygon crosses itself; one line
+            that names the file.
         """
         with naming(folder / self.file):
             found, _, crs = read_geojson(read_text(folder / self.file, (JSON,)))
             if not found:
-                raise ProblemError("must hold at least one polygon")
+                raise ProblemError("must contain at least one polygon")
             polygons = in_metres(
                 [item.polygon for item in found], GEOJSON, StatedSystem.by_crs(crs), self.unit,
                 projection,

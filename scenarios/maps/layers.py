@@ -22,7 +22,7 @@ from cocap_opt.world.workspace import HeightMap, Mesh
 
 log = logging.getLogger(__name__)
 
-UNDERSIDE, TOP = 0.5, 1.0  # m, steps to which crowns are rounded outwards, to have fewer boxes
+UNDERSIDE, TOP = 0.5, 1.0  # m; crowns are rounded outwards to multiples, for fewer boxes
 MOST_BOXES = 5_000  # of a layer; each box is a body that may hide people
 
 
@@ -60,7 +60,7 @@ class LayerTable(Table):
         ------
         ProblemError
             If the file cannot be read, is in another reference system than the map, or does not
-            meet it, or crowns are too many; one line.
+            overlap it, or if there are too many crowns; one line.
         """
         height_map = terrain.height_map
         raster = self._raster(folder, height_map)
@@ -93,8 +93,8 @@ class LayerTable(Table):
                 window=(x, y, upper_x, upper_y),
             )  # fmt: skip
         except ProblemError as error:
-            words = f"must meet the map, {rectangle(*height_map.ends)}, but the raster covers"
-            missed = "window: must meet the raster, which covers"
+            words = f"must overlap the map, {rectangle(*height_map.ends)}, but the raster covers"
+            missed = "window: must overlap the raster, which covers"
             raise ProblemError(str(error).replace(missed, words)) from error
 
     def _say_holes(self, above: FloatArray) -> None:
@@ -168,12 +168,11 @@ def _covered(begin: float, length: float, count: int) -> tuple[IntArray, IntArra
     return first, np.maximum(first, last)
 
 
-Box = tuple[int, int, int, int, int, int]  # cells x0, y0, x1, y1 (ends left out), low, high
+Box = tuple[int, int, int, int, int, int]  # cells x0, y0, x1, y1 (x1, y1 excluded), low, high
 
 
 def merged(there: BoolArray, low: IntArray, high: IntArray) -> list[Box]:
-    """Returns boxes that together fill the columns of the given cells from `low` to `high`, all [X,
-    Y].
+    """Returns boxes that fill the columns of the given cells from `low` to `high`; all [X, Y].
 
     Each box is a rectangle of cells with equal values: the longest run along y, extended along x as
     far as possible.

@@ -29,9 +29,9 @@ SAYS_LENGTHS = 'if the coordinates are metres, set unit = "m" in [[walls]]'
 _DIGITS = 9  # of a code, more than any code has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
-_MOST_EAST, _MOST_NORTH = 360.0, 90.0  # degrees; some count them from 0 to 360
+_MOST_EAST, _MOST_NORTH = 360.0, 90.0  # degrees; some files count longitudes from 0 to 360
 _SMALL_PLAN, _SMALL_PART = 1.0, 0.05  # m, or degrees: smaller plans are unlikely to be in metres
-_LONGEST = 0.01  # degrees, of an edge; up to latitude 60 it is then straight on the map to 3 cm
+_LONGEST = 0.01  # degrees, of an edge; up to latitude 60 it is straight on the map within 3 cm
 _SAME_UNIT = 1e-5  # relative
 
 
@@ -204,7 +204,7 @@ def _cut(ring: FloatArray) -> FloatArray:
 def _require_system(
     stated: StatedSystem, polygons: Sequence[Polygon], unit: str | None, projection: MapProjection
 ) -> None:
-    """Raises a ProblemError if a file states a system without metres, or not the scene's."""
+    """Raises a ProblemError if the stated system is not in metres, or not that of the scene."""
     field, code = stated.field, stated.code
     scene = projection.earth.crs if projection.earth else None
     way_out = _way_out(polygons, scene)

@@ -18,11 +18,11 @@ from cocap_opt.text import plain
 MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can expand to far more
 LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, read as metres, is smaller
 LOWEST, HIGHEST = -500.0, 9000.0  # m; all land on Earth lies between -430 and 8849
-SLIVER = 1e-6  # cells; less than the rounding errors of large coordinates
+SLIVER = 1e-6  # cells; smaller overlaps are rounding errors of large coordinates
 TINY_CELL, TINY_MAP = 0.05, 10.0  # m; if read as metres, 3 minutes of arc and a tile of ten degrees
 MOST_CELLS = 1_000_000  # of a grid; coverage of larger grids cannot be computed
 SQUARE = 0.1  # cells; greatest deviation from square cells over the whole length of a raster
-ROUNDING = 1e-9  # relative: edges that differ by less are the same
+ROUNDING = 1e-9  # relative; edges that differ by less are the same
 
 How = Literal["highest", "mean"]
 Window = tuple[float, float, float, float]  # m: x0, y0, x1, y1
@@ -82,12 +82,12 @@ class Layout(NamedTuple):
             (low_x, low_y), (high_x, high_y) = self.lower, self.upper
             _require(
                 len(columns) > 0 and len(rows) > 0,
-                f"window: must meet the raster, which covers x {low_x:.3f}..{high_x:.3f} and "
+                f"window: must overlap the raster, which covers x {low_x:.3f}..{high_x:.3f} and "
                 f"y {low_y:.3f}..{high_y:.3f} m",
             )
         _require(
             len(columns) * len(rows) <= MOST_READ,
-            f"window: must hold at most {MOST_READ} cells, not {len(columns)} x {len(rows)}",
+            f"window: must contain at most {MOST_READ} cells, not {len(columns)} x {len(rows)}",
         )
         return columns, rows
 
@@ -96,7 +96,7 @@ class Layout(NamedTuple):
 
         Parameters
         ----------
-        way_out : advice for coordinates that are in metres nevertheless
+        way_out : advice in case the coordinates are metres after all
         """
         low, high = np.array(self.lower), np.array(self.upper)
         on_globe = bool((low >= (-180, -90)).all() and (high <= (180, 90)).all())
@@ -180,7 +180,7 @@ class Layout(NamedTuple):
         cells = int(column), len(rows) - 1 - int(row)
         x, y = (a + (k + 0.5) * d for a, k, d in zip(self.lower, cells, self.cell, strict=True))
         raise ProblemError(
-            f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster holds {value}, "
+            f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster contains {value}, "
             f"and the first such cell is at ({x:.3f}, {y:.3f}) m; set nodata={value} if it "
             "means no data" + ("" if low < least else ", or unit if heights are not in metres")
         )
@@ -224,8 +224,8 @@ class Grid(NamedTuple):
     def of(cls, raster: Raster, resolution: float | None = None, how: How = "highest") -> "Grid":
         """Returns the raster on square cells, beginning at its lower left corner.
 
-        The last cells may reach over the raster's edge by less than a cell; they take the heights
-        that they overlap. A cell that overlaps a hole is a hole.
+        The last cells may extend beyond the raster's edge by less than a cell; they have the
+        heights that they overlap. A cell that overlaps a hole is a hole.
 
         Parameters
         ----------

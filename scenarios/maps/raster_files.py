@@ -1,7 +1,7 @@
 """Height maps that surveys publish: ESRI ASCII grids, and GeoTIFF files through `geotiff`.
 
-They become a `Raster`, with the file's own cells, and holes where the file has no data;
-`cocap_opt.scenarios.maps.raster` brings it to the square cells of a planning problem.
+They become a `Raster` with the file's own cells, and with holes where the file has no data;
+`cocap_opt.scenarios.maps.raster` converts it to the square cells of a planning problem.
 
 Source of the format of ESRI ASCII grids (`.asc`): ESRI, "Esri ASCII raster format", ArcGIS
 documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost row
@@ -54,12 +54,11 @@ def read_raster(
     window: Window | None = None,
     unit: Unit | None = None,
 ) -> Raster:
-    """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever the type of numbers in the
-    file.
+    """Reads a height map (`.asc`, `.tif`, `.tiff`); any type of number becomes float64.
 
-    A GeoTIFF may be south-up, have cells that are not square, and hold integers with a scale and an
-    offset. It must have a geotransform. Coordinates must be in metres, which is assumed if neither
-    the file nor a file beside it (`.prj`, `.aux.xml`) states their unit.
+    A GeoTIFF may be south-up, have cells that are not square, and contain integers with a scale and
+    an offset. It must have a geotransform. Coordinates must be in metres, which is assumed if
+    neither the file nor a file beside it (`.prj`, `.aux.xml`) states their unit.
 
     Parameters
     ----------
@@ -73,15 +72,15 @@ def read_raster(
         x0, y0, x1, y1 in m: only cells that overlap it are kept, and of a GeoTIFF only those are
         read. None: all.
     unit
-        Unit of the heights in the file; those of the raster are in m. None: as the file says, else
-        m.
+        Unit of the heights in the file; those of the raster are in m. None: as the file states,
+        else m.
 
     Raises
     ------
     ProblemError
-        If the file cannot be read, a value of it or an argument is not allowed, rasterio is
-        needed and not installed, or a height lies beyond all land (-500..9000 m), as do values
-        that mean that there is no data; one line, naming the file.
+        If the file cannot be read, if a value in it or an argument is not allowed, if rasterio is
+        needed but not installed, or if a height is outside the range of all land (-500..9000 m),
+        like most values that mean that there is no data; one line that names the file.
     """
     with naming(path):
         try:
@@ -300,7 +299,7 @@ def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
 def _beside(path: Path) -> _Said | None:
     """Reads the system and units of a grid from `.prj`, `.qpj` and `.aux.xml` beside it, if any.
 
-    Their names are that of the grid with another or a second ending, in upper or lower case.
+    Their names are the grid's name with another or a second suffix, in upper or lower case.
 
     Raises
     ------
@@ -314,7 +313,7 @@ def _beside(path: Path) -> _Said | None:
     units = [heights for _, heights in found if heights is not None]
     if len({unit.metres for unit in units}) > 1:
         raise ProblemError(
-            "heights: files beside it must state one unit, not "
+            "heights: files beside it must state the same unit, not "
             f"{' and '.join(dict.fromkeys(unit.name for unit in units))}"
         )
     systems = [crs for crs, _ in found if crs is not None]

@@ -43,7 +43,7 @@ class Terrain(NamedTuple):
         """Returns the same terrain with each cell divided into this number of parts along x and
         along y.
 
-        Flight heights above the ground go from cell to cell without jumps.
+        Flight heights above the ground are interpolated between cells, so that they do not jump.
         """
         if parts == 1:
             return self
@@ -174,7 +174,7 @@ class MapTable(Table):
         highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
         level = Grid.of(surface._replace(values=bare), self.resolution, "mean")
         above, ground = highest.filled(None, "file"), level.filled(None, "ground")
-        # Flat ground at 0 is not stored: a height map finds it if many cells have its height.
+        # Flat ground at 0 is not stored; a height map recognises it if many cells have its height.
         told = ground if ground.any() else None
         is_datum = flight == "above-ground"
         height_map = HeightMap(
@@ -195,7 +195,7 @@ class MapTable(Table):
         return Terrain(HeightMap(heights=flat, resolution=resolution, origin=origin), flat)
 
     def _surface(self, folder: Path) -> Raster:
-        """Reads the map's own file and replaces missing data by `fill`."""
+        """Reads the map's own file and replaces missing data with `fill`."""
         raster = read_raster(
             folder / str(self.file), band=self.band, nodata=self.nodata, window=self.window,
             unit=self.unit,

@@ -61,8 +61,8 @@ class WallsTable(Table):
         Raises
         ------
         ProblemError
-            If the file cannot be read, has no such ground plan, or there is no wall in it; one
-            line, naming the file.
+            If the file cannot be read, or has no such ground plan or no wall; one line that names
+            the file.
         """
         base = lowest if self.base is None else self.base
         with naming(folder / self.file):
@@ -110,7 +110,7 @@ def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
     Raises
     ------
     ProblemError
-        If the area is empty, or the height not above the bottom.
+        If the area is empty, or the height is not above the bottom.
     """
     if not bottom < height:
         raise ProblemError(f"height: must be above {bottom:g} m, not {height:g}")

@@ -60,7 +60,7 @@ def decoded(path: Path) -> Recipe:
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(in_words(error, text, Recipe)) from error
     except ValueError as error:  # raised by Python for numbers with thousands of digits
-        raise ProblemError(f"must hold whole numbers of at most {MOST_DIGITS} digits") from error
+        raise ProblemError(f"must contain whole numbers of at most {MOST_DIGITS} digits") from error
 
 
 def without_limits(recipe: Recipe) -> Recipe:

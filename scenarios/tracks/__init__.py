@@ -65,7 +65,7 @@ class Track(NamedTuple):
     points: FloatArray  # [n, 2] m, x and y
     height: float | None  # m, of the head above the floor; None if the file has none
     gaps: BoolArray | None = None  # [n-1] where the path is unknown; None: by `MOST_GAP`
-    # says at what date 0 s is; None: the file's own clock, without dates
+    # the date of 0 s; None: the file's own clock, without dates
     clock: Epoch | None = None
 
     @classmethod
@@ -112,9 +112,9 @@ class Track(NamedTuple):
         Raises
         ------
         ProblemError
-            If the file cannot be read or holds something not allowed, if unit or frame rate are
-            neither stated nor given or stated otherwise, or if a person has two rows for one
-            moment; one line, naming the file.
+            If the file cannot be read or contains something that is not allowed, if the unit or the
+            frame rate is neither stated nor given, or stated differently, or if a person has two
+            rows for one moment; one line that names the file.
         """
         with naming(path):
             form = Form(columns, unit, fps, delimiter, time_unit)
@@ -161,7 +161,7 @@ class Track(NamedTuple):
         Raises
         ------
         ProblemError
-            If the person is not there at a step, or a parameter is out of range.
+            If the person is not present at a step, or a parameter is out of range.
         """
         times = _times(begin, step, steps)
         absent = self._absent(times)
@@ -190,16 +190,16 @@ class Track(NamedTuple):
         begin, step, steps
             As in `at_steps`.
         shape
-            Its body; if the track has a height, it replaces the height of the shape.
+            The actor's body; if the track has a height, this replaces the height of the shape.
         still
-            Speed (m/s) below which it keeps its heading, see `headings`.
+            Speed (m/s) below which the actor keeps its heading, see `headings`.
         ground
             Height (m) of the floor at (x, y).
 
         Raises
         ------
         ProblemError
-            If the person is not there at a step, or a parameter is out of range.
+            If the person is not present at a step, or a parameter is out of range.
         """
         points = self.at_steps(begin, step, steps)
         floor = [ground(x, y) for x, y in points.tolist()]
@@ -215,10 +215,10 @@ class Track(NamedTuple):
         """Returns the yaw [T+1] of a person at the points [T+1, 2] (m), one at each step.
 
         It is in rad, from +x, counter-clockwise, in (-pi, pi]: the direction from the point of the
-        previous step to that of the next one; at the ends, the point of the step itself replaces
+        previous step to that of the next one. At the ends, the point of the step itself replaces
         the missing one. A person who moves by less than `still` metres a step keeps the heading of
-        the last step in which it moved; before it first moves it has the heading of its first move,
-        and 0 if it never moves.
+        the last step with a move. Before the first move, the heading is that of the first move; if
+        there is no move, it is 0.
 
         Raises
         ------
@@ -324,14 +324,14 @@ def _times(begin: float, step: float, steps: int) -> FloatArray:
     return begin + step * np.arange(steps + 1, dtype=np.float64)
 
 
-# -- several files, each with the path that one person recorded
+# -- several files, usually each with the path that one person recorded
 
 
 def on_one_clock(files: dict[str, list[Track]]) -> list[Track]:
     """Returns the tracks of all files, with times that count from the same moment.
 
-    Dates count from the first of all files; files without dates keep their times. If two files use
-    the same id and each file has one person, the people get the names of their files.
+    Dates count from the earliest date in all files; files without dates keep their times. If two
+    files use the same id and each file has one person, the people get the names of their files.
 
     Parameters
     ----------

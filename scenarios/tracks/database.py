@@ -43,7 +43,7 @@ def read_database(path: Path, form: Form, projection: MapProjection) -> TrackTab
         tables = dict(connection.execute("select name, type from sqlite_master").fetchall())
         if tables.get(_TABLE) != "table":  # a view could run forever
             raise ProblemError(
-                f"must have the table {_TABLE}, as databases of JuPedSim do, not only "
+                f"must have the table {_TABLE}, as databases of JuPedSim do; its tables: "
                 f"{', '.join(sorted(map(str, tables))[:5]) or 'none'}"
             )
         _require_known_version(connection, tables)
@@ -79,7 +79,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
 
 def _values(rows: list[tuple[object, ...]]) -> dict[str, FloatArray]:
     if not rows:
-        raise ProblemError(f"{_TABLE}: must hold at least one row")
+        raise ProblemError(f"{_TABLE}: must contain at least one row")
     for k, row in enumerate(rows):
         for name, value in zip(_COLUMNS.values(), row, strict=True):
             if not isinstance(value, int | float):

@@ -41,8 +41,8 @@ def read_gpx(path: Path, form: Form, projection: MapProjection) -> TrackTable:
     Raises
     ------
     ProblemError
-        If the file is not sound XML, declares entities, has no track, or a point has no time or
-        place; one line, without the file's name.
+        If the file is not well-formed XML, declares entities or has no track, or if a point has no
+        time or place; one line, without the file's name.
     """
     form.require_left_out("GPX", "columns", "delimiter", "time_unit", "fps")
     root = _root(path)

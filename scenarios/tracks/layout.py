@@ -69,7 +69,7 @@ _TIMES = {
     "ns": "ns nsec nsecs nano nanos nanosec nanosecs nanosecond nanoseconds",
 }
 _TIME_UNITS = {word: unit for unit, words in _TIMES.items() for word in words.split()}
-# words in the place of a unit that are not units
+# words that may take the place of a unit but are not units
 _NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}
 
 # entries below a header that mean "no unit"
@@ -127,7 +127,7 @@ class TextLayout(NamedTuple):
                 header = fields
                 continue
             return cls(comments, header, below, line, fields, separator)
-        raise ProblemError("must hold at least one row of numbers")
+        raise ProblemError("must contain at least one row of numbers")
 
     def names(self, columns: Sequence[str] | None) -> Sequence[str]:
         """Returns the names of the columns; columns without a name are called "-"."""
@@ -165,7 +165,7 @@ class TextLayout(NamedTuple):
         """Returns the units of length that comments, the header and the names of columns state."""
         found = [unit for comment in self.comments for unit in _UNIT_OF_COMMENT.findall(comment)]
         found += _units_of_length(names, self.below)
-        found += _units_of_length(self.header or (), ())  # that `columns` may have renamed
+        found += _units_of_length(self.header or (), ())  # `columns` may have renamed them
         return {_require_known_unit(unit) for unit in sorted(found)}
 
     def time_units(self, names: Sequence[str], place: int) -> set[str]:
@@ -322,7 +322,8 @@ def places_of(names: Sequence[str], field: str) -> Places:
     Raises
     ------
     ProblemError
-        If a column is missing or named twice, or if the columns describe boxes; it names the field.
+        If a column is missing or named twice, or if the columns describe boxes; the message names
+        the field.
     """
     _refuse_boxes(names, field)
     places: Places = {}
@@ -357,13 +358,13 @@ def _is_plain_time(name: str) -> bool:
 
 
 def _names_people(names: Sequence[str]) -> bool:
-    """Returns True if names have an id and a place."""
+    """Returns True if the names include an id and a position."""
     roles = {Name.of(name).role for name in names}
     return "id" in roles and any(axes <= roles for axes in _AXES)
 
 
 def _refuse_boxes(names: Sequence[str], field: str) -> None:
-    """Raises a ProblemError if height is the height of a box instead of that of a head."""
+    """Raises a ProblemError if a column has the heights of boxes instead of heads."""
     spelt = [_spelt(_bare(name)) for name in names]
     widths = [name for name, word in zip(names, spelt, strict=True) if _WIDTH.fullmatch(word)]
     heights = [name for name, word in zip(names, spelt, strict=True) if _HEIGHT.fullmatch(word)]

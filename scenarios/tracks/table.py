@@ -1,4 +1,4 @@
-"""Tables of tracked people, in seconds and metres: what the reader of each format returns.
+"""Tables of tracked people, in seconds and metres: the result of each format's reader.
 
 A row is a person at a moment.
 """
@@ -48,7 +48,7 @@ class Form(NamedTuple):
             raise ProblemError(f"delimiter: must be {allowed}, not {self.delimiter!r}")
 
     def require_left_out(self, what: str, *fields: str) -> None:
-        """Raises a ProblemError if a field is given that has no use for a kind of file."""
+        """Raises a ProblemError if a field is given that does not apply to a kind of file."""
         for field in fields:
             if getattr(self, field) is not None:
                 raise ProblemError(f"{field}: must be left out for {what}")

@@ -47,7 +47,7 @@ from cocap_opt.scenarios.tracks.times import (
 log = logging.getLogger(__name__)
 
 HEADS = 0.9, 2.5  # m, allowed median of a column called height; a name such as z is less specific
-# by which factor the distances in the wrong order of columns must exceed the others
+# smallest factor by which distances in the wrong order of columns exceed those in the right one
 _FAR_CLEARER = 10.0
 _FASTEST = 12.0  # m/s, of people
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
@@ -59,8 +59,8 @@ def read_text_table(path: Path, form: Form, projection: MapProjection) -> TrackT
     Raises
     ------
     ProblemError
-        If something is missing, not allowed, or stated otherwise by the file; one line, without
-        the file's name.
+        If something is missing or not allowed, or if the file states something else; one line,
+        without the file's name.
     """
     text = read_text(path)
     layout = TextLayout.of(text, form.delimiter)
@@ -107,7 +107,7 @@ def _of_layout(
 def _values(
     text: str, layout: TextLayout, places: Places, count: int, time_unit: str | None
 ) -> tuple[Values, NDArray[np.str_] | None, Epoch | None]:
-    """Returns the columns with times in seconds, the ids where they are words, and the clock."""
+    """Returns the columns with times in seconds, the ids if they are words, and the clock."""
     if "time" not in places:
         return *_numbers_of(text, layout, places, count), None
 
@@ -153,7 +153,7 @@ def _require_heads(table: TrackTable, names: Sequence[str]) -> None:
 
 @contextmanager
 def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
-    """Adds to errors that nothing names the columns, if that is so."""
+    """Adds to errors, if `is_guessed`, that nothing in the file names the columns."""
     try:
         yield
     except ProblemError as error:
@@ -171,7 +171,7 @@ def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
 def _numbers_of(
     text: str, layout: TextLayout, places: Places, count: int
 ) -> tuple[Values, NDArray[np.str_] | None]:
-    """Returns the numbers of columns, by their places, and the ids where they are words."""
+    """Returns the numbers of columns, by their places, and the ids if they are words."""
     words = not is_number(layout.row[places["id"]])
     if not words:
         try:
@@ -237,8 +237,8 @@ def _word(text: str, line: int) -> str:
 def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
     """Returns the columns; the rows decide which of the first two is the id and which the frame.
 
-    Consecutive rows of the right id are near each other and no faster than people are; rows of
-    different people at one frame are not.
+    In the right order, consecutive rows of one id are close together, and no faster than people
+    are; rows of different people at one frame are not.
 
     Parameters
     ----------

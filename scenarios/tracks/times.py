@@ -1,6 +1,6 @@
 """The column of times of tracks, in seconds: numbers in any unit, and dates.
 
-Dates, and numbers that count since 1970, say when something happened. Their times count from the
+Dates, and numbers that count since 1970, are absolute times. They are converted to times since the
 first of them, and `Epoch` records when that was, so that files can be put on one clock. They are
 read as whole nanoseconds, because a double cannot represent parts of a microsecond since 1970.
 """
@@ -126,12 +126,12 @@ def times_of_numbers(
     values : [n] as in the file
     ids : [n] ids of people, for guessing a unit in messages; None if the ids are words
     unit : a key of `PER_SECOND`; None if unspecified: seconds
-    texts : gives the lines and fields as text, without loss of digits
+    texts : returns line numbers and fields as text, without loss of digits
 
     Raises
     ------
     ProblemError
-        If the seconds are implausible for any clock; it names the likely unit.
+        If the seconds are implausible for any clock; the message names the likely unit.
     """
     per_second = PER_SECOND[unit or "s"]
     if not len(values) or not np.isfinite(values).all():
@@ -146,9 +146,7 @@ def times_of_numbers(
 
 
 def likely_unit(apart: float) -> str | None:
-    """Names the unit in which rows of a person at this distance in time would be a few per
-    second.
-    """
+    """Names the unit that makes this time between rows of a person plausible; None without any."""
     for unit, per_second in PER_SECOND.items():
         if _LIKELY[0] <= apart / per_second <= _LIKELY[1]:
             return unit

@@ -91,7 +91,7 @@ def _jump(table: TrackTable, moves: _Moves, jumps: IntArray) -> str:
 
 
 def _heights(table: TrackTable) -> FloatArray:
-    """Returns the median z of each person, m; empty where the file has none."""
+    """Returns the median z of each person, m; empty if the file has none."""
     if table.heights is None:
         return np.zeros(0)
     order = np.argsort(table.ids, kind="stable")
@@ -141,8 +141,7 @@ def _about_room(table: TrackTable) -> Iterator[str]:
     if 0 < extent < EXTENTS[0] and _may_be_degrees(table):
         x, y = table.points[0].tolist()
         yield (
-            f"all points lie within {extent:.3g} m, at {pair(x, y)}: are they "
-            "degrees? "
+            f"all points lie within {extent:.3g} m, at {pair(x, y)}: are they degrees? "
             "If so, name the columns longitude and latitude, and add [earth] to the recipe"
         )
     elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # a standing person has extent 0
@@ -161,7 +160,7 @@ def _may_be_degrees(table: TrackTable) -> bool:
 def _apart(table: TrackTable) -> float:
     """Returns the median distance (m) from a person to the nearest other one; inf if all are alone.
 
-    It is measured at some of the moments at which several people are there, evenly spread.
+    It is measured at some of the moments at which several people are present, evenly spread.
     """
     moments, counts = np.unique(table.times, return_counts=True)
     crowded = moments[counts > 1]

@@ -35,7 +35,7 @@ def test_pages_quote_the_stored_audits() -> None:
     """The table has all numbers, small scenes together; the sentence their sum."""
     rows = stored()
     total = sum(row.numbers for row in rows)
-    assert audits_in_words().startswith(f"Of {total:,} numbers of {len(rows)} scenes 0 are")
+    assert audits_in_words().startswith(f"Of {total:,} numbers of {len(rows)} scenes, 0 are")
     cells = re.findall(r"\| *([\d,]+) *\| *0 *\| *[\d,]+ *\| *\d", audits_in_markdown())
     assert sum(int(cell.replace(",", "")) for cell in cells) == total
 

@@ -261,7 +261,7 @@ def test_their_plan_is_held_against_the_same_bound(with_peer: Path) -> None:
     above = 100 * (best / expected - 1)
     assert float(rows["branch-and-price"]["above theirs (%)"]) == pytest.approx(above, abs=1e-3)
     assert {row["scene"] for row in rows_of(out / "start_sets.csv")} == {"tiny"}
-    assert "with each drone's own tilt that is 900.00 % more" in (out / "others.md").read_text()
+    assert "each drone's own tilt, the reward is 900.00 % more" in (out / "others.md").read_text()
 
 
 def test_a_row_of_nothing_after_the_last_step_is_left_out(with_peer: Path) -> None:

@@ -106,7 +106,7 @@ def test_what_has_no_geometry_is_left_out(tmp_path: Path, other: Any) -> None:
     ):
         found = boxes(walls(tmp_path, collection(*features)))
         assert found == [*ONE, [30.0, 10.0, 0.0, 40.0, 20.0, 6.0]]
-    with pytest.raises(ProblemError, match=r"must hold at least one polygon$"):
+    with pytest.raises(ProblemError, match=r"must contain at least one polygon$"):
         walls(tmp_path, collection(other))
 
 
@@ -144,14 +144,14 @@ def test_points_and_lines_are_left_out_with_a_word(
         ),
         ('{"type": "Polygon", "coordinates": [[[1, null], [3, 4]]]}', "must be a number, not null"),
         ('{"type": "Polygon", "coordinates": [[[NaN, 2], [3, 4]]]}', "is no|finite numbers only"),
-        ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [5, 7]]]}', "rings must end at"),
+        ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [5, 7]]]}', "must end at the"),
         ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}', "at least four points"),
         ('{"type": "Polygon", "coordinates": 7}', "coordinates: must be a list"),
         ('{"type": "Polygon"}', "must have the field `coordinates`"),
         ('{"type": "Feature", "geometry": {"type": "Circle"}}', r"type: must be one of Point, "),
         ('{"type": "Feature", "geometry": {}}', "geometry: must have the field `type`"),
         ('{"type": "Feature", "geometry": null, "properties": []}', "properties: must be an obj"),
-        ('{"type": "FeatureCollection", "features": []}', "must hold at least one polygon"),
+        ('{"type": "FeatureCollection", "features": []}', "must contain at least one polygon"),
         ('{"type": "GeometryCollection", "geometries": [3]}', "must be an object"),
     ],
 )
@@ -175,7 +175,7 @@ def test_geojson_is_in_degrees_whatever_its_extent(
     paris = feature({"type": "Polygon", "coordinates": [
         [[2.35, 48.85], [2.36, 48.85], [2.36, 48.86], [2.35, 48.85]]]}, height=20)  # fmt: skip
     assert boxes(walls(tmp_path, collection(paris, house(10, 10, height=12)))) == ONE
-    assert "plan: 1 of 2 polygons are more than 50 km from the map, and left out" in caplog.text
+    assert "plan: 1 of 2 polygons are more than 50 km from the map, and are left out" in caplog.text
     with pytest.raises(
         ProblemError, match=r'must be near the map, .* set unit = "m" in \[\[walls\]\]'
     ):
@@ -453,9 +453,9 @@ def test_rings_in_degrees_are_judged_as_they_are(tmp_path: Path) -> None:
         ),
         (
             '{"geometryType": "esriGeometryPolygon", "features": []}',
-            "is JSON of Esri; convert it with `ogr2ogr",
+            "is Esri JSON; convert it with `ogr2ogr",
         ),
-        ('{"version": 0.6, "elements": []}', "is JSON of Overpass; convert it with osmtogeojson"),
+        ('{"version": 0.6, "elements": []}', "is Overpass JSON; convert it with osmtogeojson"),
         ("TRIANGLE ((0 0, 9 0, 9 9, 0 0))", "at least one polygon|cannot be read as WKT"),
     ],
 )

@@ -96,7 +96,7 @@ def test_words_of_the_file_become_kinds(tmp_path: Path, caplog: pytest.LogCaptur
 @pytest.mark.parametrize(
     ("features", "more", "words"),
     [
-        ([], 'unit = "m"', "land.geojson: must hold at least one polygon"),
+        ([], 'unit = "m"', "land.geojson: must contain at least one polygon"),
         ([feature(RING)], "", "need [earth] in the recipe"),
         ([feature([[x + 90, y] for x, y in RING])], 'unit = "m"', "areas on the map, x 0..12"),
         ([feature(RING)], 'kinds = { a = "sea" }', "kinds"),

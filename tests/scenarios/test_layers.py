@@ -194,7 +194,7 @@ def test_layers_that_do_not_fit_are_refused(
         ),
         (
             f'file = "{far}"',
-            r"layer\[0\]: .*far.tif: must meet the map, x 0..12 and y 0..9 m",
+            r"layer\[0\]: .*far.tif: must overlap the map, x 0..12 and y 0..9 m",
         ),
         ('file = "no.tif"', r"layer\[0\]: .*no.tif: no such file"),
         (

@@ -157,7 +157,7 @@ def test_spellings_of_one_grid(grid: Callable[[str], Path], text: str) -> None:
         (HEADER + "nodata_value x\n" + NUMBERS, "nodata_value: must be a number, not 'x'"),
         (HEADER.replace("ncols 3", "ncols 3.5") + NUMBERS, "ncols: must be a whole number"),
         (HEADER.replace("ncols 3", "ncols -3") + NUMBERS, "ncols: must be >= 1, not -3"),
-        (HEADER.replace("ncols 3", "ncols 300000000") + NUMBERS, "window: must hold at most"),
+        (HEADER.replace("ncols 3", "ncols 300000000") + NUMBERS, "window: must contain at most"),
         (HEADER.replace("2.5", "-2.5") + NUMBERS, "cellsize: must be > 0 m"),
         (HEADER.replace("cellsize 2.5", "cellsize 0.000833") + NUMBERS, "cell: must be >= 0.01"),
         (HEADER.replace("500000.5", "1e11") + NUMBERS, "xllcorner: must be a number within"),
@@ -218,7 +218,7 @@ def test_a_window_is_cut_out(
     folder = tmp_path_factory.mktemp("window")
     for path in write_both(folder, Raster(values, cell, (ox, oy))):
         if kept.size == 0 or x0 == x1 or y0 == y1 or x1 <= 0 or y1 <= 0:
-            refused(path, "window: must (meet the raster|be x0, y0)", window=window)
+            refused(path, "window: must (overlap the raster|be x0, y0)", window=window)
         else:
             part = read_raster(path, window=window)
             assert_array_equal(part.values, kept)
@@ -341,7 +341,7 @@ def test_tiff_scale_and_offset(tiff: Write) -> None:
         dataset.scales, dataset.offsets = [0.25], [100.0]
 
     path = tiff([[0, 4], [-32768, 8]], "int16", change=scale)
-    refused(path, r"holds -32768, .*\(500001.500, 4800001.750\) m; set nodata=-32768 if")
+    refused(path, r"contains -32768, .*\(500001.500, 4800001.750\) m; set nodata=-32768 if")
     assert_array_equal(read_raster(path, nodata=-32768).values, [[math.nan, 100], [102, 101]])
 
 
@@ -384,7 +384,7 @@ def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
             r"EPSG:3395 are 0.7.* m long at latitude 39",
         ),
         ({"transform": (2, 0.1, 0, 0.1, -2, 0)}, "must not be rotated or sheared"),
-        ({"dtype": "complex64"}, "band 1: must hold real numbers, not complex64"),
+        ({"dtype": "complex64"}, "band 1: must contain real numbers, not complex64"),
         ({"crs": "EPSG:4326"}, "metres of a projection, not degrees"),
         ({"crs": "EPSG:2263"}, r"metres, not US survey foot \(0.30480061 m\)"),
         (
@@ -421,7 +421,7 @@ def test_heights_may_be_centimetres(tiff: Write, grid: Callable[[str], Path]) ->
     stored = [[120, 65535], [300, 25000]]
     raster = read_raster(tiff(stored, "uint16", nodata=65535), unit="cm")
     assert_array_equal(raster.values, [[3, 1.2], [250, math.nan]])
-    refused(tiff(stored, "uint16", nodata=65535), "holds 25000.*, or unit if heights are not in m")
+    refused(tiff(stored, "uint16", nodata=65535), "contains 25000.*, or unit if heights are not in")
     refused(
         tiff(crs="EPSG:25830+5703"), "must be cm, the value of the field unit, not metre", unit="cm"
     )
@@ -494,7 +494,7 @@ def test_only_the_window_counts(tiff: Write, monkeypatch: pytest.MonkeyPatch) ->
     """A file of more cells than can be read at once can be read through a window."""
     monkeypatch.setattr(raster, "MOST_READ", 4)
     path = tiff()
-    refused(path, "window: must hold at most 4 cells, not 3 x 2")
+    refused(path, "window: must contain at most 4 cells, not 3 x 2")
     assert_array_equal(
         read_raster(path, window=(500001, 4800001, 500004, 4800006)).values, VALUES[:2]
     )

@@ -182,9 +182,9 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "options", "words"),
     [
-        ("", {}, "must hold at least one row"),
-        ("# nothing\n\n", {}, "must hold at least one row"),
-        ("id,frame,x,y\n", {}, "must hold at least one row"),
+        ("", {}, "must contain at least one row"),
+        ("# nothing\n\n", {}, "must contain at least one row"),
+        ("id,frame,x,y\n", {}, "must contain at least one row"),
         ("1 0 1 2\n1 1 1\n", {}, "line 2: must have 4 values, not 3"),
         ("# c\n\n1 0 1 2\n1 1 1 2 3\n", {}, "line 4: must have 4 values, not 5"),
         ("id,frame,x,y\n1,0,1,2,\n", {}, "line 2: must have 4 values, not 5"),
@@ -775,8 +775,8 @@ def test_databases_of_jupedsim_are_read(tmp_path: Path) -> None:
     ("statements", "words"),
     [
         ((TRAJECTORIES, PEOPLE), "fps: must be given, .*: write fps = 25 .its frames per second"),
-        ((TRAJECTORIES, METADATA, RATE), "trajectory_data: must hold at least one row"),
-        ((METADATA, RATE), "must have the table trajectory_data, .*, not only metadata"),
+        ((TRAJECTORIES, METADATA, RATE), "trajectory_data: must contain at least one row"),
+        ((METADATA, RATE), "must have the table trajectory_data, .*; its tables: metadata"),
         (("create view trajectory_data as select 1",), "must have the table trajectory_data"),
         (("create table trajectory_data (id, frame, x, y)",), "must have the column pos_x"),
         ((TRAJECTORIES, PEOPLE.replace("1.75", "'far'"), METADATA, RATE),

@@ -118,7 +118,7 @@ OTHERS = {  # texts of systems of something else, and how it is named
     "": "is empty",
     " \r\n": "is empty",
     'PROJCS["WGS_1984_Web_Mercator_Auxiliary_Sphere",UNIT["Meter",1.0]]': "not web Mercator",
-    LEVEL.format(METRE): "not in heights alone|but is damaged",
+    LEVEL.format(METRE): "not in heights only|but is damaged",
 }
 CODES = {  # what only pyproj knows
     "EPSG:25830": None,
@@ -129,7 +129,7 @@ CODES = {  # what only pyproj knows
     "EPSG:2225": "metres, not in US survey foot",
     "EPSG:2225+5703": "metres, not in US survey foot",
     "EPSG:4326": "metres, not in degrees",
-    "EPSG:5703": "metres, not in heights alone",
+    "EPSG:5703": "metres, not in heights only",
     "EPSG:4978": "metres, not in x, y, z",
     "EPSG:3857": "not web Mercator",
     "EPSG:999999": "but is damaged",
@@ -267,7 +267,7 @@ def test_all_files_beside_a_grid_count(beside: Beside) -> None:
             read_raster(beside(map_asc_aux_xml=start + text))
     other = xml.format("", "<UnitType>cm</UnitType>")
     both = utm(METRE) + "," + ESRI_LEVEL.format(US_SURVEY)
-    with pytest.raises(ProblemError, match="heights: files beside it must state one unit, not "):
+    with pytest.raises(ProblemError, match="heights: files beside it must state the same unit"):
         read_raster(beside(map_prj=both, map_asc_aux_xml=other))
 
 

@@ -32,7 +32,7 @@ gain, the test of giving way, and scaling. Results already in the folder are not
 Example: cocap-opt study paper --out paper --seeds 0-9
 """),
     "planners": Study("paper.planner_table:planners", """\
-Print the table of planners: requirements, promises, measured gap and time of each.
+Print the table of planners: requirements, guarantees, measured gap and time of each.
 
 Example: cocap-opt study planners --paper paper
 """),

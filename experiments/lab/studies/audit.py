@@ -124,8 +124,8 @@ def audits_in_words() -> str:
         sum(getattr(row, field) for row in rows) for field in ("numbers", "undecided", "different")
     )
     return (
-        f"Of {numbers:,} numbers of {len(rows)} scenes {different} are outside their "
+        f"Of {numbers:,} numbers of {len(rows)} scenes, {different} are outside their "
         f"enclosures. The enclosures of {undecided:,} are wider than {NARROW:.0e} of the number, "
-        "which leaves them undecided; the widest of the others is "
+        "which leaves these numbers undecided; the widest other enclosure is "
         f"{max(row.wide_pixels for row in rows):.1g} px/m2 wide."
     )

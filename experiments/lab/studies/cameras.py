@@ -191,7 +191,7 @@ def directions_in_words() -> str:
     plans = [row for row in _stored() if row.asked == _VIEWS]
     by_two, apart = (100 * fmean(getattr(row, key) for row in plans) for key in ("by_two", "apart"))
     return (
-        f"With views at their default weight two drones see {by_two:.1f} % of person-steps, the "
+        f"With views at their default weight, two drones see {by_two:.1f} % of person-steps, the "
         f"mean over {counted(len(plans), 'plan')}, and {apart:.1f} % from at least 30 degrees apart"
     )
 

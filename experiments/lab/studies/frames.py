@@ -87,8 +87,8 @@ def _measured(page: Path, name: str, keys: str, moving: str) -> Record:
         seconds, after = time.perf_counter() - begin, _spent(browser)
     count = after[0] - pictures
     return {
-        "looked at": name,
-        "pictures a second": round(count / seconds, 1),
+        "view": name,
+        "frames per second": round(count / seconds, 1),
         "CPU time, of 1/30 s": f"{100 * _WANTED * (after[1] - busy) / count:.0f} %",
     }
 

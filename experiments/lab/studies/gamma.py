@@ -133,12 +133,12 @@ def gammas_in_markdown() -> str:
 def chosen_in_words() -> str:
     """States the gamma of `cocap-vs`, and which stored runs keep much of J with few views."""
     most, nearly_all = (_fewest_views(_stored_means(), kept) for kept in _KEPT)
-    return f"`cocap-vs` takes {GAMMA:g}. Of all rows that keep {most}; of those with {nearly_all}."
+    return f"`cocap-vs` uses {GAMMA:g}. Among rows that keep {most}; among those with {nearly_all}."
 
 
 def _fewest_views(means: Sequence[_GammaMean], kept: float) -> str:
     best = min((mean for mean in means if mean.reward >= kept), key=lambda mean: mean.views)
     return (
-        f"{100 * kept:g} % of J, that of `{best.planner}` with {best.gamma:g} looks at the fewest "
-        f"views, {100 * best.views:.0f} %"
+        f"{100 * kept:g} % of J, `{best.planner}` with {best.gamma:g} evaluates the fewest views, "
+        f"{100 * best.views:.0f} %"
     )

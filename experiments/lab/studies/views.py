@@ -69,7 +69,7 @@ def views_in_markdown() -> str:
 
 
 def _random_poses(problem: Problem, count: int) -> list[Pose]:
-    """Returns poses of random robots at random steps that have some face in view."""
+    """Returns poses of random robots at random steps, with some face in view."""
     rng, model = np.random.default_rng(_SEED), Model(problem)
     poses = []
     for robot in rng.integers(len(problem.robots), size=count).tolist():

@@ -132,8 +132,8 @@ def browser_in_markdown() -> str:
     words = (
         f"It takes {min(ratios):.1f} to {max(ratios):.1f} times as long as the command: medians of "
         f"{_REPEATS} measurements of CPU time, in Chromium with Pyodide {rows[0].pyodide}, "
-        f"and with CPython {rows[0].python} on the same machine. Of each scene with seed 0 an "
-        "instance, a plan and a staged certificate that proves it optimal are checked."
+        f"and with CPython {rows[0].python} on the same machine. For each scene with seed 0, "
+        "both check an instance, a plan and a staged certificate that proves it optimal."
     )
     return f"{words}\n\n{markdown(_shown(rows))}"
 

@@ -87,7 +87,7 @@ class CheckPage(NamedTuple):
             folder = Path(name)
             shutil.copytree(STATIC, folder / "_static")
             if not write_check(folder / "check"):
-                raise FileNotFoundError("npm must be installed, and its registry or cache there")
+                raise FileNotFoundError("npm must be installed, and reach its registry or cache")
             (folder / "how-to").mkdir()
             (folder / "how-to" / "check.html").write_text(_PAGE, encoding="utf-8")
             asked: list[str] = []

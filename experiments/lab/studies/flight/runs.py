@@ -146,7 +146,7 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
 
 
 def fitting_step(problem: Problem, plan: Plan) -> float:
-    """Returns the shortest step (s, in halves) with which a smooth flight keeps PX4's limits."""
+    """Returns the shortest step (s, a multiple of 0.5) whose smooth flight keeps PX4's limits."""
     made = Smooth.of(problem.replace(step=1.0), plan)
     limits = AIRFRAMES[AIRFRAME]
     slower = [

@@ -37,7 +37,7 @@ class Reference(NamedTuple):
 
     @classmethod
     def of(cls, flown: Trajectory, parts: int) -> "Reference":
-        """Returns the flights at each tick; the ticks of a step are a multiple of `parts`."""
+        """Returns the flights at each tick; a step has a multiple of `parts` ticks."""
         robots, pieces = flown.pieces.shape[:2]
         count = parts * math.ceil(flown.step / parts / TICK - 1e-9)
         ticks = np.arange(flown.problem.horizon * count + 1)
@@ -101,7 +101,7 @@ def simulate(flown: Trajectory, parts: int, wind: Wind) -> Simulated:
         air = wind.on(i, height, reference.times)
         track = _fly(states, reference.rates[i], reference.bends[i], reference.times, air)
         if not np.isfinite(track).all():
-            raise ProblemError(f"drone {i} gets out of control in {wind.speed:g} m/s of wind")
+            raise ProblemError(f"drone {i} loses control in {wind.speed:g} m/s of wind")
         places.append(track[:, :3])
         yaws.append(np.unwrap(track[:, 3]))
     return Simulated(reference, np.array(places), np.array(yaws))

@@ -50,8 +50,8 @@ def _on_tilts(compared: Compared) -> Iterator[str]:
         by_own_tilts = math.fsum(planner.own_tilts)
         yield (
             f"{name}: their program reported {reported:,.1f}; by its own pixels with each drone's "
-            f"own tilt that is {_than(by_own_tilts, reported)}. Our J is "
-            f"{_than(worth, by_own_tilts)} than those."
+            f"own tilt, the reward is {_than(by_own_tilts, reported)}. Our J is "
+            f"{_than(worth, by_own_tilts)} than that."
         )
 
 
@@ -82,7 +82,7 @@ def _on_frames(compared: Compared) -> Iterator[str]:
 
 
 def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
-    """Yields the number of scenes on which our planners reach the reward of their best planner."""
+    """Yields on how many scenes each of our planners reaches their multi-round planner's reward."""
     scenes = [scene for scene in compared if scene.reward(_THEIR_BEST) is not None]
     ours = dict.fromkeys(
         row.planner

@@ -40,13 +40,13 @@ _NOTES = """\
 The same referee evaluates all plans, theirs and ours; bounds are certified. `gap`: distance to the
 bound under the scene's collision rules, for plans that obey them. `gap_free`: distance to the bound
 without such rules, which holds for any plan. `best known`: the largest J that any method found
-here, including the search for the bound. `of`: the source of a reward, which is a plan, their file
-without a plan, or states that start elsewhere or lie between the cells. `shared cells`: how often
-two drones of a plan are in one cell at one step, whether this is forbidden or not. `colliding`:
-number of drones that take part in a conflict. `valid`: number of plans without a conflict.
-`reward`: over start sets, the view reward per drone and step; elsewhere J, the sum over all drones
-and steps. Columns that lack a value in some start set are empty. Seconds are measured for our
-planners; those of their programs are unknown.
+here, including the search for the bound. `of`: what a reward is of: a plan, `their word` (as
+their file states it, without a plan), or `no plan` (states that start elsewhere or lie between the
+cells). `shared cells`: how often two drones of a plan are in one cell at one step, whether this is
+forbidden or not. `colliding`: number of drones that take part in a conflict. `valid`: number of
+plans without a conflict. `reward`: over start sets, the view reward per drone and step; elsewhere
+J, the sum over all drones and steps. Columns that lack a value in some start set
+are empty. Seconds are measured for our planners; those of their programs are unknown.
 """
 
 

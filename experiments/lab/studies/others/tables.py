@@ -32,7 +32,7 @@ _NOTES = {
     BETWEEN: "+ starts elsewhere or flies between the cells: the bound does not hold for it",
     WORD: "* as their file says, without a plan; a gap if their evaluator proves to be ours",
 }
-_SAME = 1e-9  # relative difference up to which rewards of a step are equal
+_SAME = 1e-9  # relative difference up to which rewards of a step count as equal
 
 
 @dataclass(frozen=True)

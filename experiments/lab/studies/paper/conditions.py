@@ -108,7 +108,7 @@ class Corridor(NamedTuple):
 
     @property
     def _starts(self) -> Room:
-        """The cells in which drones may start; if they start in file, they fill all of them."""
+        """The cells in which drones may start; in file, they fill all of them, in any order."""
         if self.starts == "file":
             return Room(_MOUTH - self.drones, _MOUTH, _MIDDLE, _MIDDLE + 1)
         return Room(6, _MOUTH, 13, 18) if self.starts == "mouth" else Room(3, 7, 9, 21)
@@ -165,7 +165,7 @@ class Trial(NamedTuple):
         )  # fmt: skip
         if "fell_back" in record:
             return trial._replace(fell_back=record["fell_back"] == str(True))
-        # Older files lack this field; a stopped plan with the same J nearly always is that plan.
+        # Older files lack this field; a stopped run with the same J nearly always fell back.
         return trial._replace(fell_back=trial.limit != NO_LIMIT and trial.cocap == trial.sequential)
 
 
@@ -188,7 +188,7 @@ class CorridorSearch(NamedTuple):
 
     @classmethod
     def of(cls, drawn: int) -> Self:
-        """Returns a search among so many random corridors; the other numbers grow with theirs."""
+        """Returns a search among so many random corridors; the other numbers grow with `drawn`."""
         return cls(
             drawn, again=-(-drawn // 16), seeds=min(4, drawn), rounds=min(4, drawn // 50),
             fresh=min(10, drawn),
@@ -233,7 +233,7 @@ def _largest(gains: dict[Corridor, float]) -> tuple[Corridor, float]:
 
 
 def _mean_gain(trials: Sequence[Trial]) -> float:
-    """Returns CoCap's mean gain over trials in which both have a plan; 0 if there are none."""
+    """Returns CoCap's mean gain over trials in which both planners have a plan; 0 without any."""
     return fmean([trial.gain() for trial in planned(trials)] or [0.0])
 
 
@@ -270,7 +270,7 @@ def read_trials(path: Path) -> list[Trial]:
     return read_csv(path, Trial.of, words)
 
 
-# -- what is said of it ------------------------------------------------------------------------
+# -- tables and sentences ----------------------------------------------------------------------
 
 
 def by_level(trials: Sequence[Trial]) -> list[dict[str, str]]:
@@ -301,11 +301,11 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
     fresh = [trial for trial in trials if trial.stage == FRESH]
     many = sum(gain >= PUBLISHED for gain in gains)
     said = [
-        f"Of {len(gains)} corridors drawn at random CoCap gains {PUBLISHED:g} % or more over "
-        f"sequential planning on {many}, on average {Mean.of(gains).text(2, ' %')}, at most "
+        f"CoCap gains {PUBLISHED:g} % or more over sequential planning on {many} of {len(gains)} "
+        f"random corridors; the mean gain is {Mean.of(gains).text(2, ' %')}, the largest "
         f"{max(gains):.1f} %.{_without_plan(len(drawn) - len(gains))} On "
-        f"{_stopped(drawn)} its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} of "
-        "these with the plan of sequential planning."
+        f"{_stopped(drawn)}, its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} "
+        "of these with the plan of sequential planning."
     ]
     return said + _of_the_best(fresh) + _of_its_neighbours(trials, fresh)
 
@@ -319,7 +319,7 @@ def answer_for_the_best(trials: Sequence[Trial]) -> ClaimAnswer:
 
 
 def _without_plan(corridors: int) -> str:
-    return f" On {corridors} more one of the two has no plan." if corridors else ""
+    return f" On {corridors} more, one of the two has no plan." if corridors else ""
 
 
 def _stopped(trials: Sequence[Trial]) -> int:

@@ -118,7 +118,7 @@ class _Measurements(NamedTuple):
         problem, swept = self.instance.problem, self.instance.rows()
         coverage = median(_coverage_seconds(problem) for _ in range(_REPEATS))
         compiled(problem).prepare_all()
-        self._run(RECOMMENDED, RECOMMENDED)  # makes what is made only once
+        self._run(RECOMMENDED, RECOMMENDED)  # computes everything that is computed only once
         rows = [self._timed_again(row) for row in swept] + list(self._compositions(swept[0]))
         lazy = {DIVE, *filter(is_lazy, PLANNERS)}
         return [

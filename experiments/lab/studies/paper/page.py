@@ -84,8 +84,8 @@ class Page(NamedTuple):
         return [
             f"A limit stopped its tree in {late} of {runs} runs; in "
             f"{'all' if fallen == late else fallen} of these its plan is that of sequential "
-            "planning. The means above count these runs; the sentences on each scene tell them "
-            "apart."
+            "planning. The means above count these runs; the sentences on each scene list them "
+            "separately."
         ]
 
     def _added(self, contrast: ablation.Contrast) -> str:

@@ -50,7 +50,7 @@ def planner_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _needs(planner: Method[Result]) -> str:
-    """Returns the number of drones that a planner supports, if limited, and its coverage."""
+    """Returns how many drones a planner supports, if limited, and which coverage it needs."""
     views = "single views" if planner.lazy else "all coverage"
     if planner.most_robots is None:
         return views
@@ -147,7 +147,7 @@ def _with_note(table: Table, rows: Sequence[GapRow]) -> str:
     seeds = len({row.seed for row in rows})
     limit = max(GapRow.values(rows, "time_limit"), default=0.0)
     joint = any("`joint`" in row["planner"] for row in table)
-    without = ", or the planner does not take such teams" if joint else ""
+    without = ", or the planner does not support such teams" if joint else ""
     return (
         f"{markdown_table(table)}\n\n"
         "Gaps: distance below the certified bound in %, averaged over the seeds on which the "

@@ -22,7 +22,7 @@ from cocap_opt.pictures.style import (
     set_plain_log,
 )  # fmt: skip
 
-_MOST_MM = 1e4  # larger errors are too large for triangulation
+_MOST_MM = 1e4  # larger predicted errors are not drawn; such points cannot be triangulated
 _COARSE = "tiny-"
 
 

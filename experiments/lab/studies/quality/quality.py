@@ -109,7 +109,7 @@ def _tell(steps: Sequence[PersonStep], plans: Sequence[PlanRow], results: Result
         ("errors of joints: median, and 10 to 90 %, of person-steps", accuracy_rows(steps)),
         ("by the widest angle between two rays", angle_rows(steps)),
         ("rank correlations with J, of all plans and of good ones", agreement_rows(plans)),
-        ("the plan with the most J, and the plan with the most views by two", choice_rows(plans)),
+        ("the plan with the largest J, and that with the most views by two", choice_rows(plans)),
     ):
         if rows:
             Listing(title, rows).print()

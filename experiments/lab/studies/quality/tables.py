@@ -78,7 +78,7 @@ _KINDS = {"every": "all", "good": "good"}
 
 
 def choice_rows(plans: Sequence[PlanRow]) -> list[Record]:
-    """Returns, for each scene, views by two in the plan with the most J, and the most views."""
+    """Returns, for each scene, views by two in the plan with the largest J, and the most views."""
     rows: list[Record] = []
     for scene in dict.fromkeys(plan.scene for plan in plans):
         choices = [
@@ -97,14 +97,14 @@ def choice_rows(plans: Sequence[PlanRow]) -> list[Record]:
 
 
 class _Choice(NamedTuple):
-    """The plan of an instance with the most J, and the plan with the most views by two."""
+    """The plan of an instance with the largest J, and the plan with the most views by two."""
 
     first: PlanRow
     best: PlanRow
 
     @classmethod
     def of(cls, plans: Sequence[PlanRow]) -> "_Choice":
-        """Returns both plans; of plans with equal views, the one with more J."""
+        """Returns both plans; of plans with equal views, the one with the larger J."""
         first = max(plans, key=lambda plan: plan.reward)
         return cls(first, max(plans, key=lambda plan: (plan.by_two, plan.reward)))
 

@@ -10,7 +10,7 @@ _ROUNDS = 60
 _ARRIVED = 1e-7  # m; the search ends after a shorter step
 _DAMPED = 1e-3  # the first damping, as a share of the diagonal
 _STUCK = 1e9  # damping at which the search gives up, as no step decreases the sum
-_LOST = 1e4  # m from the person; for diverging rays, the least squares are infinitely far away
+_LOST = 1e4  # m from the person; for diverging rays, the best point is infinitely far away
 _LEAST = 1e-12  # share of its sum added to the diagonal, so that a step always exists
 
 

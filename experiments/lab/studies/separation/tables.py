@@ -38,9 +38,9 @@ def separation_in_markdown(points: Sequence[SeparationPoint]) -> str:
         f"Means over {counted(seeds, 'seed')}, as a range where a proof was stopped.\n\n"
         f"{_table(times)}\n\n"
         "CPU time without a separation (median), and at each separation as a multiple of "
-        f"it (geometric mean; **bold** above {_MUCH}); \\* where the limit stopped "
-        "some, so that the multiple says little. The gap to the certified bound is the mean over "
-        "all of them.\n\n"
+        f"it (geometric mean; **bold** above {_MUCH}); \\*: the limit stopped "
+        "some runs, so the multiple is unreliable. The gap to the certified bound is "
+        "the mean over all runs.\n\n"
         f"{_verdict(points)}\n"
     )
 
@@ -95,7 +95,7 @@ def _verdict(points: Sequence[SeparationPoint]) -> str:
         kept = sum(ratio <= _MUCH for ratio in ended)
         parts.append(f"`{planner}` in {kept} of {len(ended)} runs")
     return (
-        f"At most {_MUCH} times the time without a separation, where no limit stopped that: "
+        f"At most {_MUCH} times the time without a separation, if no limit stopped the latter: "
         f"{' and '.join(parts)}."
     )
 

@@ -31,7 +31,7 @@ _CORRIDOR_STEPS = range(2, 9)
 _RELAXED = {"corridor": 5, "field": 3}  # scenes and steps, small enough for one program
 _RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
 _REPEATS = 3  # for our method, which takes a fraction of a second
-_SAME = 1e-7  # relative difference up to which bounds are equal
+_SAME = 1e-7  # relative difference up to which bounds count as equal
 
 
 def _contenders(root: Root | None) -> dict[str, BoundMethod]:
@@ -101,9 +101,7 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
 
 
 def _relaxations(options: RowOptions) -> list[Metric]:
-    """Measures how far relaxations are above the optimum, and how much of the weakest's gap they
-    close.
-    """
+    """Measures relaxations' gaps to the optimum, and how much of the first one's gap they close."""
     figures = []
     for name, steps in _RELAXED.items():
         above: dict[str, list[float]] = {}

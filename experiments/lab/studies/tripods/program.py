@@ -10,7 +10,7 @@ from cocap_opt.experiments.lab.studies.tripods.rooms import Mounted, Room
 from cocap_opt.files.documents import FileError
 
 _SCRIPT = Path(__file__).with_name("theirs.py")
-_RANGE = 12.0  # m, more than the distance of any point of the rooms from a wall
+_RANGE = 12.0  # m, more than the distance of any point of the rooms from a wall that sees it
 _STEP = 0.5  # m between mounting places, as ours
 _SEED = 0
 

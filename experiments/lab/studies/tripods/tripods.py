@@ -273,7 +273,7 @@ def tripods_in_markdown() -> str:
             "its, 30 degrees apart": f"{100 * row.theirs_apart:.0f} %",
             "ours, apart": f"{100 * row.ours_apart:.0f} %",
             "its score": f"{row.theirs_score:.1f}",
-            "its score of ours": f"{row.ours_score:.1f}",
+            "its score of our cameras": f"{row.ours_score:.1f}",
             "its s": f"{row.theirs_seconds:.1f}",
             "our s": f"{row.ours_seconds:.1f}",
         }
