@@ -291,8 +291,8 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     paths_above : J >= target: at the end, the joint paths of all robots in plans above this number
         are explored, and the bound is this number or the largest J among them; null: no paths are
         explored
-    paths_from : step, 1..T: only the parts of these paths from this step on are explored, and the
-        multipliers bound what comes before; null: the whole paths
+    paths_from : step, 1..T, at which that begins: paths are explored from there to the end, and
+        then back to the start; null: from the start
     """
 
     multipliers: Multipliers

@@ -1,7 +1,7 @@
 """Lists that are made from the code: columns, parameters, scenes, formats, cameras, airframes."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache, partial
 from itertools import chain
 from textwrap import wrap
@@ -31,6 +31,7 @@ _CONTINUED = re.compile(r"#? {8,}# ")
 _OF_ROOT = (
     "root", "large_root", "bundle", "ascent", "ruled_ascent", "relaxation", "alike_cuts",
 )  # fmt: skip
+_OF_ENVELOPES = ("envelopes", "lists", "trials", "middle")
 
 
 def _columns(columns: Mapping[str, TableColumn]) -> str:
@@ -51,12 +52,12 @@ def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
     return markdown(rows)
 
 
-def _search_parameters(of_root: bool) -> str:
-    """Returns the parameters of the relaxation at the root, or all others."""
+def _parameters(sections: Collection[str], others: bool = False) -> str:
+    """Returns the parameters of some sections, or those of all others."""
     rows = [
         {"parameter": name, "default": value, "unit": unit, "meaning": meaning}
         for name, value, unit, meaning in DEFAULTS.rows()
-        if (name.split(".")[0] in _OF_ROOT) == of_root
+        if (name.split(".")[0] in sections) != others
     ]
     return markdown(rows)
 
@@ -115,8 +116,9 @@ LISTS: dict[str, Callable[[], str]] = {
     "team_columns": partial(_columns, TEAM_COLUMNS),
     "bounds_described": partial(_methods, BOUNDS),
     "exact_described": partial(_methods, EXACT),
-    "root_parameters": partial(_search_parameters, True),
-    "search_parameters": partial(_search_parameters, False),
+    "root_parameters": partial(_parameters, _OF_ROOT),
+    "envelope_parameters": partial(_parameters, _OF_ENVELOPES),
+    "search_parameters": partial(_parameters, (*_OF_ROOT, *_OF_ENVELOPES), others=True),
     "recipe": partial(_recipe, slice(1)),
     "recipe_drones": partial(_recipe, slice(1, None)),
     "long_tables": _long_tables,

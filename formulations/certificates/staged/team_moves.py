@@ -240,7 +240,7 @@ class Reached(NamedTuple):
 
 
 class _Direction(NamedTuple):
-    """Whether a team moves to the next step or to the one before, and what is known of the rest.
+    """The direction in which a team moves, and the most that the steps ahead can be worth.
 
     Attributes
     ----------

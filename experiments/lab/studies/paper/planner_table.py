@@ -50,7 +50,7 @@ def planner_table(rows: Sequence[GapRow]) -> Table:
 
 
 def _needs(planner: Method[Result]) -> str:
-    """Returns how many drones a planner supports, if limited, and which coverage it needs."""
+    """Returns the largest number of drones of a planner, if limited, and the coverage it needs."""
     views = "single views" if planner.lazy else "all coverage"
     if planner.most_robots is None:
         return views
