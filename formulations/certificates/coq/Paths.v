@@ -1,5 +1,8 @@
 (** The paths of all drones together: value iteration over the joint states that plans above a target
-    may visit.  Of all ways to a joint state the best is kept; drones of one class may change places. *)
+    may visit.  Of all ways to a joint state the best is kept; drones of one class may change places.
+
+    The iteration begins at step 0, or at a later step: then a search finds all joint states of that
+    step which plans above the target may visit, and what is got before is bounded by the prices. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
 From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Staged.
 Import ListNotations.
@@ -175,11 +178,50 @@ Definition next_joints (t : nat) (m : joints) : joints :=
   fold_left (fun found jv => explore_in gs later (S t) (snd jv) ways_meet (pools_in gs t (fst jv)) found)
             (listed m) (PM.empty _).
 
-Fixpoint reached (t : nat) : joints :=
-  match t with O => first_joints | S t' => next_joints t' (reached t') end.
+(** What the best path into each state of a step brings, less what its drone gets at most. *)
+Definition pasts (t : nat) : by_state :=
+  map (fun kU => (fst kU, nth t (snd kU) (PM.empty Z))) (sweep_so_far I C N Vs).
 
-(** What no plan is above. *)
-Definition paths_bound : Z := fold_left (fun b jv => Z.max b (snd jv)) (listed (reached T)) target.
+(** The constants of the steps before t, the rows before t, and what the drones get at most. *)
+Definition begun (t : nat) : Z :=
+  total t (fun j => u_constant (now (at_ N j)))
+  + sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs)
+  + match team_best (fun k => first_of (of_class [] Vs k)) (team I) with Some b => b | None => 0 end.
+
+Definition past_in (into : by_state) (c : candidate) : Z := number_of into (class_of c) (state_in c).
+
+Definition take_first (st : step) (gs : list group) (before : Z) (into : by_state) (l : list candidate) (m : joints) : joints :=
+  let worth := exact_of I C gs l in
+  if floor st + sum named (charge named) l <=? worth
+  then insert (Ordered.sort (map taken l)) (before + worth + sumZ (map (past_in into) l)) m
+  else m.
+
+(** States that a path leads to and on from; what is charged counts as the price, so that profits
+    are to be no less than the floor. *)
+Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_state) (k : nat) : list candidate :=
+  let later := future k t in
+  let before := map_of into k in
+  flat_map (fun sv : state * Z => let s := fst sv in
+    match later s, PM.find s before with
+    | Some _, Some _ => [step_candidate I coarse st gs t k s (number_of (charges st) k s)]
+    | _, _ => []
+    end) (PM.elements (map_of (u_prices (now st)) k)).
+
+(** The joint states at a step that plans above the target may visit. *)
+Definition joints_at (t : nat) : joints :=
+  let st := at_ N t in let gs := step_groups I C t in let into := pasts t in
+  search I C coarse memory advise (fun _ => floor st - 1) (take_first st gs (begun t) into) (places_meet I) gs (length (team I)) []
+    (nothing (specs_of I C coarse gs)) 0 (- floor st) (step_bases st)
+    (map (fun k => (size I k, first_choices st gs t into k)) (classes I)) mind (PM.empty _).
+
+(** The joint states that are reached n steps after those of step t. *)
+Fixpoint reached (first : joints) (t n : nat) : joints :=
+  match n with O => first | S n' => next_joints (t + n') (reached first t n') end.
+
+(** What no plan is above, by paths from a step on. *)
+Definition paths_bound (from : nat) : Z :=
+  let first := match from with O => first_joints | S _ => joints_at from end in
+  fold_left (fun b jv => Z.max b (snd jv)) (listed (reached first from (T - from))) target.
 
 (** * Soundness *)
 
@@ -337,15 +379,15 @@ Proof.
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
 
-Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m :
-  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
-  (G t <= IZR before + FR t + IZR (sumZ (map rewarded plan)))%R ->
+Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
+  (g <= IZR before + FR t + IZR (sumZ (map rewarded plan)))%R ->
   (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) pr) plan)) ->
   Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future (fst f) t (snd f t) = Some a ->
      In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
-  recorded (Ordered.sort (joint_of plan' t)) (G t) (explore t before conflict p m).
+  recorded (Ordered.sort (joint_of plan' t)) g (explore t before conflict p m).
 Proof.
-  intros Ht Hsym Hperm HG Hfits Hp.
+  intros Ht Hsym Hperm Hmore HG Hfits Hp.
   set (fut := fun f : flight => match future (fst f) t (snd f t) with Some a => a | None => 0 end).
   set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (from f) (snd f t)) in *.
   set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
@@ -435,7 +477,7 @@ Proof. intros E. unfold choice, choice_in. rewrite E. left. reflexivity. Qed.
 Lemma first_joints_ok : recorded (Ordered.sort (joint_of plan 0)) (G 0) first_joints.
 Proof.
   unfold first_joints. apply (explore_ok 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
-    [lia | apply places_meet_symmetric | reflexivity | | |].
+    [lia | apply places_meet_symmetric | reflexivity | apply Rle_refl | | |].
   - unfold G. simpl. replace (sumZ (map (fun _ : flight => 0) plan)) with 0 by (symmetry; apply sumZ_zero; reflexivity). lra.
   - intros pr. set (cf := flown_candidate I C coarse (at_ N 0) 0 (fun f => moved (fst f) xH (snd f 0%nat)) pr).
     destruct planned as [_ H]. unfold fits_together. clear - H.
@@ -457,19 +499,20 @@ Proof.
   exists plan''. split; [eapply Permutation_trans; eassumption|]. change (joint_of plan'' t) with (map (fun f : flight => (fst f, snd f t)) plan''). rewrite <- E. exact H.
 Qed.
 
-Lemma reached_ok t : (t <= T)%nat -> exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t) (reached t).
+(** A plan's next joint state is reached, at a value that exceeds its own by no less than before. *)
+Lemma next_ok t before (more : R) : (0 <= more)%R -> (S t <= T)%nat ->
+  (exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t + more)%R before) ->
+  exists plan', Permutation plan plan' /\ recorded (joint_of plan' (S t)) (G (S t) + more)%R (next_joints t before).
 Proof.
-  induction t as [|t IH]; intros Ht.
-  { apply (in_order plan 0); [reflexivity | apply first_joints_ok]. }
-  destruct (IH ltac:(lia)) as [plan' [Hperm Hrec]]. clear IH.
+  intros Hmore Ht [plan' [Hperm Hrec]].
   apply (in_order plan' (S t)); [exact Hperm|].
-  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. cbn [reached].
-  change (next_joints t (reached t)) with (fold_left (fun found jv => explore (S t) (snd jv) ways_meet
-    (pools_from t (fst jv)) found) (listed (reached t)) (PM.empty _)).
-  assert (Hnew : forall m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t)) (explore (S t) v ways_meet (pools_from t (joint_of plan' t)) m)).
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
+  change (next_joints t before) with (fold_left (fun found jv => explore (S t) (snd jv) ways_meet
+    (pools_from t (fst jv)) found) (listed before) (PM.empty _)).
+  assert (Hnew : forall m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t) + more)%R (explore (S t) v ways_meet (pools_from t (joint_of plan' t)) m)).
   { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
-      [exact Ht | apply ways_meet_symmetric | exact Hperm | | |].
-    - change (G (S t) <= IZR v + FR (S t) + IZR (rewards_at t))%R.
+      [exact Ht | apply ways_meet_symmetric | exact Hperm | lra | | |].
+    - change (G (S t) + more <= IZR v + FR (S t) + IZR (rewards_at t))%R.
       unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
     - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
       induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
@@ -484,22 +527,207 @@ Proof.
       simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
       + apply Hflown. left. reflexivity.
       + apply (choice_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
-  assert (Hold : forall l m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t)) m -> recorded (Ordered.sort (joint_of plan' (S t))) (G (S t))
+  assert (Hold : forall l m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t) + more)%R m -> recorded (Ordered.sort (joint_of plan' (S t))) (G (S t) + more)%R
      (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (fst jv)) found) l m)).
   { induction l as [|x l IHl]; intros m H; simpl; [exact H|]. apply IHl, explore_keeps, H. }
-  generalize (PM.empty (list (joint * Z))). revert Hin. generalize (listed (reached t)) as l.
+  generalize (PM.empty (list (joint * Z))). revert Hin. generalize (listed before) as l.
   induction l as [|x l IHl]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin].
   - apply Hold. simpl. apply Hnew.
   - apply IHl, Hin.
 Qed.
 
-Theorem paths_bound_ok : (J I plan * IZR (precision M) <= IZR paths_bound)%R.
+Lemma reached_ok first t n (more : R) : (0 <= more)%R -> (t + n <= T)%nat ->
+  (exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t + more)%R first) ->
+  exists plan', Permutation plan plan' /\ recorded (joint_of plan' (t + n)) (G (t + n)%nat + more)%R (reached first t n).
 Proof.
-  destruct (reached_ok T (le_n _)) as [plan' [_ Hrec]]. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
-  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold paths_bound.
+  intros Hmore Hn Hfirst. induction n as [|n IH].
+  - rewrite Nat.add_0_r. exact Hfirst.
+  - rewrite Nat.add_succ_r in *. apply next_ok; [exact Hmore | exact Hn | apply IH; lia].
+Qed.
+
+(** ** The joint states of a step *)
+
+(** Rows before a step are charged no more than their multipliers. *)
+Lemma earlier_charges t : (t <= T)%nat ->
+  sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)
+  <= sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs).
+Proof.
+  intros Ht.
+  set (sooner := fun r (f : flight) => total t (fun j => if Nat.eqb (step_of r) j then b2z (uses_here I r (fst f) (snd f j)) else 0)
+     + total t (fun j => if Nat.eqb (step_of r) j then b2z (uses_moving I r (fst f) (snd f j) (snd f (S j))) else 0)).
+  assert (E : sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)
+     = sumZ (map (fun r => sign r * multiplier r * sumZ (map (sooner (used r)) plan)) rs)).
+  { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * sooner (used r) f) rs)) plan)).
+    - apply sumZ_ext. intros f _. unfold sooner.
+      rewrite (total_ext _ _ (fun j => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) j then b2z (uses_here I (used r) (fst f) (snd f j)) else 0)
+          + (if Nat.eqb (step_of (used r)) j then b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))) else 0))) rs))).
+      + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
+      + intros j _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _. lia.
+    - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
+  rewrite E. apply sumZ_le. intros r Hr.
+  pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
+  unfold all_rows in Hr. rewrite app_nil_r in Hr. rewrite forallb_forall in Hrules. specialize (Hrules r Hr).
+  pose proof (rule_holds I plan r Hrules (proj2 planned)) as Hh.
+  unfold rule_ok, row_ok in Hrules. split_andb. to_Z.
+  assert (Es : sign r = 1) by (unfold sign; match goal with H : at_most r = true |- _ => rewrite H; reflexivity end).
+  unfold holds in Hh. rewrite Es in *.
+  assert (Hle : sumZ (map (sooner (used r)) plan) <= if Nat.ltb (step_of (used r)) t then plan_uses I (used r) plan else 0).
+  { unfold plan_uses. replace (if Nat.ltb (step_of (used r)) t then sumZ (map (path_uses I (used r)) plan) else 0)
+      with (sumZ (map (fun f => if Nat.ltb (step_of (used r)) t then path_uses I (used r) f else 0) plan)).
+    2:{ destruct (Nat.ltb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
+    apply sumZ_le. intros f _. unfold sooner.
+    rewrite (total_pick t (step_of (used r)) (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
+    rewrite (total_pick t (step_of (used r)) (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
+    rewrite path_uses_pick.
+    destruct (Nat.ltb_spec (step_of (used r)) t), (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); try lia. }
+  destruct (Nat.ltb (step_of (used r)) t); nia.
+Qed.
+
+(** What a drone has got before a step: no more than its best path, and the best path into its state. *)
+Lemma past_ok d f t : paired I C plan N d f -> (t <= T)%nat ->
+  (exists u, PM.find (snd f t) (map_of (pasts t) (fst f)) = Some u)
+  /\ so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t
+     <= best_number I C N d + number_of (pasts t) (fst f) (snd f t).
+Proof.
+  intros Hp Ht. destruct (so_far_ok I C plan planned N d f t narrow Hp Ht) as [u [Eu Hu]].
+  pose proof (class_in I plan planned f (proj2 (proj2 Hp))) as Hk.
+  assert (E : map_of (pasts t) (fst f) = nth t (of_class [] (sweep_so_far I C N Vs) (fst f)) (PM.empty Z)).
+  { unfold pasts, sweep_so_far. rewrite map_map. cbn [fst snd].
+    rewrite (of_class_map [] (fun k => left_forward I N k (step_price I C N k) (toll' I C k)
+      (map (fun sv => (fst sv, - snd sv)) (bests_of I (of_class [] Vs k) k)))) by exact Hk.
+    apply (map_of_map I (fun k => nth t (left_forward I N k (step_price I C N k) (toll' I C k)
+      (map (fun sv => (fst sv, - snd sv)) (bests_of I (of_class [] Vs k) k))) (PM.empty Z))), Hk. }
+  rewrite <- swept in Eu. rewrite <- E in Eu. split; [exists u; exact Eu|]. unfold number_of. rewrite Eu. exact Hu.
+Qed.
+
+Definition into_sum (t : nat) : Z := sumZ (map (fun f => number_of (pasts t) (fst f) (snd f t)) plan).
+
+(** What a plan has got before a step is no more than what begins there. *)
+Lemma begun_ok t : (t <= T)%nat -> (G t <= IZR (begun t + into_sum t) + FR t)%R.
+Proof.
+  intros Ht. pose proof narrow as [_ HN].
+  set (priced := fun j => prices_sum plan (u_prices (now (at_ N j))) j).
+  assert (Hworth : forall n, (n <= T)%nat -> (sumR (map FR (seq 0 n)) <= IZR (total n (fun j => u_constant (now (at_ N j))) + total n priced))%R).
+  { induction n as [|n IH]; intros Hn; [simpl; lra|]. rewrite seq_S, map_app, sumR_app. cbn [map sumR total Nat.add].
+    specialize (IH ltac:(lia)). destruct (HN n ltac:(lia)) as [_ [HU _]].
+    specialize (HU (now (at_ N n)) (or_introl eq_refl)). fold (priced n) in HU. rewrite !plus_IZR in *. lra. }
+  specialize (Hworth t Ht).
+  assert (Hpast : sumZ (map (fun f => so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t) plan)
+      = total t priced + total t rewards_at
+        + -1 * sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)).
+  { unfold priced, prices_sum, rewards_at. rewrite !total_sum, <- sumZ_scale, <- !sumZ_add. apply sumZ_ext. intros f _.
+    unfold so_far. rewrite <- total_scale, <- !total_add. apply total_ext. intros j _. unfold step_price, toll', toll. lia. }
+  pose proof (earlier_charges t Ht) as Hcharges.
+  assert (Hsums : forall ds fs, Forall2 (paired I C plan N) ds fs ->
+    sumZ (map (fun f => so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t) fs)
+    <= sumZ (map (best_number I C N) ds) + sumZ (map (fun f => number_of (pasts t) (fst f) (snd f t)) fs)).
+  { induction 1 as [|d f ds fs Hp H IH]; cbn [map sumZ]; [lia|]. pose proof (proj2 (past_ok d f t Hp Ht)). lia. }
+  specialize (Hsums _ _ (team_pairs I C plan planned N narrow)). fold (into_sum t) in Hsums.
+  assert (Hbests : match team_best (fun k => first_of (of_class [] Vs k)) (team I) with Some b => b | None => 0 end
+      = sumZ (map (best_number I C N) (team I))).
+  { destruct (team_best_is I C plan planned N narrow) as [EB _]. unfold left_bound in EB. rewrite <- swept in EB.
+    destruct (team_best _ _) as [b|]; [|discriminate]. injection EB as EB. lia. }
+  unfold G, begun. rewrite Hbests, (seq_S t), map_app, sumR_app. cbn [map sumR Nat.add].
+  apply Rle_trans with (IZR (total t (fun j => u_constant (now (at_ N j))) + total t priced + total t rewards_at) + FR t)%R.
+  - rewrite !plus_IZR in *. lra.
+  - apply Rplus_le_compat_r, IZR_le. lia.
+Qed.
+
+Lemma joints_at_ok t : (t <= T)%nat ->
+  exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (IZR (begun t + into_sum t) + FR t)%R (joints_at t).
+Proof.
+  intros Ht.
+  set (st := at_ N t). set (gs := step_groups I C t). set (into := pasts t).
+  set (pr := fun f : flight => number_of (charges st) (fst f) (snd f t)).
+  set (nm := fun f : flight => here I (fst f) (snd f t)).
+  set (cf := flown_candidate I C coarse st t nm pr).
+  pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
+  assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
+  pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
+  pose proof (flown_worth I C coarse plan ok planned st t nm pr Ht) as HFL. fold cf gs in HFL.
+  pose proof (flown_counts I C coarse plan ok planned (places_meet I) st t nm pr Ht Hinv
+    (fits_pairs I plan planned cf t Ht (fun f _ => eq_refl))) as Hcounts. fold cf gs in Hcounts.
+  destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
+  (* the same by class *)
+  pose proof (by_classes_permutes I plan planned cf) as HpermL. set (Ls := by_classes I plan cf) in *.
+  apply (Permutation_Forall (Permutation_sym HpermL)) in Hcf.
+  rewrite <- (F_perm _ _ _ _ _ _ _ HpermL) in HFL.
+  apply (counts_perm named (places_meet I) (places_meet_symmetric I) _ _ _ _ _ _ _ _ (Permutation_sym HpermL)) in Hcounts.
+  destruct (class_pools_ok I plan planned cf (first_choices st gs t into)) as [Hpool [Hpositive Hleft]].
+  { intros f Hf. unfold first_choices. cbv zeta. apply in_flat_map.
+    destruct Hinv as [HL _]. destruct (HL f Hf) as [v Ev]. exists (snd f t, v). split; [apply PM.elements_correct, Ev|].
+    destruct (future_ok f t Hf Ht) as [a [Ea _]]. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
+    destruct (past_ok d f t Hd Ht) as [[u Eu] _]. fold into in Eu. cbn [fst]. rewrite Ea, Eu. left. reflexivity. }
+  set (Good := fun (l : list candidate) (m : joints) =>
+    counts named (places_meet I) (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
+    Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
+    sum named (price named) l = sum named (charge named) l ->
+    exists j, Permutation (map taken l) j
+      /\ recorded j (IZR (begun t) + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
+           + IZR (sum named (past_in into) l))%R m).
+  assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR (floor st - 1))%R -> Good l a).
+  { intros l a H [_ [Hfl _]] _ E. exfalso. unfold profitR in H. rewrite E, minus_IZR in H. lra. }
+  assert (Hdown : forall l (a : joints), Good l (take_first st gs (begun t) into l a)).
+  { intros l a H1 H2 _. unfold take_first. cbv zeta.
+    pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
+    assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
+    apply Z.leb_le in Hle. rewrite Hle. exists (Ordered.sort (map taken l)). split; [apply Ordered.Permuted_sort|].
+    apply insert_new. unfold sum. rewrite !plus_IZR. lra. }
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_first st gs (begun t) into l' a)).
+  { intros l l' a H H1 H2 H3. destruct (H H1 H2 H3) as [j [Ej Hj]]. exists j. split; [exact Ej|].
+    unfold take_first. cbv zeta. destruct (_ <=? _); [apply insert_old|]; exact Hj. }
+  assert (Hswap : forall pre x c y post (a : joints), Good (pre ++ c :: x ++ y ++ post) a -> Good (pre ++ x ++ c :: y ++ post) a).
+  { intros pre x c y post a H H1 H2 H3.
+    assert (Hp : Permutation (pre ++ x ++ c :: y ++ post) (pre ++ c :: x ++ y ++ post)) by
+      (apply Permutation_app_head; symmetry; apply Permutation_middle).
+    rewrite (F_perm _ _ _ _ _ _ _ Hp), (sum_perm _ (past_in into) _ _ Hp).
+    rewrite (sum_perm _ (price named) _ _ Hp), (sum_perm _ (charge named) _ _ Hp) in H3.
+    destruct H as [j [Ej Hj]]; [eapply counts_perm; [apply places_meet_symmetric | exact Hp | exact H1] | eapply Permutation_Forall; eassumption | exact H3|].
+    exists j. split; [|exact Hj]. eapply Permutation_trans; [apply Permutation_map, Hp | exact Ej]. }
+  pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
+  assert (HGood : Good ([] ++ concat Ls) (joints_at t)).
+  { apply (node_ok named (places_meet I) (places_meet_symmetric I) (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => floor st - 1) (take_first st gs (begun t) into)
+      Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep false (fun _ => Hswap) (step_bases st) (floor st)).
+    - exact Hpool.
+    - exact Hpositive.
+    - exact Hleft.
+    - discriminate.
+    - exact Hcf.
+    - eapply (nothing_ok (amount_unit I)); try eassumption. apply Forall_forall. intros sp Hsp. exact (specs_of_ok I C coarse gs Hgs sp Hsp).
+    - rewrite HF0. unfold sum. simpl. lra.
+    - rewrite HF0. unfold sum. simpl. rewrite opp_IZR. fold st. lra.
+    - apply bases_first.
+    - exact Hcounts. }
+  simpl app in HGood. destruct (HGood Hcounts Hcf) as [j [Ej Hj]].
+  { rewrite (sum_perm _ (price named) _ _ HpermL), (sum_perm _ (charge named) _ _ HpermL). unfold sum. rewrite !map_map. reflexivity. }
+  assert (Ejoint : Permutation (joint_of plan t) j).
+  { eapply Permutation_trans; [|exact Ej]. eapply Permutation_trans; [|apply Permutation_map, Permutation_sym, HpermL].
+    unfold joint_of. rewrite map_map. apply Permutation_refl. }
+  destruct (Permutation_map_inv (fun f : flight => (fst f, snd f t)) plan (Permutation_sym Ejoint)) as [plan' [E Hperm]].
+  exists plan'. split; [exact Hperm|]. change (joint_of plan' t) with (map (fun f : flight => (fst f, snd f t)) plan'). rewrite <- E.
+  eapply recorded_less; [|exact Hj]. rewrite HFL, (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map.
+  change (sumZ (map _ plan)) with (into_sum t). rewrite plus_IZR. lra.
+Qed.
+
+Theorem paths_bound_ok from : (from <= T)%nat -> (J I plan * IZR (precision M) <= IZR (paths_bound from))%R.
+Proof.
+  intros Hfrom. unfold paths_bound. set (first := match from with O => first_joints | S _ => joints_at from end).
+  assert (Hfirst : exists more, (0 <= more)%R
+    /\ exists plan', Permutation plan plan' /\ recorded (joint_of plan' from) (G from + more)%R first).
+  { unfold first. destruct from as [|m].
+    - exists 0%R. split; [apply Rle_refl|]. rewrite Rplus_0_r. apply (in_order plan 0); [reflexivity | apply first_joints_ok].
+    - exists (IZR (begun (S m) + into_sum (S m)) + FR (S m) - G (S m))%R.
+      split; [pose proof (begun_ok (S m) Hfrom); lra|].
+      replace (G (S m) + _)%R with (IZR (begun (S m) + into_sum (S m)) + FR (S m))%R by lra. apply joints_at_ok, Hfrom. }
+  destruct Hfirst as [more [Hmore Hfirst]].
+  destruct (reached_ok first from (T - from) more Hmore ltac:(lia) Hfirst) as [plan' [_ Hrec]].
+  replace (from + (T - from))%nat with T in Hrec by lia. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
+  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [|apply IZR_le].
+  { apply Rle_trans with (2 := Hv). lra. }
   assert (Hold : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
   { induction l as [|x l IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
-  revert Hin. generalize target as b. generalize (listed (reached T)) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
+  revert Hin. generalize target as b. generalize (listed (reached first from (T - from))) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
   simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin]. specialize (Hold l (Z.max b v)). simpl. lia.
 Qed.
 End Paths.
@@ -514,47 +742,49 @@ Variable mind : memory.
 Notation M := (numbers C).
 
 (** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
-    one; None: the certificate proves nothing. *)
-Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) : option Z :=
+    one, from a step on; None: the certificate proves nothing. *)
+Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) (paths_from : nat) : option Z :=
   match paths_above with
   | None => staged_bound I C coarse memory advise mind target stages
   | Some higher =>
-      if staged_numbers_ok I C coarse && (target <=? higher) then
+      if staged_numbers_ok I C coarse && (target <=? higher) && Nat.leb paths_from (horizon I) then
         Some (match narrowed I C coarse memory advise mind target stages with
               | None => higher
               | Some N => match close I C higher N with
                           | None => higher
-                          | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N')
+                          | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N') paths_from
                           end
               end)
       else None
   end.
 
-Definition check_staged (target : Z) (stages : list stage) (paths_above : option Z) (numerator denominator : Z) : bool :=
-  match whole_bound target stages paths_above with
+Definition check_staged (target : Z) (stages : list stage) (paths_above : option Z) (paths_from : nat)
+  (numerator denominator : Z) : bool :=
+  match whole_bound target stages paths_above paths_from with
   | None => false
   | Some b => (0 <? denominator) && (b * denominator <=? numerator * precision M)
   end.
 
-Lemma whole_bound_sound target stages paths_above b plan :
-  whole_bound target stages paths_above = Some b -> is_plan I plan ->
+Lemma whole_bound_sound target stages paths_above paths_from b plan :
+  whole_bound target stages paths_above paths_from = Some b -> is_plan I plan ->
   0 < precision M /\ (J I plan * IZR (precision M) <= IZR b)%R.
 Proof.
   unfold whole_bound. intros Hb Hp. destruct paths_above as [higher|].
   - destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate]. simpl in Hb.
-    destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. injection Hb as <-.
+    destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. simpl in Hb.
+    destruct (Nat.leb_spec paths_from (horizon I)) as [Hfrom | _]; [|discriminate]. injection Hb as <-.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
     + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
       destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
-      generalize (listed (reached I C coarse memory advise mind N' higher (sweep_all I C N') (horizon I))) as l. intros l.
+      match goal with |- context [listed ?m] => generalize (listed m) as l end. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
       apply H.
     + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
       destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
       destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
-      apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
+      apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl paths_from Hfrom).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
     pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
@@ -563,12 +793,12 @@ Proof.
 Qed.
 
 (** A staged claim that passes the check is true. *)
-Theorem staged_sound target stages paths_above numerator denominator plan :
-  check_staged target stages paths_above numerator denominator = true -> is_plan I plan ->
+Theorem staged_sound target stages paths_above paths_from numerator denominator plan :
+  check_staged target stages paths_above paths_from numerator denominator = true -> is_plan I plan ->
   (J I plan <= IZR numerator / IZR denominator)%R.
 Proof.
-  unfold check_staged. intros H Hp. destruct (whole_bound target stages paths_above) as [b|] eqn:E; [|discriminate].
-  destruct (whole_bound_sound target stages paths_above b plan E Hp) as [Zu HJ]. split_andb. to_Z.
+  unfold check_staged. intros H Hp. destruct (whole_bound target stages paths_above paths_from) as [b|] eqn:E; [|discriminate].
+  destruct (whole_bound_sound target stages paths_above paths_from b plan E Hp) as [Zu HJ]. split_andb. to_Z.
   assert (Hle : b * denominator <= numerator * precision M) by assumption.
   assert (Hden : 0 < denominator) by assumption.
   apply IZR_le in Hle. rewrite !mult_IZR in Hle. apply IZR_pos in Zu, Hden.
