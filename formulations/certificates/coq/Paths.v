@@ -113,10 +113,12 @@ Notation M := (numbers C).
 Notation rs := (all_rows C []).
 Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))).
 
-(** The most that a drone gets after a step from a state on, if there is a way. *)
+(** The most that a drone gets after a step from a state on, less what rows charge for the state, if
+    there is a way. *)
 Definition future (k t : nat) : state -> option Z :=
   let V := nth t (of_class [] Vs k) (PM.empty _) in
-  fun s => match PM.find s V with Some (Some v) => Some (v - step_price I C N k t s) | _ => None end.
+  let prices := u_prices (now (at_ N t)) in
+  fun s => match PM.find s V with Some (Some v) => Some (v - number_of prices k s) | _ => None end.
 
 (** The constants of the steps after t, and the rows from t on. *)
 Definition rest (t : nat) : Z :=
@@ -241,7 +243,7 @@ Hypothesis swept : Vs = sweep_all I C N.
 Notation FR := (FR I C plan).
 
 Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, future (fst f) t (snd f t) = Some a
-  /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t) <= a.
+  /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t) <= a.
 Proof.
   intros Hf Ht. pose proof (to_go_ok I C plan planned N f narrow Hf) as H.
   destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ H t ltac:(lia)) as [v [Ev Hv]]. rewrite Nat.add_0_l in Ev, Hv.
@@ -277,23 +279,21 @@ Qed.
 
 (** Rows from a step on are charged no more than their multipliers. *)
 Lemma later_charges t n : (t + n = T)%nat ->
-  sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
-                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)
+  sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
+                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)
   <= sumZ (map (fun r => if Nat.leb t (step_of (used r)) then multiplier r else 0) rs).
 Proof.
   intros Hn.
-  set (later := fun r (f : flight) => total n (fun i => (if Nat.eqb (step_of r) (t + i) then b2z (uses_moving I r (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0))
-     + total n (fun i => if Nat.eqb (step_of r) (S t + i) then b2z (uses_here I r (fst f) (snd f (S t + i)%nat)) else 0)).
-  assert (E : sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
-                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)
+  set (later := fun r (f : flight) => total (S n) (fun i => if Nat.eqb (step_of r) (t + i) then b2z (uses_here I r (fst f) (snd f (t + i)%nat)) else 0)
+     + total n (fun i => if Nat.eqb (step_of r) (t + i) then b2z (uses_moving I r (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0)).
+  assert (E : sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
+                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)
      = sumZ (map (fun r => sign r * multiplier r * sumZ (map (later (used r)) plan)) rs)).
   { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * later (used r) f) rs)) plan)).
     - apply sumZ_ext. intros f _. unfold later.
-      rewrite (total_ext _ _ (fun i => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) (t + i) then b2z (uses_moving I (used r) (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0)
-          + (if Nat.eqb (step_of (used r)) (S t + i) then b2z (uses_here I (used r) (fst f) (snd f (S t + i)%nat)) else 0))) rs))).
-      + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
-      + intros i _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _.
-        simpl Nat.add. lia.
+      rewrite (total_ext (S n) _ _ (fun i _ => charge_here_all I rs (fst f) (t + i) (snd f (t + i)%nat))).
+      rewrite (total_ext n _ _ (fun i _ => charge_moving_all I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))).
+      rewrite !total_sum, <- sumZ_add. apply sumZ_ext. intros r _. rewrite !total_scale. lia.
     - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
   rewrite E. apply sumZ_le. intros r Hr.
   pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
@@ -308,24 +308,25 @@ Proof.
     2:{ destruct (Nat.leb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
     apply sumZ_le. intros f _. unfold later.
     rewrite (total_from n (step_of (used r)) t (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
-    rewrite (total_from n (step_of (used r)) (S t) (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
+    rewrite (total_from (S n) (step_of (used r)) t (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
     rewrite path_uses_pick.
     assert (B : forall b, 0 <= b2z b) by (intros []; unfold b2z; lia).
     pose proof (B (uses_moving I (used r) (fst f) (snd f (step_of (used r))) (snd f (S (step_of (used r)))))) as B1.
     pose proof (B (uses_here I (used r) (fst f) (snd f (step_of (used r))))) as B2.
-    destruct (Nat.leb_spec t (step_of (used r))), (Nat.leb_spec (S t) (step_of (used r))),
-      (Nat.ltb_spec (step_of (used r)) (t + n)), (Nat.ltb_spec (step_of (used r)) (S t + n)),
+    destruct (Nat.leb_spec t (step_of (used r))),
+      (Nat.ltb_spec (step_of (used r)) (t + n)), (Nat.ltb_spec (step_of (used r)) (t + S n)),
       (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); cbn [andb]; try lia. }
   destruct (Nat.leb t (step_of (used r))); nia.
 Qed.
 
+Lemma total_first n (f : nat -> Z) : total (S n) f = f O + total n (fun i => f (S i)).
+Proof. induction n as [|n IH]; [simpl; lia|]. cbn [total] in *. rewrite IH. lia. Qed.
+
 Lemma to_go_sum (price : nat -> state -> Z) (toll : nat -> state -> state -> Z) (p : nat -> state) n : forall t,
   to_go price toll p n t = price t (p t) + total n (fun i => toll (t + i)%nat (p (t + i)%nat) (p (S (t + i))) + price (S (t + i)) (p (S (t + i)))).
 Proof.
-  assert (Hfirst : forall n (f : nat -> Z), total (S n) f = f O + total n (fun i => f (S i))).
-  { clear. induction n as [|n IH]; intros f; [simpl; lia|]. cbn [total] in *. rewrite IH. cbn [total]. lia. }
   induction n as [|n IH]; intros t; cbn [to_go]; [simpl; lia|].
-  rewrite IH, Hfirst, Nat.add_0_r.
+  rewrite IH, total_first, Nat.add_0_r.
   rewrite (total_ext n (fun i => toll (S t + i)%nat (p (S t + i)%nat) (p (S (S t + i))) + price (S (S t + i)) (p (S (S t + i))))
                        (fun i => toll (t + S i)%nat (p (t + S i)%nat) (p (S (t + S i))) + price (S (t + S i)) (p (S (t + S i))))).
   - lia.
@@ -334,7 +335,7 @@ Qed.
 
 (** What a plan above the target is worth up to step t, and what its drones get later. *)
 Lemma bound_at t : (t <= T)%nat -> (J I plan * IZR (precision M) <= G t + IZR (sumZ (map (fun f =>
-    to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t))%Z plan) + rest t))%R.
+    to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t))%Z plan) + rest t))%R.
 Proof.
   intros Ht. eapply Rle_trans; [apply J_below|]. set (n := (T - t)%nat). assert (Hn : (t + n = T)%nat) by (unfold n; lia).
   pose proof (later_charges t n Hn) as Hlater.
@@ -348,20 +349,20 @@ Proof.
     specialize (HU (now (at_ N (S (t + m)))) (or_introl eq_refl)). rewrite !plus_IZR in *. lra. }
   specialize (Hsplit n ltac:(lia)). rewrite Hn in Hsplit. eapply Rle_trans; [exact Hsplit|].
   apply Rplus_le_compat_l, IZR_le. unfold rest. fold n.
-  assert (E : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) n t - step_price I C N (fst f) t (snd f t)) plan)
+  assert (E : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) n t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)) plan)
     = total n (fun i => rewards_at (t + i) + prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i)))
-      + -1 * sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
-                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)).
+      + -1 * sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
+                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)).
   { unfold rewards_at, prices_sum.
     rewrite (total_ext n _ (fun i => sumZ (map (fun f => reward I C (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))
         + number_of (u_prices (now (at_ N (S (t + i))))) (fst f) (snd f (S (t + i)))) plan))) by (intros; rewrite <- sumZ_add; reflexivity).
     rewrite total_sum, <- sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
-    rewrite to_go_sum, <- total_scale, <- total_add.
+    rewrite to_go_sum, total_first, Nat.add_0_r.
     rewrite (total_ext n (fun i => toll' I C (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))) + step_price I C N (fst f) (S (t + i)) (snd f (S (t + i))))
        (fun i => reward I C (fst f) (snd f (t + i)%nat) (snd f (S (t + i))) + number_of (u_prices (now (at_ N (S (t + i))))) (fst f) (snd f (S (t + i)))
-          + -1 * (charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))) + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i)))))).
-    - lia.
-    - intros i _. unfold toll', toll, step_price. lia. }
+          + -1 * (charge_here I rs (fst f) (t + S i) (snd f (t + S i)%nat) + charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))))).
+    - rewrite !total_add, total_scale, !total_add. unfold step_price. lia.
+    - intros i _. rewrite Nat.add_succ_r. unfold toll', toll, step_price. lia. }
   rewrite E. rewrite !total_add in *. lia.
 Qed.
 
@@ -454,7 +455,7 @@ Proof.
   assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
   { rewrite <- (sum_perm _ (price named) _ _ HpermL). unfold sum. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
     change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
-  assert (Hfut : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t)) plan)
+  assert (Hfut : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)) plan)
       <= sumZ (map fut plan)).
   { apply sumZ_le. intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold fut. rewrite Ea. exact Ha. }
   assert (Hrew : sumZ (map (fun c => - price named c - future_in t c) L) = sumZ (map rewarded plan)).
