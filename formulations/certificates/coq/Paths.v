@@ -47,6 +47,13 @@ Definition insert (j : joint) (v : Z) (m : joints) : joints :=
 
 Definition listed (m : joints) : list (joint * Z) := flat_map snd (PM.elements m).
 
+(** What is recorded of a joint state, if it is. *)
+Definition value_at (j : joint) (m : joints) : option Z :=
+  match PM.find (key_of j) m with
+  | None => None
+  | Some l => largest (fun jv : joint * Z => if same_joint j (fst jv) then Some (snd jv) else None) l None
+  end.
+
 Definition recorded (j : joint) (c : R) (m : joints) : Prop :=
   exists l v, PM.find (key_of j) m = Some l /\ In (j, v) l /\ (c <= IZR v)%R.
 
@@ -101,6 +108,27 @@ Proof.
   exists (key_of j, l). split; [apply PM.elements_correct, E | exact Hin].
 Qed.
 
+Lemma same_joint_refl a : same_joint a a = true.
+Proof. induction a as [|[k s] a IH]; simpl; [reflexivity|]. rewrite Nat.eqb_refl, Pos.eqb_refl. exact IH. Qed.
+
+Lemma recorded_value j c m : recorded j c m -> exists v, value_at j m = Some v /\ (c <= IZR v)%R.
+Proof.
+  intros [l [v [E [Hin Hc]]]]. unfold value_at. rewrite E.
+  destruct (largest_in (fun jv : joint * Z => if same_joint j (fst jv) then Some (snd jv) else None) l None (j, v) v Hin) as [w [Ew Hw]].
+  { cbn [fst snd]. rewrite same_joint_refl. reflexivity. }
+  exists w. split; [exact Ew|]. apply IZR_le in Hw. lra.
+Qed.
+
+(** What a fold over a list takes down of one item, if nothing is lost of it later. *)
+Lemma fold_records {B} (f : joints -> B -> joints) (j : joint) (c : R) (l : list B) b :
+  (forall m x, recorded j c m -> recorded j c (f m x)) -> (forall m, recorded j c (f m b)) -> In b l ->
+  forall m, recorded j c (fold_left f l m).
+Proof.
+  intros Hkeep Hnew. assert (Hold : forall l m, recorded j c m -> recorded j c (fold_left f l m)).
+  { induction l0 as [|x l0 IH]; intros m H; simpl; [exact H | apply IH, Hkeep, H]. }
+  induction l as [|x l IH]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [apply Hold, Hnew | apply IH, Hin].
+Qed.
+
 (** * The iteration *)
 
 Section Paths.
@@ -115,7 +143,7 @@ Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))
 
 (** The most that a drone gets after a step from a state on, less what rows charge for the state, if
     there is a way. *)
-Definition future (k t : nat) : state -> option Z :=
+Definition future (t k : nat) : state -> option Z :=
   let V := nth t (of_class [] Vs k) (PM.empty _) in
   let prices := u_prices (now (at_ N t)) in
   fun s => match PM.find s V with Some (Some v) => Some (v - number_of prices k s) | _ => None end.
@@ -135,54 +163,64 @@ Definition ways_meet (a b : named) : bool :=
   || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
       clash I (way a) (way b) && clash I (way b) (way a)).
 
-(** A state for a drone: what it gets there and later counts as its price, below 0. *)
-Definition choice_in (gs : list group) (t k : nat) (from : positive) (rewarded : state -> Z) (s : state) : list candidate :=
-  match future k t s with
+(** A state for a drone: what it gets on the way to it and beyond counts as its price, below 0.
+    beyond: of each class and state, what is got before, or later, if there is a way. *)
+Definition choice_in (beyond : nat -> state -> option Z) (gs : list group) (t k : nat) (next : positive)
+  (rewarded : state -> Z) (s : state) : list candidate :=
+  match beyond k s with
   | None => []
   | Some a => let price := - a - rewarded s in
-      [candidate_of I coarse gs t k (moved k from s) price
+      [candidate_of I coarse gs t k (moved k next s) price
          (number_of (charges (at_ N t)) k s) (step_static (at_ N t) k s price) s]
   end.
 
-Definition choice (t : nat) := choice_in (step_groups I C t) t.
+Definition beyond_in (beyond : nat -> state -> option Z) (c : candidate) : Z :=
+  match beyond (class_of c) (state_in c) with Some a => a | None => 0 end.
 
-Definition future_in (t : nat) (c : candidate) : Z :=
-  match future (class_of c) t (state_in c) with Some a => a | None => 0 end.
-
-Definition take_joint (t : nat) (gs : list group) (before threshold : Z) (l : list candidate) (m : joints) : joints :=
+Definition take_joint (beyond : nat -> state -> option Z) (t : nat) (gs : list group) (known threshold : Z)
+  (l : list candidate) (m : joints) : joints :=
   let worth := exact_of I C gs l in
   if (floor (at_ N t) + sum named (charge named) l <=? worth)
      && (threshold <? worth - sum named (price named) l)
-  then insert (Ordered.sort (map taken l)) (before + worth + sumZ (map (fun c => - price named c - future_in t c) l)) m
+  then insert (Ordered.sort (map taken l)) (known + worth + sumZ (map (fun c => - price named c - beyond_in beyond c) l)) m
   else m.
 
-Definition explore_in (gs : list group) (later : Z) (t : nat) (before : Z) (conflict : named -> named -> bool)
-  (p : pool candidate) : joints -> joints :=
-  let threshold := target - before - later in
-  search I C coarse memory advise (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
+(** Joint states of a step that are next to one whose steps have the worth that is known. *)
+Definition explore (beyond : nat -> state -> option Z) (gs : list group) (others : Z) (t : nat) (known : Z)
+  (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
+  let threshold := target - known - others in
+  search I C coarse memory advise (fun _ => threshold) (take_joint beyond t gs known threshold) conflict gs (length (team I)) []
     (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
 
-Definition explore (t : nat) := explore_in (step_groups I C t) (rest t) t.
+(** ** From step 0 on *)
 
 Definition first_joints : joints :=
-  explore 0 0 (places_meet I)
-    (map (fun d => (1%nat, flat_map (choice 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
+  let gs := step_groups I C 0 in
+  explore (future 0) gs (rest 0) 0 0 (places_meet I)
+    (map (fun d => (1%nat, flat_map (choice_in (future 0) gs 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
 
 Definition pools_in (gs : list group) (t : nat) (j : joint) : pool candidate :=
   map (fun ks => let (k, s) := ks : nat * state in
-         (1%nat, flat_map (choice_in gs (S t) k (place I k s) (reward I C k s)) (moves I k t s))) j.
+         (1%nat, flat_map (choice_in (future (S t)) gs (S t) k (place I k s) (reward I C k s)) (moves I k t s))) j.
 
-Definition pools_from (t : nat) := pools_in (step_groups I C (S t)) t.
+(** The joint states of the step after t that follow one of step t. *)
+Definition following (gs : list group) (others : Z) (t : nat) (jv : joint * Z) : joints -> joints :=
+  explore (future (S t)) gs others (S t) (snd jv) ways_meet (pools_in gs t (fst jv)).
 
 Definition next_joints (t : nat) (m : joints) : joints :=
   let gs := step_groups I C (S t) in
-  let later := rest (S t) in
-  fold_left (fun found jv => explore_in gs later (S t) (snd jv) ways_meet (pools_in gs t (fst jv)) found)
-            (listed m) (PM.empty _).
+  let others := rest (S t) in
+  fold_left (fun found jv => following gs others t jv found) (listed m) (PM.empty _).
+
+Fixpoint reached (t : nat) : joints :=
+  match t with O => first_joints | S t' => next_joints t' (reached t') end.
+
+(** ** From a later step on, and back from there *)
+
+Variable Us : list (nat * list (PM.t Z)).
 
 (** What the best path into each state of a step brings, less what its drone gets at most. *)
-Definition pasts (t : nat) : by_state :=
-  map (fun kU => (fst kU, nth t (snd kU) (PM.empty Z))) (sweep_so_far I C N Vs).
+Definition pasts (t : nat) : by_state := map (fun kU => (fst kU, nth t (snd kU) (PM.empty Z))) Us.
 
 (** The constants of the steps before t, the rows before t, and what the drones get at most. *)
 Definition begun (t : nat) : Z :=
@@ -190,18 +228,16 @@ Definition begun (t : nat) : Z :=
   + sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs)
   + match team_best (fun k => first_of (of_class [] Vs k)) (team I) with Some b => b | None => 0 end.
 
-Definition past_in (into : by_state) (c : candidate) : Z := number_of into (class_of c) (state_in c).
+Definition before_all (into : by_state) (j : joint) : Z := sumZ (map (fun ks => number_of into (fst ks) (snd ks)) j).
 
-Definition take_first (st : step) (gs : list group) (before : Z) (into : by_state) (l : list candidate) (m : joints) : joints :=
+Definition take_first (st : step) (gs : list group) (l : list candidate) (m : joints) : joints :=
   let worth := exact_of I C gs l in
-  if floor st + sum named (charge named) l <=? worth
-  then insert (Ordered.sort (map taken l)) (before + worth + sumZ (map (past_in into) l)) m
-  else m.
+  if floor st + sum named (charge named) l <=? worth then insert (Ordered.sort (map taken l)) worth m else m.
 
 (** States that a path leads to and on from; what is charged counts as the price, so that profits
     are to be no less than the floor. *)
 Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_state) (k : nat) : list candidate :=
-  let later := future k t in
+  let later := future t k in
   let before := map_of into k in
   flat_map (fun sv : state * Z => let s := fst sv in
     match later s, PM.find s before with
@@ -209,22 +245,86 @@ Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_stat
     | _, _ => []
     end) (PM.elements (map_of (u_prices (now st)) k)).
 
-(** The joint states at a step that plans above the target may visit. *)
+(** The joint states of a step that plans above the target may visit, with what the step is worth. *)
 Definition joints_at (t : nat) : joints :=
   let st := at_ N t in let gs := step_groups I C t in let into := pasts t in
-  search I C coarse memory advise (fun _ => floor st - 1) (take_first st gs (begun t) into) (places_meet I) gs (length (team I)) []
+  search I C coarse memory advise (fun _ => floor st - 1) (take_first st gs) (places_meet I) gs (length (team I)) []
     (nothing (specs_of I C coarse gs)) 0 (- floor st) (step_bases st)
     (map (fun k => (size I k, first_choices st gs t into k)) (classes I)) mind (PM.empty _).
 
-(** The joint states that are reached n steps after those of step t. *)
-Fixpoint reached (first : joints) (t n : nat) : joints :=
-  match n with O => first | S n' => next_joints (t + n') (reached first t n') end.
+(** With what the way to them is worth at most. *)
+Definition with_ways (t : nat) (m : joints) : list (joint * Z) :=
+  let into := pasts t in let before := begun t in
+  map (fun jv => (fst jv, before + before_all into (fst jv) + snd jv)) (listed m).
 
-(** What no plan is above, by paths from a step on. *)
-Definition paths_bound (from : nat) : Z :=
-  let first := match from with O => first_joints | S _ => joints_at from end in
-  fold_left (fun b jv => Z.max b (snd jv)) (listed (reached first from (T - from))) target.
+(** Moves of the team: joint states, and for each those that follow it. *)
+Definition team_moves : Type := list (joint * Z * list (joint * Z)).
 
+Definition ends (moves : team_moves) : joints :=
+  fold_left (fun found move => fold_left (fun found jv => insert (fst jv) (snd jv) found) (snd move) found) moves (PM.empty _).
+
+(** Of each joint state at which moves begin, what is got on the best of them and after. *)
+Definition got (after : joints) (moves : team_moves) : joints :=
+  fold_left (fun found move =>
+    fold_left (fun found jv => match value_at (fst jv) after with
+                               | Some g => insert (fst (fst move)) (snd jv - snd (fst move) + g) found
+                               | None => found
+                               end) (snd move) found) moves (PM.empty _).
+
+(** The most that is got after each joint state of step t, in n steps. *)
+Fixpoint gains (n t : nat) (l : list (joint * Z)) : joints :=
+  match n with
+  | O => fold_left (fun found jv => insert (fst jv) 0 found) l (PM.empty _)
+  | S n' =>
+      let gs := step_groups I C (S t) in
+      let others := rest (S t) in
+      let moves := map (fun jv => (jv, listed (following gs others t jv (PM.empty _)))) l in
+      got (gains n' (S t) (listed (ends moves))) moves
+  end.
+
+(** The joint states of a step from which plans above the target may go on, with the most that this
+    step and all later ones are worth. *)
+Definition joints_from (t : nat) : joints :=
+  let m := joints_at t in
+  let after := gains (T - t) t (with_ways t m) in
+  let into := pasts t in let before := begun t in
+  fold_left (fun found jv => match value_at (fst jv) after with
+      | Some g => if target <? before + before_all into (fst jv) + snd jv + g
+                  then insert (fst jv) (snd jv + g) found else found
+      | None => found
+      end) (listed m) (PM.empty _).
+
+(** From which states of a step a drone of a class comes to each state. *)
+Definition tails (t k : nat) : PM.t (list state) :=
+  fold_left (fun m s => fold_left (fun m s' => PM.add s' (s :: match PM.find s' m with Some l => l | None => [] end) m)
+                                  (moves I k t s) m)
+            (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k))) (PM.empty _).
+
+Definition ways_back_meet (a b : named) : bool :=
+  places_meet I a b
+  || (let way (n : named) := let '((k, p), (to, _)) := n in (k, p, to) in
+      clash I (way a) (way b) && clash I (way b) (way a)).
+
+Definition pools_back (into : nat -> state -> option Z) (from : list (nat * PM.t (list state))) (gs : list group) (t : nat)
+  (j : joint) : pool candidate :=
+  map (fun ks => let (k, s) := ks : nat * state in
+         (1%nat, flat_map (choice_in into gs t k (place I k s) (fun s' => reward I C k s' s))
+                          (match PM.find s (of_class (PM.empty _) from k) with Some l => l | None => [] end))) j.
+
+(** The joint states of step t that those of the next step may follow. *)
+Definition joints_before (t : nat) (m : joints) : joints :=
+  let gs := step_groups I C t in
+  let others := begun t in
+  let before := pasts t in
+  let into := fun k s => PM.find s (map_of before k) in
+  let from := map (fun k => (k, tails t k)) (classes I) in
+  fold_left (fun found jv => explore into gs others t (snd jv) ways_back_meet (pools_back into from gs t (fst jv)) found)
+            (listed m) (PM.empty _).
+
+Fixpoint back (t : nat) (m : joints) : joints :=
+  match t with O => m | S t' => back t' (joints_before t' m) end.
+
+Definition most_of_all (m : joints) : Z := fold_left (fun b jv => Z.max b (snd jv)) (listed m) target.
 (** * Soundness *)
 
 Lemma ways_meet_symmetric a b : ways_meet a b = ways_meet b a.
@@ -239,10 +339,11 @@ Hypothesis planned : is_plan I plan.
 Hypothesis above : (IZR target < J I plan * IZR (precision M))%R.
 Hypothesis narrow : inv I C plan N.
 Hypothesis swept : Vs = sweep_all I C N.
+Hypothesis swept_so_far : Us = sweep_so_far I C N Vs.
 
 Notation FR := (FR I C plan).
 
-Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, future (fst f) t (snd f t) = Some a
+Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, future t (fst f) (snd f t) = Some a
   /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t) <= a.
 Proof.
   intros Hf Ht. pose proof (to_go_ok I C plan planned N f narrow Hf) as H.
@@ -371,28 +472,34 @@ Qed.
 (** Where the drones of a plan are, in this order. *)
 Definition joint_of (fs : list flight) (t : nat) : joint := map (fun f => (fst f, snd f t)) fs.
 
-Lemma explore_keeps j c t before conflict p m : recorded j c m -> recorded j c (explore t before conflict p m).
+Lemma explore_keeps j c beyond gs others t known conflict p m :
+  recorded j c m -> recorded j c (explore beyond gs others t known conflict p m).
 Proof.
   intros H.
   set (keeps := fun (_ : list candidate) found => recorded j c found).
-  change (keeps [] (explore t before conflict p m)). unfold explore, explore_in, search.
+  change (keeps [] (explore beyond gs others t known conflict p m)). unfold explore, search.
   apply node_keeps; [|exact H].
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
 
-Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
-  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
-  (g <= IZR before + FR t + IZR (sumZ (map rewarded plan)))%R ->
-  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future (fst f) t (snd f t) = Some a ->
-     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
-  recorded (Ordered.sort (joint_of plan' t)) g (explore t before conflict p m).
+(** The joint state of a plan above the target is found: known is what its steps next to t are worth
+    at most, and of what is got beyond, others and the drones' states have the most. *)
+Lemma explore_ok (beyond : nat -> state -> option Z) (others : Z) t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
+  (forall f, In f plan -> exists a, beyond (fst f) (snd f t) = Some a) ->
+  (J I plan * IZR (precision M)
+   <= g + IZR (sumZ (map (fun f : flight => match beyond (fst f) (snd f t) with Some a => a | None => 0 end) plan) + others)%Z)%R ->
+  (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
+  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, beyond (fst f) (snd f t) = Some a ->
+     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) g (explore beyond (step_groups I C t) others t known conflict p m).
 Proof.
-  intros Ht Hsym Hperm Hmore HG Hfits Hp.
-  set (fut := fun f : flight => match future (fst f) t (snd f t) with Some a => a | None => 0 end).
-  set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (from f) (snd f t)) in *.
+  intros Ht Hsym Hperm Hbeyond Hbound HG Hfits Hp.
+  set (fut := fun f : flight => match beyond (fst f) (snd f t) with Some a => a | None => 0 end) in *.
+  set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (next f) (snd f t)) in *.
   set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
-  set (gs := step_groups I C t). set (threshold := target - before - rest t).
+  set (gs := step_groups I C t). set (threshold := target - known - others).
   pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
   assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
   pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
@@ -410,7 +517,7 @@ Proof.
   { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan').
     { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf']]. split; [exact H1|].
       pose proof (Permutation_in f (Permutation_sym Hperm) Hf') as Hf.
-      destruct (future_ok f t Hf Ht) as [a [Ea _]]. specialize (H2 a Ea).
+      destruct (Hbeyond f Hf) as [a Ea]. specialize (H2 a Ea).
       unfold cf, pr, fut, flown_candidate in *. rewrite Ea. exact H2. }
     unfold Ls, L. clear - Hp'. induction Hp' as [|nl f p fs [H1 H2] H IH]; simpl; constructor; [|exact IH].
     split; [symmetry; exact H1|]. intros x [<- | []]. exact H2. }
@@ -418,12 +525,12 @@ Proof.
     counts named conflict (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
     Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
     (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l)%R ->
-    recorded (Ordered.sort (map taken l)) (IZR before + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
-       + IZR (sumZ (map (fun c => - price named c - future_in t c)%Z l)))%R m).
+    recorded (Ordered.sort (map taken l)) (IZR known + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
+       + IZR (sumZ (map (fun c => - price named c - beyond_in beyond c)%Z l)))%R m).
   destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
   assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR threshold)%R -> Good l a).
   { intros l a H _ _ H3. lra. }
-  assert (Hdown : forall l (a : joints), Good l (take_joint t gs before threshold l a)).
+  assert (Hdown : forall l (a : joints), Good l (take_joint beyond t gs known threshold l a)).
   { intros l a H1 H2 H3. unfold take_joint. cbv zeta.
     pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
     assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
@@ -431,14 +538,14 @@ Proof.
     { apply lt_IZR. rewrite minus_IZR. unfold profitR in H3. lra. }
     apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. rewrite Hle, Hlt. simpl. apply insert_new.
     rewrite !plus_IZR. lra. }
-  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint t gs before threshold l' a)).
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint beyond t gs known threshold l' a)).
   { intros l l' a H H1 H2 H3. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; apply H; assumption. }
   assert (Hpos : Forall (fun nl : nat * list candidate => fst nl = 1%nat) p).
   { clear - Hp. induction Hp as [|nl f p fs [H1 _] H IH]; constructor; assumption. }
   pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
-  assert (HGood : Good ([] ++ concat Ls) (explore t before conflict p m)).
+  assert (HGood : Good ([] ++ concat Ls) (explore beyond gs others t known conflict p m)).
   { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
-      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint t gs before threshold)
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint beyond t gs known threshold)
       Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
     - exact Hpool.
     - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
@@ -455,29 +562,41 @@ Proof.
   assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
   { rewrite <- (sum_perm _ (price named) _ _ HpermL). unfold sum. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
     change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
-  assert (Hfut : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)) plan)
-      <= sumZ (map fut plan)).
-  { apply sumZ_le. intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold fut. rewrite Ea. exact Ha. }
-  assert (Hrew : sumZ (map (fun c => - price named c - future_in t c) L) = sumZ (map rewarded plan)).
-  { change (sum named (fun c => - price named c - future_in t c) L = sumZ (map rewarded plan)).
+  assert (Hrew : sumZ (map (fun c => - price named c - beyond_in beyond c) L) = sumZ (map rewarded plan)).
+  { change (sum named (fun c => - price named c - beyond_in beyond c) L = sumZ (map rewarded plan)).
     rewrite <- (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map. apply sumZ_ext. intros f _.
     change (- (- fut f - rewarded f) - fut f = rewarded f). lia. }
   assert (Hthr : (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) L)%R).
-  { unfold profitR. rewrite HFL, Hsum. pose proof (bound_at t Ht) as HB. unfold threshold.
-    apply IZR_le in Hfut. rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
+  { unfold profitR. rewrite HFL, Hsum. unfold threshold.
+    rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
   specialize (HGood Hthr). rewrite HFL, Hrew in HGood.
   assert (EJ : map taken L = joint_of plan' t) by (unfold L, joint_of; rewrite map_map; reflexivity).
   rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
 Qed.
 
-Lemma choice_found t f (from : positive) (rewarded : state -> Z) a : future (fst f) t (snd f t) = Some a ->
-  In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) from (snd f t)) (fun _ => - a - rewarded (snd f t)) f)
-     (choice t (fst f) from rewarded (snd f t)).
-Proof. intros E. unfold choice, choice_in. rewrite E. left. reflexivity. Qed.
+Lemma choice_found beyond t f (next : positive) (rewarded : state -> Z) a : beyond (fst f) (snd f t) = Some a ->
+  In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) next (snd f t)) (fun _ => - a - rewarded (snd f t)) f)
+     (choice_in beyond (step_groups I C t) t (fst f) next rewarded (snd f t)).
+Proof. intros E. unfold choice_in. rewrite E. left. reflexivity. Qed.
+
+(** What a plan above the target is worth up to step t, or a number above, is known: then its state is found. *)
+Lemma explored_onward t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
+  (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
+  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future t (fst f) (snd f t) = Some a ->
+     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) g (explore (future t) (step_groups I C t) (rest t) t known conflict p m).
+Proof.
+  intros Ht Hsym Hperm Hmore HG Hfits Hp. apply (explore_ok (future t) (rest t) t known conflict next rewarded plan'); try assumption.
+  - intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exists a. exact Ea.
+  - eapply Rle_trans; [apply (bound_at t Ht)|]. apply Rplus_le_compat; [exact Hmore|]. apply IZR_le, Z.add_le_mono_r, sumZ_le.
+    intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. rewrite Ea. exact Ha.
+Qed.
 
 Lemma first_joints_ok : recorded (Ordered.sort (joint_of plan 0)) (G 0) first_joints.
 Proof.
-  unfold first_joints. apply (explore_ok 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
+  unfold first_joints. cbv zeta. apply (explored_onward 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
     [lia | apply places_meet_symmetric | reflexivity | apply Rle_refl | | |].
   - unfold G. simpl. replace (sumZ (map (fun _ : flight => 0) plan)) with 0 by (symmetry; apply sumZ_zero; reflexivity). lra.
   - intros pr. set (cf := flown_candidate I C coarse (at_ N 0) 0 (fun f => moved (fst f) xH (snd f 0%nat)) pr).
@@ -488,7 +607,7 @@ Proof.
   - destruct planned as [HF _]. clear - HF. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; constructor; [|exact IH].
     simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f O). split.
     + destruct f as [k q]. destruct E2 as [Hs _]. exact Hs.
-    + rewrite <- E1. apply (choice_found 0 f xH (fun _ => 0) a Ea).
+    + rewrite <- E1. apply (choice_found (future 0) 0 f xH (fun _ => 0) a Ea).
 Qed.
 
 (** What is in order is the plan's joint state, its drones in some order. *)
@@ -500,50 +619,46 @@ Proof.
   exists plan''. split; [eapply Permutation_trans; eassumption|]. change (joint_of plan'' t) with (map (fun f : flight => (fst f, snd f t)) plan''). rewrite <- E. exact H.
 Qed.
 
-(** A plan's next joint state is reached, at a value that exceeds its own by no less than before. *)
-Lemma next_ok t before (more : R) : (0 <= more)%R -> (S t <= T)%nat ->
-  (exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t + more)%R before) ->
-  exists plan', Permutation plan plan' /\ recorded (joint_of plan' (S t)) (G (S t) + more)%R (next_joints t before).
+(** A plan's next joint state follows, with what the step adds. *)
+Lemma following_ok t v plan' m : (S t <= T)%nat -> Permutation plan plan' -> (G t <= IZR v)%R ->
+  recorded (Ordered.sort (joint_of plan' (S t))) (IZR v + FR (S t) + IZR (rewards_at t))%R
+    (following (step_groups I C (S t)) (rest (S t)) t (joint_of plan' t, v) m).
 Proof.
-  intros Hmore Ht [plan' [Hperm Hrec]].
-  apply (in_order plan' (S t)); [exact Hperm|].
-  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
-  change (next_joints t before) with (fold_left (fun found jv => explore (S t) (snd jv) ways_meet
-    (pools_from t (fst jv)) found) (listed before) (PM.empty _)).
-  assert (Hnew : forall m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t) + more)%R (explore (S t) v ways_meet (pools_from t (joint_of plan' t)) m)).
-  { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
-      [exact Ht | apply ways_meet_symmetric | exact Hperm | lra | | |].
-    - change (G (S t) + more <= IZR v + FR (S t) + IZR (rewards_at t))%R.
-      unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
-    - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
-      induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
-      rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
-      unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
-      rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
-    - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
-      { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
-        destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
-      unfold joint_of, pools_from, pools_in. rewrite map_map. clear - Hflown.
-      induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Hflown; right; assumption].
-      simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
-      + apply Hflown. left. reflexivity.
-      + apply (choice_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
-  assert (Hold : forall l m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t) + more)%R m -> recorded (Ordered.sort (joint_of plan' (S t))) (G (S t) + more)%R
-     (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (fst jv)) found) l m)).
-  { induction l as [|x l IHl]; intros m H; simpl; [exact H|]. apply IHl, explore_keeps, H. }
-  generalize (PM.empty (list (joint * Z))). revert Hin. generalize (listed before) as l.
-  induction l as [|x l IHl]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin].
-  - apply Hold. simpl. apply Hnew.
-  - apply IHl, Hin.
+  intros Ht Hperm Hv. unfold following. cbn [fst snd].
+  apply (explored_onward (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
+    [exact Ht | apply ways_meet_symmetric | exact Hperm | | apply Rle_refl | |].
+  - unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
+  - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
+    induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
+    rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
+    unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
+    rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
+  - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
+    { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
+      destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
+    unfold joint_of, pools_in. rewrite map_map. clear - Hflown.
+    induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Hflown; right; assumption].
+    simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
+    + apply Hflown. left. reflexivity.
+    + apply (choice_found (future (S t)) (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea).
 Qed.
 
-Lemma reached_ok first t n (more : R) : (0 <= more)%R -> (t + n <= T)%nat ->
-  (exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t + more)%R first) ->
-  exists plan', Permutation plan plan' /\ recorded (joint_of plan' (t + n)) (G (t + n)%nat + more)%R (reached first t n).
+Lemma following_keeps j c gs others t jv m : recorded j c m -> recorded j c (following gs others t jv m).
+Proof. apply explore_keeps. Qed.
+
+(** Some order of the drones is recorded. *)
+Definition met (t : nat) (c : R) (m : joints) : Prop :=
+  exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) c m.
+
+Lemma reached_ok t : (t <= T)%nat -> met t (G t) (reached t).
 Proof.
-  intros Hmore Hn Hfirst. induction n as [|n IH].
-  - rewrite Nat.add_0_r. exact Hfirst.
-  - rewrite Nat.add_succ_r in *. apply next_ok; [exact Hmore | exact Hn | apply IH; lia].
+  induction t as [|t IH]; intros Ht.
+  { apply (in_order plan 0); [reflexivity | apply first_joints_ok]. }
+  destruct (IH ltac:(lia)) as [plan' [Hperm Hrec]]. apply (in_order plan' (S t)); [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. cbn [reached]. unfold next_joints. cbv zeta.
+  apply fold_records with (b := (joint_of plan' t, v)); [intros; apply following_keeps; assumption | | exact Hin].
+  intros m. eapply recorded_less; [|apply (following_ok t v plan' m Ht Hperm Hv)].
+  unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
 Qed.
 
 (** ** The joint states of a step *)
@@ -593,7 +708,7 @@ Proof.
   intros Hp Ht. destruct (so_far_ok I C plan planned N d f t narrow Hp Ht) as [u [Eu Hu]].
   pose proof (class_in I plan planned f (proj2 (proj2 Hp))) as Hk.
   assert (E : map_of (pasts t) (fst f) = nth t (of_class [] (sweep_so_far I C N Vs) (fst f)) (PM.empty Z)).
-  { unfold pasts, sweep_so_far. rewrite map_map. cbn [fst snd].
+  { unfold pasts. rewrite swept_so_far. unfold sweep_so_far. rewrite map_map. cbn [fst snd].
     rewrite (of_class_map [] (fun k => left_forward I N k (step_price I C N k) (toll' I C k)
       (map (fun sv => (fst sv, - snd sv)) (bests_of I (of_class [] Vs k) k)))) by exact Hk.
     apply (map_of_map I (fun k => nth t (left_forward I N k (step_price I C N k) (toll' I C k)
@@ -635,7 +750,7 @@ Proof.
 Qed.
 
 Lemma joints_at_ok t : (t <= T)%nat ->
-  exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (IZR (begun t + into_sum t) + FR t)%R (joints_at t).
+  met t (FR t) (joints_at t).
 Proof.
   intros Ht.
   set (st := at_ N t). set (gs := step_groups I C t). set (into := pasts t).
@@ -664,31 +779,30 @@ Proof.
     Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
     sum named (price named) l = sum named (charge named) l ->
     exists j, Permutation (map taken l) j
-      /\ recorded j (IZR (begun t) + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
-           + IZR (sum named (past_in into) l))%R m).
+      /\ recorded j (F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l) m).
   assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR (floor st - 1))%R -> Good l a).
   { intros l a H [_ [Hfl _]] _ E. exfalso. unfold profitR in H. rewrite E, minus_IZR in H. lra. }
-  assert (Hdown : forall l (a : joints), Good l (take_first st gs (begun t) into l a)).
+  assert (Hdown : forall l (a : joints), Good l (take_first st gs l a)).
   { intros l a H1 H2 _. unfold take_first. cbv zeta.
     pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
     assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
     apply Z.leb_le in Hle. rewrite Hle. exists (Ordered.sort (map taken l)). split; [apply Ordered.Permuted_sort|].
-    apply insert_new. unfold sum. rewrite !plus_IZR. lra. }
-  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_first st gs (begun t) into l' a)).
+    apply insert_new. exact HE. }
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_first st gs l' a)).
   { intros l l' a H H1 H2 H3. destruct (H H1 H2 H3) as [j [Ej Hj]]. exists j. split; [exact Ej|].
     unfold take_first. cbv zeta. destruct (_ <=? _); [apply insert_old|]; exact Hj. }
   assert (Hswap : forall pre x c y post (a : joints), Good (pre ++ c :: x ++ y ++ post) a -> Good (pre ++ x ++ c :: y ++ post) a).
   { intros pre x c y post a H H1 H2 H3.
     assert (Hp : Permutation (pre ++ x ++ c :: y ++ post) (pre ++ c :: x ++ y ++ post)) by
       (apply Permutation_app_head; symmetry; apply Permutation_middle).
-    rewrite (F_perm _ _ _ _ _ _ _ Hp), (sum_perm _ (past_in into) _ _ Hp).
+    rewrite (F_perm _ _ _ _ _ _ _ Hp).
     rewrite (sum_perm _ (price named) _ _ Hp), (sum_perm _ (charge named) _ _ Hp) in H3.
     destruct H as [j [Ej Hj]]; [eapply counts_perm; [apply places_meet_symmetric | exact Hp | exact H1] | eapply Permutation_Forall; eassumption | exact H3|].
     exists j. split; [|exact Hj]. eapply Permutation_trans; [apply Permutation_map, Hp | exact Ej]. }
   pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
   assert (HGood : Good ([] ++ concat Ls) (joints_at t)).
   { apply (node_ok named (places_meet I) (places_meet_symmetric I) (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
-      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => floor st - 1) (take_first st gs (begun t) into)
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => floor st - 1) (take_first st gs)
       Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep false (fun _ => Hswap) (step_bases st) (floor st)).
     - exact Hpool.
     - exact Hpositive.
@@ -707,29 +821,169 @@ Proof.
     unfold joint_of. rewrite map_map. apply Permutation_refl. }
   destruct (Permutation_map_inv (fun f : flight => (fst f, snd f t)) plan (Permutation_sym Ejoint)) as [plan' [E Hperm]].
   exists plan'. split; [exact Hperm|]. change (joint_of plan' t) with (map (fun f : flight => (fst f, snd f t)) plan'). rewrite <- E.
-  eapply recorded_less; [|exact Hj]. rewrite HFL, (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map.
-  change (sumZ (map _ plan)) with (into_sum t). rewrite plus_IZR. lra.
+  rewrite HFL in Hj. exact Hj.
 Qed.
 
-Theorem paths_bound_ok from : (from <= T)%nat -> (J I plan * IZR (precision M) <= IZR (paths_bound from))%R.
+(** ** Onward and back *)
+
+Lemma ends_ok j v move moves : In move moves -> In (j, v) (snd move) -> recorded j (IZR v) (ends moves).
 Proof.
-  intros Hfrom. unfold paths_bound. set (first := match from with O => first_joints | S _ => joints_at from end).
-  assert (Hfirst : exists more, (0 <= more)%R
-    /\ exists plan', Permutation plan plan' /\ recorded (joint_of plan' from) (G from + more)%R first).
-  { unfold first. destruct from as [|m].
-    - exists 0%R. split; [apply Rle_refl|]. rewrite Rplus_0_r. apply (in_order plan 0); [reflexivity | apply first_joints_ok].
-    - exists (IZR (begun (S m) + into_sum (S m)) + FR (S m) - G (S m))%R.
-      split; [pose proof (begun_ok (S m) Hfrom); lra|].
-      replace (G (S m) + _)%R with (IZR (begun (S m) + into_sum (S m)) + FR (S m))%R by lra. apply joints_at_ok, Hfrom. }
-  destruct Hfirst as [more [Hmore Hfirst]].
-  destruct (reached_ok first from (T - from) more Hmore ltac:(lia) Hfirst) as [plan' [_ Hrec]].
-  replace (from + (T - from))%nat with T in Hrec by lia. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
-  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [|apply IZR_le].
-  { apply Rle_trans with (2 := Hv). lra. }
+  intros Hmove Hin. unfold ends. apply fold_records with (b := move); [| |exact Hmove].
+  - intros m x. cbn beta. revert m. induction (snd x) as [|y ys IH]; intros m Hm; simpl; [exact Hm | apply IH, insert_old, Hm].
+  - intros m. apply fold_records with (b := (j, v)); [intros; apply insert_old; assumption | | exact Hin].
+    intros m0. apply insert_new, Rle_refl.
+Qed.
+
+Lemma got_ok j v after g i w moves l : In (i, w, l) moves -> In (j, v) l -> value_at j after = Some g ->
+  recorded i (IZR (v - w + g)) (got after moves).
+Proof.
+  intros Hmove Hin Hg. unfold got. apply fold_records with (b := (i, w, l)); [| |exact Hmove].
+  - intros m x. cbn beta. revert m. induction (snd x) as [|y ys IH]; intros m Hm; simpl; [exact Hm|]. apply IH.
+    destruct (value_at (fst y) after); [apply insert_old|]; exact Hm.
+  - intros m. cbn [fst snd]. apply fold_records with (b := (j, v)); [| |exact Hin].
+    + intros m0 x Hm. destruct (value_at (fst x) after); [apply insert_old|]; exact Hm.
+    + intros m0. cbn [fst snd]. rewrite Hg. apply insert_new, Rle_refl.
+Qed.
+
+Lemma G_next t : G (S t) = (G t + FR (S t) + IZR (rewards_at t))%R.
+Proof. unfold G. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra. Qed.
+
+Lemma gains_ok n : forall t l plan' v, (t + n = T)%nat -> Permutation plan plan' ->
+  In (joint_of plan' t, v) l -> (G t <= IZR v)%R -> recorded (joint_of plan' t) (G T - G t)%R (gains n t l).
+Proof.
+  induction n as [|n IH]; intros t l plan' v Ht Hperm Hin Hv; cbn [gains].
+  - apply fold_records with (b := (joint_of plan' t, v)); [intros; apply insert_old; assumption | | exact Hin].
+    intros m. apply insert_new. replace t with T by lia. lra.
+  - cbv zeta. set (gs := step_groups I C (S t)). set (others := rest (S t)).
+    set (moves := map (fun jv => (jv, listed (following gs others t jv (PM.empty _)))) l).
+    pose proof (following_ok t v plan' (PM.empty _) ltac:(lia) Hperm Hv) as Hfound. fold gs others in Hfound.
+    destruct (recorded_listed _ _ _ Hfound) as [v' [Hin' Hv']].
+    assert (Hmove : In ((joint_of plan' t, v), listed (following gs others t (joint_of plan' t, v) (PM.empty _))) moves).
+    { unfold moves. apply in_map_iff. exists (joint_of plan' t, v). split; [reflexivity | exact Hin]. }
+    pose proof (ends_ok _ v' _ _ Hmove Hin') as Hend.
+    destruct (Permutation_map_inv (fun f : flight => (fst f, snd f (S t))) plan' (Permutation_sym (Ordered.Permuted_sort (joint_of plan' (S t)))))
+      as [plan2 [E2 Hperm2]]. change (map _ plan2) with (joint_of plan2 (S t)) in E2. rewrite E2 in Hend, Hin'.
+    destruct (recorded_listed _ _ _ Hend) as [w [Hinw Hw]]. pose proof (G_next t) as EG.
+    pose proof (IH (S t) _ plan2 w ltac:(lia) (Permutation_trans Hperm Hperm2) Hinw ltac:(lra)) as Hafter.
+    destruct (recorded_value _ _ _ Hafter) as [g [Eg Hg]].
+    eapply recorded_less; [|exact (got_ok _ v' _ g _ _ _ _ Hmove Hin' Eg)]. rewrite plus_IZR, minus_IZR. lra.
+Qed.
+
+(** What a plan is worth from step t on. *)
+Definition H (t : nat) : R := (FR t + G T - G t)%R.
+
+Lemma before_all_is plan' t : Permutation plan plan' -> before_all (pasts t) (joint_of plan' t) = into_sum t.
+Proof.
+  intros Hperm. unfold before_all, into_sum, joint_of. rewrite map_map. cbn [fst snd]. symmetry.
+  clear - Hperm. induction Hperm; simpl; lia.
+Qed.
+
+Lemma joints_from_ok t : (t <= T)%nat -> met t (H t) (joints_from t).
+Proof.
+  intros Ht. destruct (joints_at_ok t Ht) as [plan' [Hperm Hrec]]. exists plan'. split; [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [w [Hin Hw]]. pose proof (begun_ok t Ht) as Hbegun.
+  set (v := begun t + before_all (pasts t) (joint_of plan' t) + w).
+  assert (Hv : (G t <= IZR v)%R).
+  { unfold v. rewrite (before_all_is plan' t Hperm). rewrite !plus_IZR in *. lra. }
+  unfold joints_from. cbv zeta. set (after := gains _ _ _).
+  assert (Hafter : recorded (joint_of plan' t) (G T - G t)%R after).
+  { apply (gains_ok (T - t) t _ plan' v); [lia | exact Hperm | | exact Hv].
+    unfold with_ways. apply in_map_iff. exists (joint_of plan' t, w). split; [reflexivity | exact Hin]. }
+  destruct (recorded_value _ _ _ Hafter) as [g [Eg Hg]].
+  apply fold_records with (b := (joint_of plan' t, w)); [| |exact Hin].
+  - intros m x Hm. destruct (value_at (fst x) after); [destruct (_ <? _); [apply insert_old|]|]; exact Hm.
+  - intros m. cbn [fst snd]. rewrite Eg. fold v.
+    assert (Hlt : target < v + g) by (apply lt_IZR; rewrite plus_IZR; pose proof J_below; lra).
+    apply Z.ltb_lt in Hlt. rewrite Hlt. apply insert_new. rewrite plus_IZR. unfold H. lra.
+Qed.
+
+Lemma tails_ok t k s s' v : PM.find s (map_of (u_prices (now (at_ N t))) k) = Some v -> In s' (moves I k t s) ->
+  exists l, PM.find s' (tails t k) = Some l /\ In s l.
+Proof.
+  intros Hs Hmove. set (has := fun m : PM.t (list state) => exists l, PM.find s' m = Some l /\ In s l).
+  set (put := fun x (m : PM.t (list state)) y => PM.add y (x :: match PM.find y m with Some l => l | None => [] end) m).
+  assert (Hput : forall x m y, has m -> has (put x m y)).
+  { intros x m y [l [El Hl]]. unfold has, put. destruct (Pos.eq_dec s' y) as [<- | Hne].
+    - rewrite PM.gss, El. eexists. split; [reflexivity | right; exact Hl].
+    - rewrite PM.gso by exact Hne. exists l. auto. }
+  assert (Hputs : forall x ys m, has m -> has (fold_left (put x) ys m)).
+  { induction ys as [|y ys IH]; intros m Hm; simpl; [exact Hm | apply IH, Hput, Hm]. }
+  assert (Hnew : forall ys m, In s' ys -> has (fold_left (put s) ys m)).
+  { induction ys as [|y ys IH]; intros m Hin; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin].
+    apply Hputs. unfold has, put. rewrite PM.gss. eexists. split; [reflexivity | left; reflexivity]. }
+  assert (Hin : In s (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k)))).
+  { apply in_map_iff. exists (s, v). split; [reflexivity | apply PM.elements_correct, Hs]. }
+  change (has (fold_left (fun m x => fold_left (put x) (moves I k t x) m) (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k))) (PM.empty _))).
+  assert (Hall : forall l m, has m -> has (fold_left (fun m x => fold_left (put x) (moves I k t x) m) l m)).
+  { induction l as [|x l IH]; intros m Hm; simpl; [exact Hm | apply IH, Hputs, Hm]. }
+  generalize (PM.empty (list state)). revert Hin. generalize (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k))) as l.
+  induction l as [|x l IH]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [apply Hall, Hnew, Hmove | apply IH, Hin].
+Qed.
+
+Lemma ways_back_symmetric a b : ways_back_meet a b = ways_back_meet b a.
+Proof.
+  unfold ways_back_meet. rewrite places_meet_symmetric. f_equal. destruct a as [[k p] [q s]], b as [[k' p'] [q' s']].
+  apply andb_comm.
+Qed.
+
+Lemma joints_before_ok t m : (S t <= T)%nat -> met (S t) (H (S t)) m -> met t (H t) (joints_before t m).
+Proof.
+  intros Ht [plan' [Hperm Hrec]]. apply (in_order plan' t); [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. unfold joints_before. cbv zeta.
+  apply fold_records with (b := (joint_of plan' (S t), v)); [intros; apply explore_keeps; assumption | | exact Hin].
+  intros m0. cbn [fst snd].
+  pose proof (G_next t) as EG.
+  set (into := fun k s => PM.find s (map_of (pasts t) k)).
+  assert (Hinto : forall f, In f plan -> exists a, into (fst f) (snd f t) = Some a /\ number_of (pasts t) (fst f) (snd f t) = a).
+  { intros f Hf. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
+    destruct (past_ok d f t Hd ltac:(lia)) as [[u Eu] _]. exists u. unfold into, number_of. rewrite Eu. auto. }
+  apply (explore_ok into (begun t) t v ways_back_meet (fun f => place I (fst f) (snd f (S t)))
+    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan'); [lia | apply ways_back_symmetric | exact Hperm | | | | |].
+  - intros f Hf. destruct (Hinto f Hf) as [a [Ea _]]. exists a. exact Ea.
+  - rewrite (sumZ_ext _ (fun f => number_of (pasts t) (fst f) (snd f t))).
+    2:{ intros f Hf. destruct (Hinto f Hf) as [a [Ea En]]. rewrite Ea, En. reflexivity. }
+    fold (into_sum t). pose proof (begun_ok t ltac:(lia)) as HB. pose proof J_below. unfold H. rewrite !plus_IZR in *. lra.
+  - change (sumZ (map _ plan)) with (rewards_at t). unfold H in *. lra.
+  - intros pr. destruct planned as [_ HA]. unfold fits_together. clear - HA Ht.
+    induction HA as [|f l Hf HA IH]; simpl; [constructor|]. constructor; [|exact IH].
+    rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
+    unfold ways_back_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
+    rewrite (Hm t ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
+  - assert (Htails : forall f, In f plan' -> exists l, PM.find (snd f (S t)) (of_class (PM.empty _) (map (fun k => (k, tails t k)) (classes I)) (fst f)) = Some l
+        /\ In (snd f t) l).
+    { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
+      rewrite of_class_map by (apply (class_in I plan planned), Hf). destruct narrow as [_ HN]. destruct (HN t ltac:(lia)) as [HL _].
+      destruct (HL f Hf) as [p Ep]. apply (tails_ok t (fst f) (snd f t) (snd f (S t)) p Ep).
+      destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
+    unfold joint_of, pools_back. rewrite map_map. clear - Htails.
+    induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Htails; right; assumption].
+    simpl. split; [reflexivity|]. intros a Ea. destruct (Htails f (or_introl eq_refl)) as [l [El Hl]]. rewrite El.
+    apply in_flat_map. exists (snd f t). split; [exact Hl|].
+    apply (choice_found into t f (place I (fst f) (snd f (S t))) (fun s' => reward I C (fst f) s' (snd f (S t))) a Ea).
+Qed.
+
+Lemma back_ok t : forall m, (t <= T)%nat -> met t (H t) m -> met 0 (H 0) (back t m).
+Proof.
+  induction t as [|t IH]; intros m Ht Hm; [exact Hm|]. cbn [back]. apply IH; [lia|]. apply joints_before_ok; assumption.
+Qed.
+
+Lemma most_of_all_ok t m : met t (G T) m -> (J I plan * IZR (precision M) <= IZR (most_of_all m))%R.
+Proof.
+  intros [plan' [_ Hrec]]. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
+  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold most_of_all.
   assert (Hold : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
   { induction l as [|x l IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
-  revert Hin. generalize target as b. generalize (listed (reached first from (T - from))) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
+  revert Hin. generalize target as b. generalize (listed m) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
   simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin]. specialize (Hold l (Z.max b v)). simpl. lia.
+Qed.
+
+Lemma paths_ok : (J I plan * IZR (precision M) <= IZR (most_of_all (reached T)))%R.
+Proof. apply (most_of_all_ok T), reached_ok, le_n. Qed.
+
+Lemma paths_from_ok t : (t <= T)%nat -> (J I plan * IZR (precision M) <= IZR (most_of_all (back t (joints_from t))))%R.
+Proof.
+  intros Ht. apply (most_of_all_ok 0). replace (G T) with (H 0) by (unfold H, G; simpl; lra).
+  apply back_ok; [exact Ht | apply joints_from_ok, Ht].
 Qed.
 End Paths.
 
@@ -742,6 +996,16 @@ Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> me
 Variable mind : memory.
 Notation M := (numbers C).
 
+(** What no plan is above, by the paths of all drones, from step 0 or another on. *)
+Definition paths_bound (N : narrowing) (target : Z) (from : nat) : Z :=
+  let Vs := sweep_all I C N in
+  most_of_all target (match from with
+    | O => reached I C coarse memory advise mind N target Vs (horizon I)
+    | S _ =>
+        let Us := sweep_so_far I C N Vs in
+        back I C coarse memory advise mind N target Vs Us from (joints_from I C coarse memory advise mind N target Vs Us from)
+    end).
+
 (** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
     one, from a step on; None: the certificate proves nothing. *)
 Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) (paths_from : nat) : option Z :=
@@ -753,7 +1017,7 @@ Definition whole_bound (target : Z) (stages : list stage) (paths_above : option 
               | None => higher
               | Some N => match close I C higher N with
                           | None => higher
-                          | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N') paths_from
+                          | Some N' => paths_bound N' higher paths_from
                           end
               end)
       else None
@@ -777,7 +1041,7 @@ Proof.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
     + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
-      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
+      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound, most_of_all. cbv zeta.
       match goal with |- context [listed ?m] => generalize (listed m) as l end. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
@@ -785,7 +1049,9 @@ Proof.
     + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
       destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
       destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
-      apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl paths_from Hfrom).
+      unfold paths_bound. destruct paths_from as [|from].
+      * apply (paths_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl).
+      * apply (paths_from_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl (S from) Hfrom).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
     pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
