@@ -76,8 +76,8 @@ Definition left_bound (N : narrowing) (Vs : list (nat * list (PM.t (option Z))))
 Definition sweep_all (N : narrowing) : list (nat * list (PM.t (option Z))) :=
   map (fun k => (k, to_go_of N k)) (classes I).
 
-(** What the best path into each state brings, the state aside: less what the best path of its drone
-    gets, of the drone of a class for which that is most. *)
+(** The value of the best path into each state, without the state itself, less the value of the drone's
+    best path; for the drone of the class for which this difference is largest. *)
 Definition sweep_so_far (N : narrowing) (Vs : list (nat * list (PM.t (option Z)))) : list (nat * list (PM.t Z)) :=
   map (fun k => (k, left_forward N k (step_price N k) (toll' k)
                       (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] Vs k) k)))) (classes I).
@@ -410,7 +410,7 @@ Proof.
   split; [reflexivity | apply starts_in_ok, Hd].
 Qed.
 
-(** What a drone has got before a state is bounded by its best path and the sweep. *)
+(** What a drone collects before a step is at most the value of its best path and that of the sweep. *)
 Lemma so_far_ok N d f t : inv N -> paired N d f -> (t <= T)%nat -> exists u,
   PM.find (snd f t) (nth t (of_class [] (sweep_so_far N (sweep_all N)) (fst f)) (PM.empty Z)) = Some u
   /\ so_far (step_price N (fst f)) (toll' (fst f)) (snd f) t <= best_number N d + u.

@@ -1,8 +1,11 @@
 (** The paths of all drones together: value iteration over the joint states that plans above a target
-    may visit.  Of all ways to a joint state the best is kept; drones of one class may change places.
+    may visit.  Of all ways to a joint state only the best is kept; drones of one class are
+    exchangeable.
 
-    The iteration begins at step 0, or at a later step: then a search finds all joint states of that
-    step which plans above the target may visit, and what is got before is bounded by the prices. *)
+    The iteration begins at step 0 or at a later step. In the second case, a search finds all joint
+    states of that step that plans above the target may visit. From these, paths are explored to the
+    end, and the prices bound what was collected before the step. From those that may still exceed
+    the target, paths are then explored back to step 0, with the worth of all later steps known. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
 From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Staged.
 Import ListNotations.
@@ -18,6 +21,21 @@ Fixpoint same_joint (a b : joint) : bool :=
   | [], [] => true
   | (k, s) :: a', (k', s') :: b' => Nat.eqb k k' && Pos.eqb s s' && same_joint a' b'
   | _, _ => false
+  end.
+
+Definition same_drone (a b : nat * state) : bool := Nat.eqb (fst a) (fst b) && Pos.eqb (snd a) (snd b).
+
+Fixpoint take_out (a : nat * state) (j : joint) : option joint :=
+  match j with
+  | [] => None
+  | b :: rest => if same_drone a b then Some rest else option_map (cons b) (take_out a rest)
+  end.
+
+(** True if both have the same drones and states, in any order. *)
+Fixpoint same_drones (i j : joint) : bool :=
+  match i with
+  | [] => match j with [] => true | _ => false end
+  | a :: rest => match take_out a j with Some j' => same_drones rest j' | None => false end
   end.
 
 (** An order, so that joint states of the same drones and states are the same; nothing more. *)
@@ -47,7 +65,7 @@ Definition insert (j : joint) (v : Z) (m : joints) : joints :=
 
 Definition listed (m : joints) : list (joint * Z) := flat_map snd (PM.elements m).
 
-(** What is recorded of a joint state, if it is. *)
+(** The value recorded for a joint state; None if there is none. *)
 Definition value_at (j : joint) (m : joints) : option Z :=
   match PM.find (key_of j) m with
   | None => None
@@ -62,6 +80,25 @@ Proof.
   induction a as [|[k s] a IH]; intros [|[k' s'] b] H; simpl in H; try discriminate; [reflexivity|].
   split_andb. match goal with H : Nat.eqb _ _ = true |- _ => apply Nat.eqb_eq in H; subst k' end.
   match goal with H : Pos.eqb _ _ = true |- _ => apply Pos.eqb_eq in H; subst s' end. f_equal. apply IH. assumption.
+Qed.
+
+Lemma take_out_ok a j : In a j -> exists j', take_out a j = Some j' /\ Permutation j (a :: j').
+Proof.
+  induction j as [|b j IH]; intros Hin; [contradiction|]. simpl. unfold same_drone.
+  destruct (Nat.eqb_spec (fst a) (fst b)) as [E1 | N1]; [destruct (Pos.eqb_spec (snd a) (snd b)) as [E2 | N2]|]; simpl.
+  - exists j. split; [reflexivity|]. destruct a, b. simpl in *. subst. reflexivity.
+  - destruct Hin as [-> | Hin]; [contradiction|]. destruct (IH Hin) as [j' [-> Hp]]. exists (b :: j'). split; [reflexivity|].
+    eapply Permutation_trans; [apply perm_skip, Hp | apply perm_swap].
+  - destruct Hin as [-> | Hin]; [contradiction|]. destruct (IH Hin) as [j' [-> Hp]]. exists (b :: j'). split; [reflexivity|].
+    eapply Permutation_trans; [apply perm_skip, Hp | apply perm_swap].
+Qed.
+
+Lemma same_drones_ok i : forall j, Permutation i j -> same_drones i j = true.
+Proof.
+  induction i as [|a i IH]; intros j Hp; simpl.
+  - apply Permutation_nil in Hp. subst j. reflexivity.
+  - destruct (take_out_ok a j (Permutation_in a Hp (or_introl eq_refl))) as [j' [-> Hj]].
+    apply IH. apply (Permutation_cons_inv (a := a)). eapply Permutation_trans; eassumption.
 Qed.
 
 Lemma put_new j v l : exists v', In (j, v') (put j v l) /\ v <= v'.
@@ -102,7 +139,9 @@ Qed.
 Lemma recorded_less j c c' m : (c' <= c)%R -> recorded j c m -> recorded j c' m.
 Proof. intros H [l [v [H1 [H2 H3]]]]. exists l, v. repeat split; try assumption. lra. Qed.
 
-Lemma recorded_listed j c m : recorded j c m -> exists v, In (j, v) (listed m) /\ (c <= IZR v)%R.
+Definition recorded_in (j : joint) (c : R) (l : list (joint * Z)) : Prop := exists v, In (j, v) l /\ (c <= IZR v)%R.
+
+Lemma recorded_listed j c m : recorded j c m -> recorded_in j c (listed m).
 Proof.
   intros [l [v [E [Hin Hc]]]]. exists v. split; [|exact Hc]. unfold listed. apply in_flat_map.
   exists (key_of j, l). split; [apply PM.elements_correct, E | exact Hin].
@@ -119,7 +158,7 @@ Proof.
   exists w. split; [exact Ew|]. apply IZR_le in Hw. lra.
 Qed.
 
-(** What a fold over a list takes down of one item, if nothing is lost of it later. *)
+(** A fold over a list keeps what one of its items records, if no other item removes it. *)
 Lemma fold_records {B} (f : joints -> B -> joints) (j : joint) (c : R) (l : list B) b :
   (forall m x, recorded j c m -> recorded j c (f m x)) -> (forall m, recorded j c (f m b)) -> In b l ->
   forall m, recorded j c (fold_left f l m).
@@ -141,8 +180,8 @@ Notation M := (numbers C).
 Notation rs := (all_rows C []).
 Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))).
 
-(** The most that a drone gets after a step from a state on, less what rows charge for the state, if
-    there is a way. *)
+(** The most that a drone in a state collects after a step, less what rows charge for the state; None
+    if no path leads to the end. *)
 Definition future (t k : nat) : state -> option Z :=
   let V := nth t (of_class [] Vs k) (PM.empty _) in
   let prices := u_prices (now (at_ N t)) in
@@ -163,8 +202,9 @@ Definition ways_meet (a b : named) : bool :=
   || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
       clash I (way a) (way b) && clash I (way b) (way a)).
 
-(** A state for a drone: what it gets on the way to it and beyond counts as its price, below 0.
-    beyond: of each class and state, what is got before, or later, if there is a way. *)
+(** A drone's state as a candidate. Its price is the negative of what the drone collects beyond it, and
+    of the reward of the move. beyond: the most that a drone of a class in a state collects at the
+    steps that are not explored yet; None if no path leads there. *)
 Definition choice_in (beyond : nat -> state -> option Z) (gs : list group) (t k : nat) (next : positive)
   (rewarded : state -> Z) (s : state) : list candidate :=
   match beyond k s with
@@ -185,7 +225,8 @@ Definition take_joint (beyond : nat -> state -> option Z) (t : nat) (gs : list g
   then insert (Ordered.sort (map taken l)) (known + worth + sumZ (map (fun c => - price named c - beyond_in beyond c) l)) m
   else m.
 
-(** Joint states of a step that are next to one whose steps have the worth that is known. *)
+(** Adds the joint states of step t to which the team can move from a joint state. known: the worth of
+    the steps explored so far; others: constants and rows of the steps that are not. *)
 Definition explore (beyond : nat -> state -> option Z) (gs : list group) (others : Z) (t : nat) (known : Z)
   (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
   let threshold := target - known - others in
@@ -203,7 +244,7 @@ Definition pools_in (gs : list group) (t : nat) (j : joint) : pool candidate :=
   map (fun ks => let (k, s) := ks : nat * state in
          (1%nat, flat_map (choice_in (future (S t)) gs (S t) k (place I k s) (reward I C k s)) (moves I k t s))) j.
 
-(** The joint states of the step after t that follow one of step t. *)
+(** Adds the joint states of the step after t that follow a joint state of step t. *)
 Definition following (gs : list group) (others : Z) (t : nat) (jv : joint * Z) : joints -> joints :=
   explore (future (S t)) gs others (S t) (snd jv) ways_meet (pools_in gs t (fst jv)).
 
@@ -215,14 +256,14 @@ Definition next_joints (t : nat) (m : joints) : joints :=
 Fixpoint reached (t : nat) : joints :=
   match t with O => first_joints | S t' => next_joints t' (reached t') end.
 
-(** ** From a later step on, and back from there *)
+(** ** From a later step to the end, then back to step 0 *)
 
 Variable Us : list (nat * list (PM.t Z)).
 
-(** What the best path into each state of a step brings, less what its drone gets at most. *)
+(** The value of the best path into each state of a step, less the value of the drone's best path. *)
 Definition pasts (t : nat) : by_state := map (fun kU => (fst kU, nth t (snd kU) (PM.empty Z))) Us.
 
-(** The constants of the steps before t, the rows before t, and what the drones get at most. *)
+(** The constants and the rows of the steps before t, and the values of all drones' best paths. *)
 Definition begun (t : nat) : Z :=
   total t (fun j => u_constant (now (at_ N j)))
   + sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs)
@@ -234,8 +275,8 @@ Definition take_first (st : step) (gs : list group) (l : list candidate) (m : jo
   let worth := exact_of I C gs l in
   if floor st + sum named (charge named) l <=? worth then insert (Ordered.sort (map taken l)) worth m else m.
 
-(** States that a path leads to and on from; what is charged counts as the price, so that profits
-    are to be no less than the floor. *)
+(** The states of a class that paths lead through. Their charges are also their prices, so that a joint
+    state counts if its profit is at least the floor. *)
 Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_state) (k : nat) : list candidate :=
   let later := future t k in
   let before := map_of into k in
@@ -245,33 +286,33 @@ Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_stat
     | _, _ => []
     end) (PM.elements (map_of (u_prices (now st)) k)).
 
-(** The joint states of a step that plans above the target may visit, with what the step is worth. *)
+(** The joint states of a step that plans above the target may visit, with the worth of the step. *)
 Definition joints_at (t : nat) : joints :=
   let st := at_ N t in let gs := step_groups I C t in let into := pasts t in
   search I C coarse memory advise (fun _ => floor st - 1) (take_first st gs) (places_meet I) gs (length (team I)) []
     (nothing (specs_of I C coarse gs)) 0 (- floor st) (step_bases st)
     (map (fun k => (size I k, first_choices st gs t into k)) (classes I)) mind (PM.empty _).
 
-(** With what the way to them is worth at most. *)
+(** These joint states with the largest worth of this step and all earlier ones. *)
 Definition with_ways (t : nat) (m : joints) : list (joint * Z) :=
   let into := pasts t in let before := begun t in
   map (fun jv => (fst jv, before + before_all into (fst jv) + snd jv)) (listed m).
 
-(** Moves of the team: joint states, and for each those that follow it. *)
+(** Moves of the team: each joint state with its value, and the joint states that follow it. *)
 Definition team_moves : Type := list (joint * Z * list (joint * Z)).
 
 Definition ends (moves : team_moves) : joints :=
   fold_left (fun found move => fold_left (fun found jv => insert (fst jv) (snd jv) found) (snd move) found) moves (PM.empty _).
 
-(** Of each joint state at which moves begin, what is got on the best of them and after. *)
-Definition got (after : joints) (moves : team_moves) : joints :=
+(** For each joint state at which moves begin, the most that is collected by one of them and later. *)
+Definition collected (after : joints) (moves : team_moves) : joints :=
   fold_left (fun found move =>
     fold_left (fun found jv => match value_at (fst jv) after with
                                | Some g => insert (fst (fst move)) (snd jv - snd (fst move) + g) found
                                | None => found
                                end) (snd move) found) moves (PM.empty _).
 
-(** The most that is got after each joint state of step t, in n steps. *)
+(** The most that is collected after each joint state of step t, in n steps. *)
 Fixpoint gains (n t : nat) (l : list (joint * Z)) : joints :=
   match n with
   | O => fold_left (fun found jv => insert (fst jv) 0 found) l (PM.empty _)
@@ -279,11 +320,11 @@ Fixpoint gains (n t : nat) (l : list (joint * Z)) : joints :=
       let gs := step_groups I C (S t) in
       let others := rest (S t) in
       let moves := map (fun jv => (jv, listed (following gs others t jv (PM.empty _)))) l in
-      got (gains n' (S t) (listed (ends moves))) moves
+      collected (gains n' (S t) (listed (ends moves))) moves
   end.
 
-(** The joint states of a step from which plans above the target may go on, with the most that this
-    step and all later ones are worth. *)
+(** The joint states of a step from which paths to the end may exceed the target, with the largest worth
+    of this step and all later ones. *)
 Definition joints_from (t : nat) : joints :=
   let m := joints_at t in
   let after := gains (T - t) t (with_ways t m) in
@@ -294,7 +335,7 @@ Definition joints_from (t : nat) : joints :=
       | None => found
       end) (listed m) (PM.empty _).
 
-(** From which states of a step a drone of a class comes to each state. *)
+(** For each state of the step after t, the states of step t from which a drone of a class can move to it. *)
 Definition tails (t k : nat) : PM.t (list state) :=
   fold_left (fun m s => fold_left (fun m s' => PM.add s' (s :: match PM.find s' m with Some l => l | None => [] end) m)
                                   (moves I k t s) m)
@@ -311,7 +352,7 @@ Definition pools_back (into : nat -> state -> option Z) (from : list (nat * PM.t
          (1%nat, flat_map (choice_in into gs t k (place I k s) (fun s' => reward I C k s' s))
                           (match PM.find s (of_class (PM.empty _) from k) with Some l => l | None => [] end))) j.
 
-(** The joint states of step t that those of the next step may follow. *)
+(** The joint states of step t from which the team can move to given ones of the next step. *)
 Definition joints_before (t : nat) (m : joints) : joints :=
   let gs := step_groups I C t in
   let others := begun t in
@@ -324,7 +365,23 @@ Definition joints_before (t : nat) (m : joints) : joints :=
 Fixpoint back (t : nat) (m : joints) : joints :=
   match t with O => m | S t' => back t' (joints_before t' m) end.
 
-Definition most_of_all (m : joints) : Z := fold_left (fun b jv => Z.max b (snd jv)) (listed m) target.
+(** The drones' starts, if each drone has only one. *)
+Fixpoint only_starts (drones : list (nat * list state)) : option joint :=
+  match drones with
+  | [] => Some []
+  | (k, [s]) :: rest => match only_starts rest with Some j => Some ((k, s) :: j) | None => None end
+  | _ => None
+  end.
+
+Definition may_begin (j : joint) : bool :=
+  match only_starts (team I) with Some starts => same_drones j starts | None => true end.
+
+(** The joint states of step 0 at which plans above the target may begin, with the largest worth of such
+    a plan. *)
+Definition paths_through (t : nat) : list (joint * Z) :=
+  filter (fun jv => may_begin (fst jv)) (listed (back t (joints_from t))).
+
+Definition most_of (l : list (joint * Z)) : Z := fold_left (fun b jv => Z.max b (snd jv)) l target.
 (** * Soundness *)
 
 Lemma ways_meet_symmetric a b : ways_meet a b = ways_meet b a.
@@ -482,8 +539,8 @@ Proof.
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
 
-(** The joint state of a plan above the target is found: known is what its steps next to t are worth
-    at most, and of what is got beyond, others and the drones' states have the most. *)
+(** The search finds the joint state of a plan above the target, with a value of at least g, if g and
+    the bounds on the steps that are not explored yet exceed the J of the plan. *)
 Lemma explore_ok (beyond : nat -> state -> option Z) (others : Z) t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
   (forall f, In f plan -> exists a, beyond (fst f) (snd f t) = Some a) ->
@@ -579,7 +636,7 @@ Lemma choice_found beyond t f (next : positive) (rewarded : state -> Z) a : beyo
      (choice_in beyond (step_groups I C t) t (fst f) next rewarded (snd f t)).
 Proof. intros E. unfold choice_in. rewrite E. left. reflexivity. Qed.
 
-(** What a plan above the target is worth up to step t, or a number above, is known: then its state is found. *)
+(** The same for steps explored from step 0 on. *)
 Lemma explored_onward t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
@@ -619,7 +676,7 @@ Proof.
   exists plan''. split; [eapply Permutation_trans; eassumption|]. change (joint_of plan'' t) with (map (fun f : flight => (fst f, snd f t)) plan''). rewrite <- E. exact H.
 Qed.
 
-(** A plan's next joint state follows, with what the step adds. *)
+(** From the joint state of a plan its next one is found, with the worth that the step adds. *)
 Lemma following_ok t v plan' m : (S t <= T)%nat -> Permutation plan plan' -> (G t <= IZR v)%R ->
   recorded (Ordered.sort (joint_of plan' (S t))) (IZR v + FR (S t) + IZR (rewards_at t))%R
     (following (step_groups I C (S t)) (rest (S t)) t (joint_of plan' t, v) m).
@@ -646,7 +703,7 @@ Qed.
 Lemma following_keeps j c gs others t jv m : recorded j c m -> recorded j c (following gs others t jv m).
 Proof. apply explore_keeps. Qed.
 
-(** Some order of the drones is recorded. *)
+(** The joint state of the plan is recorded, its drones in some order. *)
 Definition met (t : nat) (c : R) (m : joints) : Prop :=
   exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) c m.
 
@@ -699,7 +756,7 @@ Proof.
   destruct (Nat.ltb (step_of (used r)) t); nia.
 Qed.
 
-(** What a drone has got before a step: no more than its best path, and the best path into its state. *)
+(** What a drone collects before a step is at most the values of its best path and of its state. *)
 Lemma past_ok d f t : paired I C plan N d f -> (t <= T)%nat ->
   (exists u, PM.find (snd f t) (map_of (pasts t) (fst f)) = Some u)
   /\ so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t
@@ -718,7 +775,7 @@ Qed.
 
 Definition into_sum (t : nat) : Z := sumZ (map (fun f => number_of (pasts t) (fst f) (snd f t)) plan).
 
-(** What a plan has got before a step is no more than what begins there. *)
+(** What a plan collects up to step t is at most the bound on earlier steps and the worth of step t. *)
 Lemma begun_ok t : (t <= T)%nat -> (G t <= IZR (begun t + into_sum t) + FR t)%R.
 Proof.
   intros Ht. pose proof narrow as [_ HN].
@@ -834,10 +891,10 @@ Proof.
     intros m0. apply insert_new, Rle_refl.
 Qed.
 
-Lemma got_ok j v after g i w moves l : In (i, w, l) moves -> In (j, v) l -> value_at j after = Some g ->
-  recorded i (IZR (v - w + g)) (got after moves).
+Lemma collected_ok j v after g i w moves l : In (i, w, l) moves -> In (j, v) l -> value_at j after = Some g ->
+  recorded i (IZR (v - w + g)) (collected after moves).
 Proof.
-  intros Hmove Hin Hg. unfold got. apply fold_records with (b := (i, w, l)); [| |exact Hmove].
+  intros Hmove Hin Hg. unfold collected. apply fold_records with (b := (i, w, l)); [| |exact Hmove].
   - intros m x. cbn beta. revert m. induction (snd x) as [|y ys IH]; intros m Hm; simpl; [exact Hm|]. apply IH.
     destruct (value_at (fst y) after); [apply insert_old|]; exact Hm.
   - intros m. cbn [fst snd]. apply fold_records with (b := (j, v)); [| |exact Hin].
@@ -866,10 +923,10 @@ Proof.
     destruct (recorded_listed _ _ _ Hend) as [w [Hinw Hw]]. pose proof (G_next t) as EG.
     pose proof (IH (S t) _ plan2 w ltac:(lia) (Permutation_trans Hperm Hperm2) Hinw ltac:(lra)) as Hafter.
     destruct (recorded_value _ _ _ Hafter) as [g [Eg Hg]].
-    eapply recorded_less; [|exact (got_ok _ v' _ g _ _ _ _ Hmove Hin' Eg)]. rewrite plus_IZR, minus_IZR. lra.
+    eapply recorded_less; [|exact (collected_ok _ v' _ g _ _ _ _ Hmove Hin' Eg)]. rewrite plus_IZR, minus_IZR. lra.
 Qed.
 
-(** What a plan is worth from step t on. *)
+(** The worth of a plan from step t on. *)
 Definition H (t : nat) : R := (FR t + G T - G t)%R.
 
 Lemma before_all_is plan' t : Permutation plan plan' -> before_all (pasts t) (joint_of plan' t) = into_sum t.
@@ -967,23 +1024,38 @@ Proof.
   induction t as [|t IH]; intros m Ht Hm; [exact Hm|]. cbn [back]. apply IH; [lia|]. apply joints_before_ok; assumption.
 Qed.
 
-Lemma most_of_all_ok t m : met t (G T) m -> (J I plan * IZR (precision M) <= IZR (most_of_all m))%R.
+Lemma most_of_ok j l : recorded_in j (G T) l -> (J I plan * IZR (precision M) <= IZR (most_of l))%R.
 Proof.
-  intros [plan' [_ Hrec]]. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
-  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold most_of_all.
+  intros [v [Hin Hv]]. eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold most_of.
   assert (Hold : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
-  { induction l as [|x l IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
-  revert Hin. generalize target as b. generalize (listed m) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
+  { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
+  revert Hin. generalize target as b. induction l as [|x l IH]; intros b Hin; [contradiction|].
   simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin]. specialize (Hold l (Z.max b v)). simpl. lia.
 Qed.
 
-Lemma paths_ok : (J I plan * IZR (precision M) <= IZR (most_of_all (reached T)))%R.
-Proof. apply (most_of_all_ok T), reached_ok, le_n. Qed.
-
-Lemma paths_from_ok t : (t <= T)%nat -> (J I plan * IZR (precision M) <= IZR (most_of_all (back t (joints_from t))))%R.
+Lemma paths_ok : (J I plan * IZR (precision M) <= IZR (most_of (listed (reached T))))%R.
 Proof.
-  intros Ht. apply (most_of_all_ok 0). replace (G T) with (H 0) by (unfold H, G; simpl; lra).
-  apply back_ok; [exact Ht | apply joints_from_ok, Ht].
+  destruct (reached_ok T (le_n _)) as [plan' [_ Hrec]]. apply (most_of_ok (joint_of plan' T)), recorded_listed, Hrec.
+Qed.
+
+(** A plan begins at the starts. *)
+Lemma may_begin_ok plan' : Permutation plan plan' -> may_begin (joint_of plan' 0) = true.
+Proof.
+  intros Hperm. unfold may_begin. destruct (only_starts (team I)) as [starts|] eqn:E; [|reflexivity]. apply same_drones_ok.
+  eapply Permutation_trans; [apply Permutation_map, Permutation_sym, Hperm|]. destruct planned as [HF _].
+  assert (Es : joint_of plan 0 = starts).
+  { clear - HF E. revert starts E. induction HF as [|d f ds fs [E1 E2] HF IH]; intros starts E; simpl in E; [injection E as <-; reflexivity|].
+    destruct d as [k [|s [|s' l]]]; try discriminate. destruct (only_starts ds) as [j|]; [|discriminate]. injection E as <-.
+    simpl. rewrite (IH j eq_refl). destruct f as [k' q]. simpl in E1, E2. destruct E2 as [[Hs | []] _]. subst. reflexivity. }
+  unfold joint_of in Es. rewrite Es. reflexivity.
+Qed.
+
+Lemma paths_through_ok t : (t <= T)%nat -> (J I plan * IZR (precision M) <= IZR (most_of (paths_through t)))%R.
+Proof.
+  intros Ht. destruct (back_ok t _ Ht (joints_from_ok t Ht)) as [plan' [Hperm Hrec]].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. apply (most_of_ok (joint_of plan' 0)). exists v. split.
+  - unfold paths_through. apply filter_In. split; [exact Hin | apply may_begin_ok, Hperm].
+  - replace (G T) with (H 0) by (unfold H, G; simpl; lra). exact Hv.
 Qed.
 End Paths.
 
@@ -996,18 +1068,16 @@ Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> me
 Variable mind : memory.
 Notation M := (numbers C).
 
-(** What no plan is above, by the paths of all drones, from step 0 or another on. *)
+(** What no plan is above, by the paths of all drones; from: the step at which they begin. *)
 Definition paths_bound (N : narrowing) (target : Z) (from : nat) : Z :=
   let Vs := sweep_all I C N in
-  most_of_all target (match from with
-    | O => reached I C coarse memory advise mind N target Vs (horizon I)
-    | S _ =>
-        let Us := sweep_so_far I C N Vs in
-        back I C coarse memory advise mind N target Vs Us from (joints_from I C coarse memory advise mind N target Vs Us from)
+  most_of target (match from with
+    | O => listed (reached I C coarse memory advise mind N target Vs (horizon I))
+    | S _ => paths_through I C coarse memory advise mind N target Vs (sweep_so_far I C N Vs) from
     end).
 
 (** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
-    one, from a step on; None: the certificate proves nothing. *)
+    one; paths_from: the step at which these begin. None: the certificate proves nothing. *)
 Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) (paths_from : nat) : option Z :=
   match paths_above with
   | None => staged_bound I C coarse memory advise mind target stages
@@ -1041,8 +1111,8 @@ Proof.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
     + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
-      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound, most_of_all. cbv zeta.
-      match goal with |- context [listed ?m] => generalize (listed m) as l end. intros l.
+      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound, most_of. cbv zeta.
+      match goal with |- context [fold_left _ ?l0 higher] => generalize l0 as l end. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
       apply H.
@@ -1051,7 +1121,7 @@ Proof.
       destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
       unfold paths_bound. destruct paths_from as [|from].
       * apply (paths_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl).
-      * apply (paths_from_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl (S from) Hfrom).
+      * apply (paths_through_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl (S from) Hfrom).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
     pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.

@@ -430,7 +430,7 @@ Proof.
   destruct (step_groups_ok t g Hg) as [_ Hr]. unfold Rdiv at 2. rewrite Rmult_0_l, return_zero by exact Hr. ring.
 Qed.
 
-(** Pools by class, as many drones of each as there are. *)
+(** The drones of a plan, class by class. *)
 Definition by_classes {B} (cf : flight -> B) : list (list B) :=
   map (fun k => map cf (filter (fun f : flight => Nat.eqb k (fst f)) plan)) (classes I).
 
