@@ -27,9 +27,9 @@ Notation T := (horizon I).
 Notation M := (numbers C).
 Notation rs := (all_rows C []).
 
-Definition build_map {B} (f : state -> B -> option Z) (m : PM.t B) : PM.t Z :=
+Definition build_map {B D} (f : state -> B -> option D) (m : PM.t B) : PM.t D :=
   fold_left (fun acc sv => match f (fst sv) (snd sv) with Some v => PM.add (fst sv) v acc | None => acc end)
-            (PM.elements m) (PM.empty Z).
+            (PM.elements m) (PM.empty D).
 
 (** * Sweeps over the states that are left *)
 
@@ -112,7 +112,7 @@ Definition staged_numbers_ok : bool :=
 
 (** * Soundness *)
 
-Lemma find_build_map {B} (f : state -> B -> option Z) (m : PM.t B) s u v :
+Lemma find_build_map {B D} (f : state -> B -> option D) (m : PM.t B) s u v :
   PM.find s m = Some u -> f s u = Some v -> PM.find s (build_map f m) = Some v.
 Proof.
   intros Hs Hf. unfold build_map.
@@ -125,7 +125,7 @@ Proof.
     destruct (f s' u') as [v'|] eqn:E; [|exact Ha]. destruct (Pos.eq_dec s s') as [<- | Hne].
     - rewrite PM.gss. pose proof (Hu (s, u') (or_introl eq_refl) eq_refl) as E'. simpl in E'. subst u'. congruence.
     - rewrite PM.gso by exact Hne. exact Ha. }
-  intros l. generalize (PM.empty Z). induction l as [|[s' u'] l IH]; intros acc Hu Hin; [contradiction|]. simpl.
+  intros l. generalize (PM.empty D). induction l as [|[s' u'] l IH]; intros acc Hu Hin; [contradiction|]. simpl.
   destruct Hin as [E | Hin].
   - injection E as -> ->. apply Hold; [intros; apply Hu; [right|]; assumption|]. rewrite Hf. apply PM.gss.
   - apply IH; [intros; apply Hu; [right|]; assumption | exact Hin].

@@ -180,12 +180,12 @@ Notation M := (numbers C).
 Notation rs := (all_rows C []).
 Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))).
 
-(** The most that a drone in a state collects after a step, less what rows charge for the state; None
-    if no path leads to the end. *)
-Definition future (t k : nat) : state -> option Z :=
-  let V := nth t (of_class [] Vs k) (PM.empty _) in
+(** The most that a drone in a state of step t collects after it, less what rows charge for the state; no
+    entry if no path leads to the end. *)
+Definition futures (t : nat) : by_state :=
   let prices := u_prices (now (at_ N t)) in
-  fun s => match PM.find s V with Some (Some v) => Some (v - number_of prices k s) | _ => None end.
+  map (fun k => (k, build_map (fun s v => match v with Some v' => Some (v' - number_of prices k s) | None => None end)
+                              (nth t (of_class [] Vs k) (PM.empty _)))) (classes I).
 
 (** The constants of the steps after t, and the rows from t on. *)
 Definition rest (t : nat) : Z :=
@@ -202,56 +202,67 @@ Definition ways_meet (a b : named) : bool :=
   || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
       clash I (way a) (way b) && clash I (way b) (way a)).
 
-(** A drone's state as a candidate. Its price is the negative of what the drone collects beyond it, and
-    of the reward of the move. beyond: the most that a drone of a class in a state collects at the
-    steps that are not explored yet; None if no path leads there. *)
-Definition choice_in (beyond : nat -> state -> option Z) (gs : list group) (t k : nat) (next : positive)
-  (rewarded : state -> Z) (s : state) : list candidate :=
-  match beyond k s with
-  | None => []
-  | Some a => let price := - a - rewarded s in
-      [candidate_of I coarse gs t k (moved k next s) price
-         (number_of (charges (at_ N t)) k s) (step_static (at_ N t) k s price) s]
-  end.
+(** What the joint states of a step are searched by. Of the steps that are not explored yet: their
+    constants and rows, and the most that a drone in a state collects there. The states of each class
+    as candidates, whose price is the negative of that. *)
+Record side := Side {
+  groups_at : list group; others : Z; beyond : by_state; candidates : list (nat * PM.t candidate) }.
 
-Definition beyond_in (beyond : nat -> state -> option Z) (c : candidate) : Z :=
-  match beyond (class_of c) (state_in c) with Some a => a | None => 0 end.
+Definition side_of (t : nat) (others : Z) (beyond : by_state) : side :=
+  let gs := step_groups I C t in
+  let st := at_ N t in
+  Side gs others beyond
+    (map (fun k => let paths := map_of beyond k in
+       (k, build_map (fun s (_ : Z) => match PM.find s paths with
+             | None => None
+             | Some a => Some (candidate_of I coarse gs t k (moved k xH s) (- a) (number_of (charges st) k s) (step_static st k s (- a)) s)
+             end) (map_of (u_prices (now st)) k))) (classes I)).
 
-Definition take_joint (beyond : nat -> state -> option Z) (t : nat) (gs : list group) (known threshold : Z)
-  (l : list candidate) (m : joints) : joints :=
-  let worth := exact_of I C gs l in
+(** A candidate with the place a step before or after, and the reward of the move. *)
+Definition with_move (n : named) (rewarded : Z) (c : candidate) : candidate :=
+  Cand named n (amounts named c) (amounts_up named c) (price named c - rewarded) (charge named c)
+    (match static named c with [] => [] | x :: xs => x :: map (fun x => x + rewarded) xs end).
+
+Definition choice (mine : PM.t candidate) (k : nat) (next : positive) (rewarded : state -> Z) (s : state) : list candidate :=
+  match PM.find s mine with None => [] | Some c => [with_move (moved k next s) (rewarded s) c] end.
+
+Definition of_side (sd : side) (k : nat) : PM.t candidate := of_class (PM.empty _) (candidates sd) k.
+
+Definition beyond_in (sd : side) (c : candidate) : Z := number_of (beyond sd) (class_of c) (state_in c).
+
+Definition take_joint (sd : side) (t : nat) (known threshold : Z) (l : list candidate) (m : joints) : joints :=
+  let worth := exact_of I C (groups_at sd) l in
   if (floor (at_ N t) + sum named (charge named) l <=? worth)
      && (threshold <? worth - sum named (price named) l)
-  then insert (Ordered.sort (map taken l)) (known + worth + sumZ (map (fun c => - price named c - beyond_in beyond c) l)) m
+  then insert (Ordered.sort (map taken l)) (known + worth + sumZ (map (fun c => - price named c - beyond_in sd c) l)) m
   else m.
 
 (** Adds the joint states of step t to which the team can move from a joint state. known: the worth of
-    the steps explored so far; others: constants and rows of the steps that are not. *)
-Definition explore (beyond : nat -> state -> option Z) (gs : list group) (others : Z) (t : nat) (known : Z)
-  (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
-  let threshold := target - known - others in
-  search I C coarse memory advise (fun _ => threshold) (take_joint beyond t gs known threshold) conflict gs (length (team I)) []
-    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
+    the steps explored so far. *)
+Definition explore (sd : side) (t : nat) (known : Z) (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
+  let threshold := target - known - others sd in
+  search I C coarse memory advise (fun _ => threshold) (take_joint sd t known threshold) conflict (groups_at sd) (length (team I)) []
+    (nothing (specs_of I C coarse (groups_at sd))) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
 
 (** ** From step 0 on *)
 
-Definition first_joints : joints :=
-  let gs := step_groups I C 0 in
-  explore (future 0) gs (rest 0) 0 0 (places_meet I)
-    (map (fun d => (1%nat, flat_map (choice_in (future 0) gs 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
+Definition onward (t : nat) : side := side_of t (rest t) (futures t).
 
-Definition pools_in (gs : list group) (t : nat) (j : joint) : pool candidate :=
+Definition first_joints : joints :=
+  let sd := onward 0 in
+  explore sd 0 0 (places_meet I)
+    (map (fun d => (1%nat, flat_map (choice (of_side sd (fst d)) (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
+
+Definition pools_in (sd : side) (t : nat) (j : joint) : pool candidate :=
   map (fun ks => let (k, s) := ks : nat * state in
-         (1%nat, flat_map (choice_in (future (S t)) gs (S t) k (place I k s) (reward I C k s)) (moves I k t s))) j.
+         (1%nat, flat_map (choice (of_side sd k) k (place I k s) (reward I C k s)) (moves I k t s))) j.
 
 (** Adds the joint states of the step after t that follow a joint state of step t. *)
-Definition following (gs : list group) (others : Z) (t : nat) (jv : joint * Z) : joints -> joints :=
-  explore (future (S t)) gs others (S t) (snd jv) ways_meet (pools_in gs t (fst jv)).
+Definition following (sd : side) (t : nat) (jv : joint * Z) : joints -> joints :=
+  explore sd (S t) (snd jv) ways_meet (pools_in sd t (fst jv)).
 
 Definition next_joints (t : nat) (m : joints) : joints :=
-  let gs := step_groups I C (S t) in
-  let others := rest (S t) in
-  fold_left (fun found jv => following gs others t jv found) (listed m) (PM.empty _).
+  let sd := onward (S t) in fold_left (fun found jv => following sd t jv found) (listed m) (PM.empty _).
 
 Fixpoint reached (t : nat) : joints :=
   match t with O => first_joints | S t' => next_joints t' (reached t') end.
@@ -278,10 +289,10 @@ Definition take_first (st : step) (gs : list group) (l : list candidate) (m : jo
 (** The states of a class that paths lead through. Their charges are also their prices, so that a joint
     state counts if its profit is at least the floor. *)
 Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_state) (k : nat) : list candidate :=
-  let later := future t k in
+  let later := map_of (futures t) k in
   let before := map_of into k in
   flat_map (fun sv : state * Z => let s := fst sv in
-    match later s, PM.find s before with
+    match PM.find s later, PM.find s before with
     | Some _, Some _ => [step_candidate I coarse st gs t k s (number_of (charges st) k s)]
     | _, _ => []
     end) (PM.elements (map_of (u_prices (now st)) k)).
@@ -317,9 +328,8 @@ Fixpoint gains (n t : nat) (l : list (joint * Z)) : joints :=
   match n with
   | O => fold_left (fun found jv => insert (fst jv) 0 found) l (PM.empty _)
   | S n' =>
-      let gs := step_groups I C (S t) in
-      let others := rest (S t) in
-      let moves := map (fun jv => (jv, listed (following gs others t jv (PM.empty _)))) l in
+      let sd := onward (S t) in
+      let moves := map (fun jv => (jv, listed (following sd t jv (PM.empty _)))) l in
       collected (gains n' (S t) (listed (ends moves))) moves
   end.
 
@@ -346,21 +356,16 @@ Definition ways_back_meet (a b : named) : bool :=
   || (let way (n : named) := let '((k, p), (to, _)) := n in (k, p, to) in
       clash I (way a) (way b) && clash I (way b) (way a)).
 
-Definition pools_back (into : nat -> state -> option Z) (from : list (nat * PM.t (list state))) (gs : list group) (t : nat)
-  (j : joint) : pool candidate :=
+Definition pools_back (sd : side) (from : list (nat * PM.t (list state))) (j : joint) : pool candidate :=
   map (fun ks => let (k, s) := ks : nat * state in
-         (1%nat, flat_map (choice_in into gs t k (place I k s) (fun s' => reward I C k s' s))
+         (1%nat, flat_map (choice (of_side sd k) k (place I k s) (fun s' => reward I C k s' s))
                           (match PM.find s (of_class (PM.empty _) from k) with Some l => l | None => [] end))) j.
 
 (** The joint states of step t from which the team can move to given ones of the next step. *)
 Definition joints_before (t : nat) (m : joints) : joints :=
-  let gs := step_groups I C t in
-  let others := begun t in
-  let before := pasts t in
-  let into := fun k s => PM.find s (map_of before k) in
+  let sd := side_of t (begun t) (pasts t) in
   let from := map (fun k => (k, tails t k)) (classes I) in
-  fold_left (fun found jv => explore into gs others t (snd jv) ways_back_meet (pools_back into from gs t (fst jv)) found)
-            (listed m) (PM.empty _).
+  fold_left (fun found jv => explore sd t (snd jv) ways_back_meet (pools_back sd from (fst jv)) found) (listed m) (PM.empty _).
 
 Fixpoint back (t : nat) (m : joints) : joints :=
   match t with O => m | S t' => back t' (joints_before t' m) end.
@@ -400,13 +405,15 @@ Hypothesis swept_so_far : Us = sweep_so_far I C N Vs.
 
 Notation FR := (FR I C plan).
 
-Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, future t (fst f) (snd f t) = Some a
+Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, PM.find (snd f t) (map_of (futures t) (fst f)) = Some a
   /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t) <= a.
 Proof.
   intros Hf Ht. pose proof (to_go_ok I C plan planned N f narrow Hf) as H.
   destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ H t ltac:(lia)) as [v [Ev Hv]]. rewrite Nat.add_0_l in Ev, Hv.
-  unfold future. rewrite swept. unfold sweep_all. rewrite of_class_map by (apply (class_in I plan planned), Hf).
-  rewrite Ev. eexists. split; [reflexivity | lia].
+  exists (v - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)). split; [|lia].
+  unfold futures. cbv zeta. rewrite (map_of_map I) by (apply (class_in I plan planned), Hf).
+  apply find_build_map with (u := Some v); [|reflexivity].
+  rewrite swept. unfold sweep_all. rewrite of_class_map by (apply (class_in I plan planned), Hf). exact Ev.
 Qed.
 
 Definition rewards_at (t : nat) : Z := sumZ (map (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan).
@@ -529,34 +536,36 @@ Qed.
 (** Where the drones of a plan are, in this order. *)
 Definition joint_of (fs : list flight) (t : nat) : joint := map (fun f => (fst f, snd f t)) fs.
 
-Lemma explore_keeps j c beyond gs others t known conflict p m :
-  recorded j c m -> recorded j c (explore beyond gs others t known conflict p m).
+Lemma explore_keeps j c sd t known conflict p m : recorded j c m -> recorded j c (explore sd t known conflict p m).
 Proof.
   intros H.
   set (keeps := fun (_ : list candidate) found => recorded j c found).
-  change (keeps [] (explore beyond gs others t known conflict p m)). unfold explore, search.
+  change (keeps [] (explore sd t known conflict p m)). unfold explore, search.
   apply node_keeps; [|exact H].
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
 
+(** A drone's state at a step as a candidate. *)
+Definition flown (f : flight) (t : nat) (n : named) (price : Z) : candidate :=
+  candidate_of I coarse (step_groups I C t) t (fst f) n price (number_of (charges (at_ N t)) (fst f) (snd f t))
+    (step_static (at_ N t) (fst f) (snd f t) price) (snd f t).
+
 (** The search finds the joint state of a plan above the target, with a value of at least g, if g and
     the bounds on the steps that are not explored yet exceed the J of the plan. *)
-Lemma explore_ok (beyond : nat -> state -> option Z) (others : Z) t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+Lemma explore_ok t others beyond known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
-  (forall f, In f plan -> exists a, beyond (fst f) (snd f t) = Some a) ->
-  (J I plan * IZR (precision M)
-   <= g + IZR (sumZ (map (fun f : flight => match beyond (fst f) (snd f t) with Some a => a | None => 0 end) plan) + others)%Z)%R ->
+  (J I plan * IZR (precision M) <= g + IZR (sumZ (map (fun f : flight => number_of beyond (fst f) (snd f t)) plan) + others))%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
   (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, beyond (fst f) (snd f t) = Some a ->
-     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
-  recorded (Ordered.sort (joint_of plan' t)) g (explore beyond (step_groups I C t) others t known conflict p m).
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (flown f t (moved (fst f) (next f) (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded f)) (snd nl)))
+    p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) g (explore (side_of t others beyond) t known conflict p m).
 Proof.
-  intros Ht Hsym Hperm Hbeyond Hbound HG Hfits Hp.
-  set (fut := fun f : flight => match beyond (fst f) (snd f t) with Some a => a | None => 0 end) in *.
+  intros Ht Hsym Hperm Hbound HG Hfits Hp.
+  set (fut := fun f : flight => number_of beyond (fst f) (snd f t)) in *.
   set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (next f) (snd f t)) in *.
   set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
-  set (gs := step_groups I C t). set (threshold := target - known - others).
+  set (gs := step_groups I C t). set (sd := side_of t others beyond). set (threshold := target - known - others).
   pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
   assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
   pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
@@ -574,8 +583,7 @@ Proof.
   { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan').
     { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf']]. split; [exact H1|].
       pose proof (Permutation_in f (Permutation_sym Hperm) Hf') as Hf.
-      destruct (Hbeyond f Hf) as [a Ea]. specialize (H2 a Ea).
-      unfold cf, pr, fut, flown_candidate in *. rewrite Ea. exact H2. }
+      exact (H2 Hf). }
     unfold Ls, L. clear - Hp'. induction Hp' as [|nl f p fs [H1 H2] H IH]; simpl; constructor; [|exact IH].
     split; [symmetry; exact H1|]. intros x [<- | []]. exact H2. }
   set (Good := fun (l : list candidate) (m : joints) =>
@@ -583,26 +591,26 @@ Proof.
     Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
     (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l)%R ->
     recorded (Ordered.sort (map taken l)) (IZR known + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
-       + IZR (sumZ (map (fun c => - price named c - beyond_in beyond c)%Z l)))%R m).
+       + IZR (sumZ (map (fun c => - price named c - beyond_in sd c)%Z l)))%R m).
   destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
   assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR threshold)%R -> Good l a).
   { intros l a H _ _ H3. lra. }
-  assert (Hdown : forall l (a : joints), Good l (take_joint beyond t gs known threshold l a)).
+  assert (Hdown : forall l (a : joints), Good l (take_joint sd t known threshold l a)).
   { intros l a H1 H2 H3. unfold take_joint. cbv zeta.
     pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
     assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
     assert (Hlt : threshold < exact_of I C gs l - sum named (price named) l).
     { apply lt_IZR. rewrite minus_IZR. unfold profitR in H3. lra. }
-    apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. rewrite Hle, Hlt. simpl. apply insert_new.
+    apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. change (groups_at sd) with gs. rewrite Hle, Hlt. simpl. apply insert_new.
     rewrite !plus_IZR. lra. }
-  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint beyond t gs known threshold l' a)).
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint sd t known threshold l' a)).
   { intros l l' a H H1 H2 H3. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; apply H; assumption. }
   assert (Hpos : Forall (fun nl : nat * list candidate => fst nl = 1%nat) p).
   { clear - Hp. induction Hp as [|nl f p fs [H1 _] H IH]; constructor; assumption. }
   pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
-  assert (HGood : Good ([] ++ concat Ls) (explore beyond gs others t known conflict p m)).
+  assert (HGood : Good ([] ++ concat Ls) (explore sd t known conflict p m)).
   { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
-      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint beyond t gs known threshold)
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint sd t known threshold)
       Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
     - exact Hpool.
     - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
@@ -619,8 +627,8 @@ Proof.
   assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
   { rewrite <- (sum_perm _ (price named) _ _ HpermL). unfold sum. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
     change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
-  assert (Hrew : sumZ (map (fun c => - price named c - beyond_in beyond c) L) = sumZ (map rewarded plan)).
-  { change (sum named (fun c => - price named c - beyond_in beyond c) L = sumZ (map rewarded plan)).
+  assert (Hrew : sumZ (map (fun c => - price named c - beyond_in sd c) L) = sumZ (map rewarded plan)).
+  { change (sum named (fun c => - price named c - beyond_in sd c) L = sumZ (map rewarded plan)).
     rewrite <- (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map. apply sumZ_ext. intros f _.
     change (- (- fut f - rewarded f) - fut f = rewarded f). lia. }
   assert (Hthr : (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) L)%R).
@@ -631,24 +639,38 @@ Proof.
   rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
 Qed.
 
-Lemma choice_found beyond t f (next : positive) (rewarded : state -> Z) a : beyond (fst f) (snd f t) = Some a ->
-  In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) next (snd f t)) (fun _ => - a - rewarded (snd f t)) f)
-     (choice_in beyond (step_groups I C t) t (fst f) next rewarded (snd f t)).
-Proof. intros E. unfold choice_in. rewrite E. left. reflexivity. Qed.
+Lemma choice_found t others beyond f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
+  (exists a, PM.find (snd f t) (map_of beyond (fst f)) = Some a) ->
+  In (flown f t (moved (fst f) next (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded (snd f t)))
+     (choice (of_side (side_of t others beyond) (fst f)) (fst f) next rewarded (snd f t)).
+Proof.
+  intros Hf Ht [a Ea]. pose proof narrow as [_ HN]. destruct (HN t Ht) as [HL _]. destruct (HL f Hf) as [v Ev].
+  unfold choice, of_side, side_of. cbv zeta. cbn [candidates].
+  rewrite of_class_map by (apply (class_in I plan planned), Hf).
+  erewrite find_build_map; [|exact Ev|rewrite Ea; reflexivity].
+  left. unfold number_of. rewrite Ea. unfold with_move, flown, candidate_of, step_static. cbn [amounts amounts_up price charge static]. f_equal.
+  rewrite map_map. f_equal. apply map_ext. intros u. lia.
+Qed.
 
 (** The same for steps explored from step 0 on. *)
 Lemma explored_onward t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
   (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future t (fst f) (snd f t) = Some a ->
-     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
-  recorded (Ordered.sort (joint_of plan' t)) g (explore (future t) (step_groups I C t) (rest t) t known conflict p m).
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (flown f t (moved (fst f) (next f) (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded f)) (snd nl)))
+    p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) g (explore (onward t) t known conflict p m).
 Proof.
-  intros Ht Hsym Hperm Hmore HG Hfits Hp. apply (explore_ok (future t) (rest t) t known conflict next rewarded plan'); try assumption.
-  - intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exists a. exact Ea.
-  - eapply Rle_trans; [apply (bound_at t Ht)|]. apply Rplus_le_compat; [exact Hmore|]. apply IZR_le, Z.add_le_mono_r, sumZ_le.
-    intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. rewrite Ea. exact Ha.
+  intros Ht Hsym Hperm Hmore HG Hfits Hp. apply (explore_ok t (rest t) (futures t) known conflict next rewarded plan'); try assumption.
+  eapply Rle_trans; [apply (bound_at t Ht)|]. apply Rplus_le_compat; [exact Hmore|]. apply IZR_le, Z.add_le_mono_r, sumZ_le.
+  intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold number_of at 2. rewrite Ea. exact Ha.
+Qed.
+
+Lemma onward_found t f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
+  In (flown f t (moved (fst f) next (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded (snd f t)))
+     (choice (of_side (onward t) (fst f)) (fst f) next rewarded (snd f t)).
+Proof.
+  intros Hf Ht. apply choice_found; [exact Hf | exact Ht|]. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exists a. exact Ea.
 Qed.
 
 Lemma first_joints_ok : recorded (Ordered.sort (joint_of plan 0)) (G 0) first_joints.
@@ -661,10 +683,13 @@ Proof.
     induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
     rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
     unfold places_meet. simpl. destruct (Hf g Hg) as [Hm _]. rewrite (Hm O ltac:(lia)). reflexivity.
-  - destruct planned as [HF _]. clear - HF. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; constructor; [|exact IH].
-    simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f O). split.
+  - match goal with |- Forall2 ?P (map ?g _) _ =>
+      enough (X : forall ds fs, Forall2 (fun d f => fst f = fst d /\ is_flight I (snd d) f) ds fs -> Forall2 P (map g ds) fs)
+        by exact (X _ _ (proj1 planned)) end.
+    induction 1 as [|d f ds fs [E1 E2] HF IH]; cbn [map]; constructor; [|exact IH].
+    cbn [fst snd]. split; [reflexivity|]. intros Hf. apply in_flat_map. exists (snd f O). split.
     + destruct f as [k q]. destruct E2 as [Hs _]. exact Hs.
-    + rewrite <- E1. apply (choice_found (future 0) 0 f xH (fun _ => 0) a Ea).
+    + rewrite <- E1. apply (onward_found 0 f xH (fun _ => 0) Hf). lia.
 Qed.
 
 (** What is in order is the plan's joint state, its drones in some order. *)
@@ -679,7 +704,7 @@ Qed.
 (** From the joint state of a plan its next one is found, with the worth that the step adds. *)
 Lemma following_ok t v plan' m : (S t <= T)%nat -> Permutation plan plan' -> (G t <= IZR v)%R ->
   recorded (Ordered.sort (joint_of plan' (S t))) (IZR v + FR (S t) + IZR (rewards_at t))%R
-    (following (step_groups I C (S t)) (rest (S t)) t (joint_of plan' t, v) m).
+    (following (onward (S t)) t (joint_of plan' t, v) m).
 Proof.
   intros Ht Hperm Hv. unfold following. cbn [fst snd].
   apply (explored_onward (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
@@ -693,14 +718,14 @@ Proof.
   - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
     { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
       destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
-    unfold joint_of, pools_in. rewrite map_map. clear - Hflown.
-    induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Hflown; right; assumption].
-    simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
+    unfold joint_of, pools_in. rewrite map_map. clear - Hflown Ht ok planned narrow swept.
+    induction plan' as [|f fs IH]; cbn [map]; constructor; [|apply IH; intros; apply Hflown; right; assumption].
+    cbn [fst snd]. split; [reflexivity|]. intros Hf. apply in_flat_map. exists (snd f (S t)). split.
     + apply Hflown. left. reflexivity.
-    + apply (choice_found (future (S t)) (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea).
+    + apply (onward_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) Hf Ht).
 Qed.
 
-Lemma following_keeps j c gs others t jv m : recorded j c m -> recorded j c (following gs others t jv m).
+Lemma following_keeps j c sd t jv m : recorded j c m -> recorded j c (following sd t jv m).
 Proof. apply explore_keeps. Qed.
 
 (** The joint state of the plan is recorded, its drones in some order. *)
@@ -911,11 +936,11 @@ Proof.
   induction n as [|n IH]; intros t l plan' v Ht Hperm Hin Hv; cbn [gains].
   - apply fold_records with (b := (joint_of plan' t, v)); [intros; apply insert_old; assumption | | exact Hin].
     intros m. apply insert_new. replace t with T by lia. lra.
-  - cbv zeta. set (gs := step_groups I C (S t)). set (others := rest (S t)).
-    set (moves := map (fun jv => (jv, listed (following gs others t jv (PM.empty _)))) l).
-    pose proof (following_ok t v plan' (PM.empty _) ltac:(lia) Hperm Hv) as Hfound. fold gs others in Hfound.
+  - cbv zeta. set (sd := onward (S t)).
+    set (moves := map (fun jv => (jv, listed (following sd t jv (PM.empty _)))) l).
+    pose proof (following_ok t v plan' (PM.empty _) ltac:(lia) Hperm Hv) as Hfound. fold sd in Hfound.
     destruct (recorded_listed _ _ _ Hfound) as [v' [Hin' Hv']].
-    assert (Hmove : In ((joint_of plan' t, v), listed (following gs others t (joint_of plan' t, v) (PM.empty _))) moves).
+    assert (Hmove : In ((joint_of plan' t, v), listed (following sd t (joint_of plan' t, v) (PM.empty _))) moves).
     { unfold moves. apply in_map_iff. exists (joint_of plan' t, v). split; [reflexivity | exact Hin]. }
     pose proof (ends_ok _ v' _ _ Hmove Hin') as Hend.
     destruct (Permutation_map_inv (fun f : flight => (fst f, snd f (S t))) plan' (Permutation_sym (Ordered.Permuted_sort (joint_of plan' (S t)))))
@@ -990,16 +1015,12 @@ Proof.
   apply fold_records with (b := (joint_of plan' (S t), v)); [intros; apply explore_keeps; assumption | | exact Hin].
   intros m0. cbn [fst snd].
   pose proof (G_next t) as EG.
-  set (into := fun k s => PM.find s (map_of (pasts t) k)).
-  assert (Hinto : forall f, In f plan -> exists a, into (fst f) (snd f t) = Some a /\ number_of (pasts t) (fst f) (snd f t) = a).
+  assert (Hpast : forall f, In f plan -> exists a, PM.find (snd f t) (map_of (pasts t) (fst f)) = Some a).
   { intros f Hf. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
-    destruct (past_ok d f t Hd ltac:(lia)) as [[u Eu] _]. exists u. unfold into, number_of. rewrite Eu. auto. }
-  apply (explore_ok into (begun t) t v ways_back_meet (fun f => place I (fst f) (snd f (S t)))
-    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan'); [lia | apply ways_back_symmetric | exact Hperm | | | | |].
-  - intros f Hf. destruct (Hinto f Hf) as [a [Ea _]]. exists a. exact Ea.
-  - rewrite (sumZ_ext _ (fun f => number_of (pasts t) (fst f) (snd f t))).
-    2:{ intros f Hf. destruct (Hinto f Hf) as [a [Ea En]]. rewrite Ea, En. reflexivity. }
-    fold (into_sum t). pose proof (begun_ok t ltac:(lia)) as HB. pose proof J_below. unfold H. rewrite !plus_IZR in *. lra.
+    destruct (past_ok d f t Hd ltac:(lia)) as [Hu _]. exact Hu. }
+  apply (explore_ok t (begun t) (pasts t) v ways_back_meet (fun f => place I (fst f) (snd f (S t)))
+    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan'); [lia | apply ways_back_symmetric | exact Hperm | | | |].
+  - change (sumZ (map _ plan)) with (into_sum t). pose proof (begun_ok t ltac:(lia)) as HB. pose proof J_below. unfold H. rewrite !plus_IZR in *. lra.
   - change (sumZ (map _ plan)) with (rewards_at t). unfold H in *. lra.
   - intros pr. destruct planned as [_ HA]. unfold fits_together. clear - HA Ht.
     induction HA as [|f l Hf HA IH]; simpl; [constructor|]. constructor; [|exact IH].
@@ -1012,11 +1033,11 @@ Proof.
       rewrite of_class_map by (apply (class_in I plan planned), Hf). destruct narrow as [_ HN]. destruct (HN t ltac:(lia)) as [HL _].
       destruct (HL f Hf) as [p Ep]. apply (tails_ok t (fst f) (snd f t) (snd f (S t)) p Ep).
       destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
-    unfold joint_of, pools_back. rewrite map_map. clear - Htails.
-    induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Htails; right; assumption].
-    simpl. split; [reflexivity|]. intros a Ea. destruct (Htails f (or_introl eq_refl)) as [l [El Hl]]. rewrite El.
+    unfold joint_of, pools_back. rewrite map_map. clear - Htails Hpast Ht ok planned narrow swept.
+    induction plan' as [|f fs IH]; cbn [map]; constructor; [|apply IH; intros; apply Htails; right; assumption].
+    cbn [fst snd]. split; [reflexivity|]. intros Hf. destruct (Htails f (or_introl eq_refl)) as [l [El Hl]]. rewrite El.
     apply in_flat_map. exists (snd f t). split; [exact Hl|].
-    apply (choice_found into t f (place I (fst f) (snd f (S t))) (fun s' => reward I C (fst f) s' (snd f (S t))) a Ea).
+    apply (choice_found t (begun t) (pasts t) f (place I (fst f) (snd f (S t))) (fun s' => reward I C (fst f) s' (snd f (S t))) Hf); [lia | apply Hpast, Hf].
 Qed.
 
 Lemma back_ok t : forall m, (t <= T)%nat -> met t (H t) m -> met 0 (H 0) (back t m).
