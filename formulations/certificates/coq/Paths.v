@@ -202,9 +202,9 @@ Definition ways_meet (a b : named) : bool :=
   || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
       clash I (way a) (way b) && clash I (way b) (way a)).
 
-(** What the joint states of a step are searched by. Of the steps that are not explored yet: their
-    constants and rows, and the most that a drone in a state collects there. The states of each class
-    as candidates, whose price is the negative of that. *)
+(** What searches for the joint states of a step need. others: constants and rows of the steps that are
+    not explored yet; beyond: the most that a drone in a state collects at these steps; candidates: the
+    states of each class, priced at the negative of that. *)
 Record side := Side {
   groups_at : list group; others : Z; beyond : by_state; candidates : list (nat * PM.t candidate) }.
 
@@ -546,7 +546,7 @@ Proof.
 Qed.
 
 (** A drone's state at a step as a candidate. *)
-Definition flown (f : flight) (t : nat) (n : named) (price : Z) : candidate :=
+Definition candidate_at (f : flight) (t : nat) (n : named) (price : Z) : candidate :=
   candidate_of I coarse (step_groups I C t) t (fst f) n price (number_of (charges (at_ N t)) (fst f) (snd f t))
     (step_static (at_ N t) (fst f) (snd f t) price) (snd f t).
 
@@ -557,7 +557,7 @@ Lemma explore_ok t others beyond known conflict (next : flight -> positive) (rew
   (J I plan * IZR (precision M) <= g + IZR (sumZ (map (fun f : flight => number_of beyond (fst f) (snd f t)) plan) + others))%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
   (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (flown f t (moved (fst f) (next f) (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded f)) (snd nl)))
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (candidate_at f t (moved (fst f) (next f) (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded f)) (snd nl)))
     p plan' ->
   recorded (Ordered.sort (joint_of plan' t)) g (explore (side_of t others beyond) t known conflict p m).
 Proof.
@@ -641,14 +641,14 @@ Qed.
 
 Lemma choice_found t others beyond f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
   (exists a, PM.find (snd f t) (map_of beyond (fst f)) = Some a) ->
-  In (flown f t (moved (fst f) next (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded (snd f t)))
+  In (candidate_at f t (moved (fst f) next (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded (snd f t)))
      (choice (of_side (side_of t others beyond) (fst f)) (fst f) next rewarded (snd f t)).
 Proof.
   intros Hf Ht [a Ea]. pose proof narrow as [_ HN]. destruct (HN t Ht) as [HL _]. destruct (HL f Hf) as [v Ev].
   unfold choice, of_side, side_of. cbv zeta. cbn [candidates].
   rewrite of_class_map by (apply (class_in I plan planned), Hf).
   erewrite find_build_map; [|exact Ev|rewrite Ea; reflexivity].
-  left. unfold number_of. rewrite Ea. unfold with_move, flown, candidate_of, step_static. cbn [amounts amounts_up price charge static]. f_equal.
+  left. unfold number_of. rewrite Ea. unfold with_move, candidate_at, candidate_of, step_static. cbn [amounts amounts_up price charge static]. f_equal.
   rewrite map_map. f_equal. apply map_ext. intros u. lia.
 Qed.
 
@@ -657,7 +657,7 @@ Lemma explored_onward t known conflict (next : flight -> positive) (rewarded : f
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
   (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (flown f t (moved (fst f) (next f) (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded f)) (snd nl)))
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (candidate_at f t (moved (fst f) (next f) (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded f)) (snd nl)))
     p plan' ->
   recorded (Ordered.sort (joint_of plan' t)) g (explore (onward t) t known conflict p m).
 Proof.
@@ -667,7 +667,7 @@ Proof.
 Qed.
 
 Lemma onward_found t f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
-  In (flown f t (moved (fst f) next (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded (snd f t)))
+  In (candidate_at f t (moved (fst f) next (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded (snd f t)))
      (choice (of_side (onward t) (fst f)) (fst f) next rewarded (snd f t)).
 Proof.
   intros Hf Ht. apply choice_found; [exact Hf | exact Ht|]. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exists a. exact Ea.
