@@ -384,6 +384,84 @@ def test_no_advice_makes_a_false_claim_pass(
     assert ask(text, highest)[0] == ask_misled(text, highest)[0] == 0
 
 
+def _staged(file: dict[str, Any], **fields: Any) -> dict[str, Any]:
+    """A certificate as a staged one, without stages if it has none, with other fields."""
+    numbers = file["certificate"]
+    if numbers["type"] == "multipliers":
+        numbers = {"type": "staged", "multipliers": numbers, "stages": []}
+    return file | {"certificate": numbers | {"paths_above": None} | fields}
+
+
+def test_paths_through_any_step_prove_as_much(ask: Ask, tmp_path: Path) -> None:
+    """Explored from a later step on and back, paths prove what they prove from step 0 on."""
+    problem = load_scene("corridor-tight", 0)
+    text = instance_of(compiled(problem))
+    file = document(column_generation(problem).certificate, tmp_path)
+    above = file["certificate"]["paths_above"]
+    assert above < file["bound"] * (1 - 1e-4)
+    for step in (None, 1, problem.horizon // 2, problem.horizon):
+        found = _staged(file, paths_above=above, paths_from=step)
+        code, words = ask(text, found | {"bound": file["bound"] * (1 + 1e-9)})
+        assert code == 0, words
+        assert ("together, begun at step" in words) == (step is not None)
+        assert ask(text, found | {"bound": file["bound"] * (1 - 1e-9)})[0] == 1
+    assert ask(text, _staged(file))[0] == 1
+
+
+@examples(20)
+@given(st.one_of(either(drawn_meetings(2)), drawn_meetings(3), either(drawn_problems())))
+def test_paths_through_steps_of_small_problems(
+    ask: Ask, ask_misled: Ask, tmp_path_factory: pytest.TempPathFactory, problem: Problem
+) -> None:
+    """No claim below the optimum passes, whatever the advice; where starts are fixed, all pass that
+    whole paths prove."""
+    try:
+        certificate = column_generation(problem, parameters=WITHOUT_PATHS).certificate
+    except UnsupportedError:
+        assume(False)
+    assume(certificate is not None)
+    file = document(certificate, tmp_path_factory.mktemp("staged"))
+    best = optimum(problem).value
+    assume(best > 0 and file["certificate"]["type"] in ("multipliers", "staged"))
+    text, target = instance_of(compiled(problem)), best * 0.9
+    for step in range(1, problem.horizon + 1):
+        found = _staged(file, target=target, paths_above=target, paths_from=step)
+        for asked in (ask, ask_misled):
+            assert asked(text, found | {"bound": best * (1 - 1e-6)})[0] == 1
+            if not problem.has_free_starts:
+                assert asked(text, found | {"bound": best * (1 + 1e-6)})[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"paths_from": 0}, "paths_from: must be a step from 1 to "),
+        ({"paths_from": 99}, "paths_from: must be a step from 1 to "),
+        ({"paths_from": 1.0}, "paths_from: must be a whole number"),
+        ({"paths_from": 1, "paths_above": None}, "paths_from: allowed only with paths_above"),
+    ],
+)
+def test_paths_begin_at_a_step_of_the_scene(
+    fields: dict[str, Any], message: str, ask: Ask, tmp_path: Path
+) -> None:
+    """Other values are refused before the program is asked, and by the program, too."""
+    instance, proof = exported("tiny-doorway", tmp_path)
+    file = {k: v for k, v in proof.items() if k != "nodes"} | {
+        "format": "cocap-opt certificate", "certificate": first_leaf(proof),
+    }  # fmt: skip
+    good = _staged(file, target=file["bound"] * 0.9, paths_above=file["bound"] * 0.95)
+    assert ask(instance, good)[0] == 0
+    code, words = ask(instance, _staged(good, **good["certificate"] | fields))
+    assert code == 1
+    assert message in words
+    good["certificate"]["paths_from"] = 1
+    assert ask(instance, good)[0] == 0
+    for word in ("-1", "99", "soon", "1 1", ""):
+        code, words = ask(instance, good, lambda text, word=word: text.rstrip()[:-1] + word)
+        assert code == 1
+        assert "refused" in words
+
+
 @staged_scenes
 def test_misled_searches_prove_the_same(name: str, ask_misled: Ask, tmp_path: Path) -> None:
     """Stages and paths of a scene hold with nonsense for advice, and no less than they claim."""

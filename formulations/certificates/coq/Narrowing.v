@@ -27,9 +27,9 @@ Notation T := (horizon I).
 Notation M := (numbers C).
 Notation rs := (all_rows C []).
 
-Definition build_map {B} (f : state -> B -> option Z) (m : PM.t B) : PM.t Z :=
+Definition build_map {B D} (f : state -> B -> option D) (m : PM.t B) : PM.t D :=
   fold_left (fun acc sv => match f (fst sv) (snd sv) with Some v => PM.add (fst sv) v acc | None => acc end)
-            (PM.elements m) (PM.empty Z).
+            (PM.elements m) (PM.empty D).
 
 (** * Sweeps over the states that are left *)
 
@@ -76,6 +76,12 @@ Definition left_bound (N : narrowing) (Vs : list (nat * list (PM.t (option Z))))
 Definition sweep_all (N : narrowing) : list (nat * list (PM.t (option Z))) :=
   map (fun k => (k, to_go_of N k)) (classes I).
 
+(** The value of the best path into each state, without the state itself, less the value of the drone's
+    best path; for the drone of the class for which this difference is largest. *)
+Definition sweep_so_far (N : narrowing) (Vs : list (nat * list (PM.t (option Z)))) : list (nat * list (PM.t Z)) :=
+  map (fun k => (k, left_forward N k (step_price N k) (toll' k)
+                      (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] Vs k) k)))) (classes I).
+
 (** Closes states of so much slack that no plan above the target visits them. *)
 Definition closed_step (target bound : Z) (so_far : list (nat * list (PM.t Z))) (Vs : list (nat * list (PM.t (option Z))))
   (t : nat) (st : step) : step :=
@@ -97,10 +103,7 @@ Definition close (target : Z) (N : narrowing) : option narrowing :=
   let Vs := sweep_all N in
   match left_bound N Vs with
   | None => None
-  | Some bound =>
-      let so_far := map (fun k => (k, left_forward N k (step_price N k) (toll' k)
-                           (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] Vs k) k)))) (classes I) in
-      Some (with_steps (closed_step target bound so_far Vs) 0 N)
+  | Some bound => Some (with_steps (closed_step target bound (sweep_so_far N Vs) Vs) 0 N)
   end.
 
 Definition staged_numbers_ok : bool :=
@@ -109,7 +112,7 @@ Definition staged_numbers_ok : bool :=
 
 (** * Soundness *)
 
-Lemma find_build_map {B} (f : state -> B -> option Z) (m : PM.t B) s u v :
+Lemma find_build_map {B D} (f : state -> B -> option D) (m : PM.t B) s u v :
   PM.find s m = Some u -> f s u = Some v -> PM.find s (build_map f m) = Some v.
 Proof.
   intros Hs Hf. unfold build_map.
@@ -122,7 +125,7 @@ Proof.
     destruct (f s' u') as [v'|] eqn:E; [|exact Ha]. destruct (Pos.eq_dec s s') as [<- | Hne].
     - rewrite PM.gss. pose proof (Hu (s, u') (or_introl eq_refl) eq_refl) as E'. simpl in E'. subst u'. congruence.
     - rewrite PM.gso by exact Hne. exact Ha. }
-  intros l. generalize (PM.empty Z). induction l as [|[s' u'] l IH]; intros acc Hu Hin; [contradiction|]. simpl.
+  intros l. generalize (PM.empty D). induction l as [|[s' u'] l IH]; intros acc Hu Hin; [contradiction|]. simpl.
   destruct Hin as [E | Hin].
   - injection E as -> ->. apply Hold; [intros; apply Hu; [right|]; assumption|]. rewrite Hf. apply PM.gss.
   - apply IH; [intros; apply Hu; [right|]; assumption | exact Hin].
@@ -407,6 +410,26 @@ Proof.
   split; [reflexivity | apply starts_in_ok, Hd].
 Qed.
 
+(** What a drone collects before a step is at most the value of its best path and that of the sweep. *)
+Lemma so_far_ok N d f t : inv N -> paired N d f -> (t <= T)%nat -> exists u,
+  PM.find (snd f t) (nth t (of_class [] (sweep_so_far N (sweep_all N)) (fst f)) (PM.empty Z)) = Some u
+  /\ so_far (step_price N (fst f)) (toll' (fst f)) (snd f) t <= best_number N d + u.
+Proof.
+  destruct d as [k starts]. intros HN [[Ek [Hs [b [Eb Hb]]]] [Hd Hf]] Ht. simpl in Ek, Hs.
+  assert (Ego : of_class [] (sweep_all N) (fst f) = to_go_of N (fst f)) by (apply of_class_map, class_in, Hf).
+  pose proof (left_forward_ok N f (step_price N (fst f)) (toll' (fst f)) (starts, - b) (- b) HN Hf Hs eq_refl
+     (map (fun sv => (fst sv, - snd sv)) (bests_of (to_go_of N (fst f)) (fst f)))) as HW.
+  assert (Hin : In (starts, - b) (map (fun sv => (fst sv, - snd sv)) (bests_of (to_go_of N (fst f)) (fst f)))).
+  { apply in_map_iff. exists (starts, b). split; [reflexivity|]. rewrite Ek. apply bests_in; [exact Hd | exact Eb]. }
+  specialize (HW Hin).
+  destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ HW t ltac:(lia)) as [u [Eu Hu]]. rewrite Nat.add_0_l in Eu, Hu.
+  exists u. split.
+  - unfold sweep_so_far. rewrite (of_class_map [] (fun k => left_forward N k (step_price N k) (toll' k)
+        (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] (sweep_all N) k) k)))) by (apply class_in, Hf).
+    rewrite Ego. exact Eu.
+  - assert (En : best_number N (k, starts) = b) by (unfold best_number; rewrite Eb; reflexivity). rewrite En. lia.
+Qed.
+
 (** ** Closing *)
 
 Lemma close_ok N : inv N -> exists N', close target N = Some N' /\ inv N'.
@@ -416,36 +439,25 @@ Proof.
   eexists. split; [reflexivity|]. destruct HN as [Hlen Hsteps]. pose proof (conj Hlen Hsteps : inv N) as HN.
   split; [rewrite with_steps_length; exact Hlen|]. intros t Ht.
   unfold at_. rewrite with_steps_nth by lia. rewrite Nat.add_0_l. fold (at_ N t).
-  set (so_far := map (fun k => (k, left_forward N k (step_price N k) (toll' k)
-      (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] (sweep_all N) k) k)))) (classes I)).
+  set (into := sweep_so_far N (sweep_all N)).
   set (st := at_ N t). destruct (Hsteps t Ht) as [HL [HU HF]].
   pose proof (losses N t HN Ht) as Hloss. fold st in Hloss, HL, HU, HF.
-  set (slack_of := fun f : flight => match PM.find (snd f t) (nth t (of_class [] so_far (fst f)) (PM.empty Z)),
+  set (slack_of := fun f : flight => match PM.find (snd f t) (nth t (of_class [] into (fst f)) (PM.empty Z)),
       PM.find (snd f t) (nth t (of_class [] (sweep_all N) (fst f)) (PM.empty _)) with
       | Some u, Some (Some v) => - (u + v) | _, _ => 0 end).
   (* the slack of a drone's state is no more than what its path loses *)
   assert (Hslack : forall d f, paired N d f -> (exists u v,
-      PM.find (snd f t) (nth t (of_class [] so_far (fst f)) (PM.empty Z)) = Some u
+      PM.find (snd f t) (nth t (of_class [] into (fst f)) (PM.empty Z)) = Some u
       /\ PM.find (snd f t) (nth t (of_class [] (sweep_all N) (fst f)) (PM.empty _)) = Some (Some v))
       /\ slack_of f <= best_number N d - worth_of N f /\ worth_of N f <= best_number N d).
-  { intros [k starts] f [[Ek [Hs [b [Eb Hb]]]] [Hd Hf]]. simpl in Ek, Hs.
+  { intros d f Hp. destruct (so_far_ok N d f t HN Hp Ht) as [u [Eu Hu]].
+    destruct Hp as [[_ [_ [b [Eb Hb]]]] [_ Hf]].
     assert (Ego : of_class [] (sweep_all N) (fst f) = to_go_of N (fst f)) by (apply of_class_map, class_in, Hf).
     pose proof (to_go_ok N f HN Hf) as HV.
-    destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ HV t ltac:(lia)) as [v [Ev Hv]]. rewrite Nat.add_0_l in Ev, Hv.
-    pose proof (left_forward_ok N f (step_price N (fst f)) (toll' (fst f)) (starts, - b) (- b) HN Hf Hs eq_refl
-       (map (fun sv => (fst sv, - snd sv)) (bests_of (to_go_of N (fst f)) (fst f)))) as HW.
-    assert (Hin : In (starts, - b) (map (fun sv => (fst sv, - snd sv)) (bests_of (to_go_of N (fst f)) (fst f)))).
-    { apply in_map_iff. exists (starts, b). split; [reflexivity|]. rewrite Ek. apply bests_in; [exact Hd | exact Eb]. }
-    specialize (HW Hin).
-    destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ HW t ltac:(lia)) as [u [Eu Hu]]. rewrite Nat.add_0_l in Eu, Hu.
-    assert (Eu' : PM.find (snd f t) (nth t (of_class [] so_far (fst f)) (PM.empty Z)) = Some u).
-    { unfold so_far. rewrite (of_class_map [] (fun k => left_forward N k (step_price N k) (toll' k)
-        (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] (sweep_all N) k) k)))) by (apply class_in, Hf).
-      rewrite Ego. exact Eu. }
-    assert (Ev' : PM.find (snd f t) (nth t (of_class [] (sweep_all N) (fst f)) (PM.empty _)) = Some (Some v)) by (rewrite Ego; exact Ev).
+    destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ HV t ltac:(lia)) as [v [Ev Hv]]. rewrite Nat.add_0_l in Ev, Hv. rewrite <- Ego in Ev.
     split; [exists u, v; split; assumption|].
-    assert (En : best_number N (k, starts) = b) by (unfold best_number; rewrite Eb; reflexivity). rewrite En.
-    unfold slack_of. rewrite Eu', Ev'.
+    assert (En : best_number N d = b) by (unfold best_number; rewrite Eb; reflexivity). rewrite En in *.
+    fold into in Eu. unfold slack_of. rewrite Eu, Ev.
     pose proof (value_split T (step_price N (fst f)) (toll' (fst f)) (snd f) (T - t) t ltac:(lia)) as Esplit.
     fold (worth_of N f) in Esplit. lia. }
   assert (Hsums : forall ds fs, Forall2 (paired N) ds fs ->
@@ -465,7 +477,7 @@ Proof.
     PM.find (snd f t) (map_of (map (fun k => (k, build_map (fun s u =>
          match (match PM.find s (nth t (of_class [] (sweep_all N) k) (PM.empty _)) with Some (Some v) => Some (- (u + v)) | _ => None end) with
          | Some l => if l <=? B - target then Some (h k s l) else None
-         | None => None end) (nth t (of_class [] so_far k) (PM.empty Z)))) (classes I)) (fst f)) = Some (h (fst f) (snd f t) (slack_of f))).
+         | None => None end) (nth t (of_class [] into k) (PM.empty Z)))) (classes I)) (fst f)) = Some (h (fst f) (snd f t) (slack_of f))).
   { intros h f Hf.
     pose proof (paired_of N f HN Hf) as Hd.
     destruct Hd as [d Hp]. destruct (Hslack d f Hp) as [[u [v [Eu Ev]]] _].
@@ -477,7 +489,7 @@ Proof.
     prices_sum (map (fun k => (k, build_map (fun s u =>
          match (match PM.find s (nth t (of_class [] (sweep_all N) k) (PM.empty _)) with Some (Some v) => Some (- (u + v)) | _ => None end) with
          | Some l => if l <=? B - target then Some (h k s l) else None
-         | None => None end) (nth t (of_class [] so_far k) (PM.empty Z)))) (classes I)) t
+         | None => None end) (nth t (of_class [] into k) (PM.empty Z)))) (classes I)) t
     = sumZ (map (fun f => h (fst f) (snd f t) (slack_of f)) plan)).
   { intros h. unfold prices_sum. apply sumZ_ext. intros f Hf. unfold number_of. rewrite (Hkept h f Hf). reflexivity. }
   unfold closed_step. cbv zeta. fold K. split; [|split].

@@ -1,5 +1,11 @@
 (** The paths of all drones together: value iteration over the joint states that plans above a target
-    may visit.  Of all ways to a joint state the best is kept; drones of one class may change places. *)
+    may visit.  Of all ways to a joint state only the best is kept; drones of one class are
+    exchangeable.
+
+    The iteration begins at step 0 or at a later step. In the second case, a search finds all joint
+    states of that step that plans above the target may visit. From these, paths are explored to the
+    end, and the prices bound what was collected before the step. From those that may still exceed
+    the target, paths are then explored back to step 0, with the worth of all later steps known. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
 From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Staged.
 Import ListNotations.
@@ -15,6 +21,21 @@ Fixpoint same_joint (a b : joint) : bool :=
   | [], [] => true
   | (k, s) :: a', (k', s') :: b' => Nat.eqb k k' && Pos.eqb s s' && same_joint a' b'
   | _, _ => false
+  end.
+
+Definition same_drone (a b : nat * state) : bool := Nat.eqb (fst a) (fst b) && Pos.eqb (snd a) (snd b).
+
+Fixpoint take_out (a : nat * state) (j : joint) : option joint :=
+  match j with
+  | [] => None
+  | b :: rest => if same_drone a b then Some rest else option_map (cons b) (take_out a rest)
+  end.
+
+(** True if both have the same drones and states, in any order. *)
+Fixpoint same_drones (i j : joint) : bool :=
+  match i with
+  | [] => match j with [] => true | _ => false end
+  | a :: rest => match take_out a j with Some j' => same_drones rest j' | None => false end
   end.
 
 (** An order, so that joint states of the same drones and states are the same; nothing more. *)
@@ -44,6 +65,13 @@ Definition insert (j : joint) (v : Z) (m : joints) : joints :=
 
 Definition listed (m : joints) : list (joint * Z) := flat_map snd (PM.elements m).
 
+(** The value recorded for a joint state; None if there is none. *)
+Definition value_at (j : joint) (m : joints) : option Z :=
+  match PM.find (key_of j) m with
+  | None => None
+  | Some l => largest (fun jv : joint * Z => if same_joint j (fst jv) then Some (snd jv) else None) l None
+  end.
+
 Definition recorded (j : joint) (c : R) (m : joints) : Prop :=
   exists l v, PM.find (key_of j) m = Some l /\ In (j, v) l /\ (c <= IZR v)%R.
 
@@ -52,6 +80,25 @@ Proof.
   induction a as [|[k s] a IH]; intros [|[k' s'] b] H; simpl in H; try discriminate; [reflexivity|].
   split_andb. match goal with H : Nat.eqb _ _ = true |- _ => apply Nat.eqb_eq in H; subst k' end.
   match goal with H : Pos.eqb _ _ = true |- _ => apply Pos.eqb_eq in H; subst s' end. f_equal. apply IH. assumption.
+Qed.
+
+Lemma take_out_ok a j : In a j -> exists j', take_out a j = Some j' /\ Permutation j (a :: j').
+Proof.
+  induction j as [|b j IH]; intros Hin; [contradiction|]. simpl. unfold same_drone.
+  destruct (Nat.eqb_spec (fst a) (fst b)) as [E1 | N1]; [destruct (Pos.eqb_spec (snd a) (snd b)) as [E2 | N2]|]; simpl.
+  - exists j. split; [reflexivity|]. destruct a, b. simpl in *. subst. reflexivity.
+  - destruct Hin as [-> | Hin]; [contradiction|]. destruct (IH Hin) as [j' [-> Hp]]. exists (b :: j'). split; [reflexivity|].
+    eapply Permutation_trans; [apply perm_skip, Hp | apply perm_swap].
+  - destruct Hin as [-> | Hin]; [contradiction|]. destruct (IH Hin) as [j' [-> Hp]]. exists (b :: j'). split; [reflexivity|].
+    eapply Permutation_trans; [apply perm_skip, Hp | apply perm_swap].
+Qed.
+
+Lemma same_drones_ok i : forall j, Permutation i j -> same_drones i j = true.
+Proof.
+  induction i as [|a i IH]; intros j Hp; simpl.
+  - apply Permutation_nil in Hp. subst j. reflexivity.
+  - destruct (take_out_ok a j (Permutation_in a Hp (or_introl eq_refl))) as [j' [-> Hj]].
+    apply IH. apply (Permutation_cons_inv (a := a)). eapply Permutation_trans; eassumption.
 Qed.
 
 Lemma put_new j v l : exists v', In (j, v') (put j v l) /\ v <= v'.
@@ -92,10 +139,33 @@ Qed.
 Lemma recorded_less j c c' m : (c' <= c)%R -> recorded j c m -> recorded j c' m.
 Proof. intros H [l [v [H1 [H2 H3]]]]. exists l, v. repeat split; try assumption. lra. Qed.
 
-Lemma recorded_listed j c m : recorded j c m -> exists v, In (j, v) (listed m) /\ (c <= IZR v)%R.
+Definition recorded_in (j : joint) (c : R) (l : list (joint * Z)) : Prop := exists v, In (j, v) l /\ (c <= IZR v)%R.
+
+Lemma recorded_listed j c m : recorded j c m -> recorded_in j c (listed m).
 Proof.
   intros [l [v [E [Hin Hc]]]]. exists v. split; [|exact Hc]. unfold listed. apply in_flat_map.
   exists (key_of j, l). split; [apply PM.elements_correct, E | exact Hin].
+Qed.
+
+Lemma same_joint_refl a : same_joint a a = true.
+Proof. induction a as [|[k s] a IH]; simpl; [reflexivity|]. rewrite Nat.eqb_refl, Pos.eqb_refl. exact IH. Qed.
+
+Lemma recorded_value j c m : recorded j c m -> exists v, value_at j m = Some v /\ (c <= IZR v)%R.
+Proof.
+  intros [l [v [E [Hin Hc]]]]. unfold value_at. rewrite E.
+  destruct (largest_in (fun jv : joint * Z => if same_joint j (fst jv) then Some (snd jv) else None) l None (j, v) v Hin) as [w [Ew Hw]].
+  { cbn [fst snd]. rewrite same_joint_refl. reflexivity. }
+  exists w. split; [exact Ew|]. apply IZR_le in Hw. lra.
+Qed.
+
+(** A fold over a list keeps what one of its items records, if no other item removes it. *)
+Lemma fold_records {B} (f : joints -> B -> joints) (j : joint) (c : R) (l : list B) b :
+  (forall m x, recorded j c m -> recorded j c (f m x)) -> (forall m, recorded j c (f m b)) -> In b l ->
+  forall m, recorded j c (fold_left f l m).
+Proof.
+  intros Hkeep Hnew. assert (Hold : forall l m, recorded j c m -> recorded j c (fold_left f l m)).
+  { induction l0 as [|x l0 IH]; intros m H; simpl; [exact H | apply IH, Hkeep, H]. }
+  induction l as [|x l IH]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [apply Hold, Hnew | apply IH, Hin].
 Qed.
 
 (** * The iteration *)
@@ -110,10 +180,12 @@ Notation M := (numbers C).
 Notation rs := (all_rows C []).
 Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))).
 
-(** The most that a drone gets after a step from a state on, if there is a way. *)
-Definition future (k t : nat) : state -> option Z :=
-  let V := nth t (of_class [] Vs k) (PM.empty _) in
-  fun s => match PM.find s V with Some (Some v) => Some (v - step_price I C N k t s) | _ => None end.
+(** The most that a drone in a state of step t collects after it, less what rows charge for the state; no
+    entry if no path leads to the end. *)
+Definition futures (t : nat) : by_state :=
+  let prices := u_prices (now (at_ N t)) in
+  map (fun k => (k, build_map (fun s v => match v with Some v' => Some (v' - number_of prices k s) | None => None end)
+                              (nth t (of_class [] Vs k) (PM.empty _)))) (classes I).
 
 (** The constants of the steps after t, and the rows from t on. *)
 Definition rest (t : nat) : Z :=
@@ -130,57 +202,191 @@ Definition ways_meet (a b : named) : bool :=
   || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
       clash I (way a) (way b) && clash I (way b) (way a)).
 
-(** A state for a drone: what it gets there and later counts as its price, below 0. *)
-Definition choice_in (gs : list group) (t k : nat) (from : positive) (rewarded : state -> Z) (s : state) : list candidate :=
-  match future k t s with
-  | None => []
-  | Some a => let price := - a - rewarded s in
-      [candidate_of I coarse gs t k (moved k from s) price
-         (number_of (charges (at_ N t)) k s) (step_static (at_ N t) k s price) s]
-  end.
+(** What searches for the joint states of a step need. others: constants and rows of the steps that are
+    not explored yet; beyond: the most that a drone in a state collects at these steps; candidates: the
+    states of each class, priced at the negative of that. *)
+Record side := Side {
+  groups_at : list group; others : Z; beyond : by_state; candidates : list (nat * PM.t candidate) }.
 
-Definition choice (t : nat) := choice_in (step_groups I C t) t.
+Definition side_of (t : nat) (others : Z) (beyond : by_state) : side :=
+  let gs := step_groups I C t in
+  let st := at_ N t in
+  Side gs others beyond
+    (map (fun k => let paths := map_of beyond k in
+       (k, build_map (fun s (_ : Z) => match PM.find s paths with
+             | None => None
+             | Some a => Some (candidate_of I coarse gs t k (moved k xH s) (- a) (number_of (charges st) k s) (step_static st k s (- a)) s)
+             end) (map_of (u_prices (now st)) k))) (classes I)).
 
-Definition future_in (t : nat) (c : candidate) : Z :=
-  match future (class_of c) t (state_in c) with Some a => a | None => 0 end.
+(** A candidate with the place a step before or after, and the reward of the move. *)
+Definition with_move (n : named) (rewarded : Z) (c : candidate) : candidate :=
+  Cand named n (amounts named c) (amounts_up named c) (price named c - rewarded) (charge named c)
+    (match static named c with [] => [] | x :: xs => x :: map (fun x => x + rewarded) xs end).
 
-Definition take_joint (t : nat) (gs : list group) (before threshold : Z) (l : list candidate) (m : joints) : joints :=
-  let worth := exact_of I C gs l in
+Definition choice (mine : PM.t candidate) (k : nat) (next : positive) (rewarded : state -> Z) (s : state) : list candidate :=
+  match PM.find s mine with None => [] | Some c => [with_move (moved k next s) (rewarded s) c] end.
+
+Definition of_side (sd : side) (k : nat) : PM.t candidate := of_class (PM.empty _) (candidates sd) k.
+
+Definition beyond_in (sd : side) (c : candidate) : Z := number_of (beyond sd) (class_of c) (state_in c).
+
+Definition take_joint (sd : side) (t : nat) (known threshold : Z) (l : list candidate) (m : joints) : joints :=
+  let worth := exact_of I C (groups_at sd) l in
   if (floor (at_ N t) + sum named (charge named) l <=? worth)
      && (threshold <? worth - sum named (price named) l)
-  then insert (Ordered.sort (map taken l)) (before + worth + sumZ (map (fun c => - price named c - future_in t c) l)) m
+  then insert (Ordered.sort (map taken l)) (known + worth + sumZ (map (fun c => - price named c - beyond_in sd c) l)) m
   else m.
 
-Definition explore_in (gs : list group) (later : Z) (t : nat) (before : Z) (conflict : named -> named -> bool)
-  (p : pool candidate) : joints -> joints :=
-  let threshold := target - before - later in
-  search I C coarse memory advise (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
-    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
+(** Adds the joint states of step t to which the team can move from a joint state. known: the worth of
+    the steps explored so far. *)
+Definition explore (sd : side) (t : nat) (known : Z) (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
+  let threshold := target - known - others sd in
+  search I C coarse memory advise (fun _ => threshold) (take_joint sd t known threshold) conflict (groups_at sd) (length (team I)) []
+    (nothing (specs_of I C coarse (groups_at sd))) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
 
-Definition explore (t : nat) := explore_in (step_groups I C t) (rest t) t.
+(** ** From step 0 on *)
+
+Definition onward (t : nat) : side := side_of t (rest t) (futures t).
 
 Definition first_joints : joints :=
-  explore 0 0 (places_meet I)
-    (map (fun d => (1%nat, flat_map (choice 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
+  let sd := onward 0 in
+  explore sd 0 0 (places_meet I)
+    (map (fun d => (1%nat, flat_map (choice (of_side sd (fst d)) (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
 
-Definition pools_in (gs : list group) (t : nat) (j : joint) : pool candidate :=
+Definition pools_in (sd : side) (t : nat) (j : joint) : pool candidate :=
   map (fun ks => let (k, s) := ks : nat * state in
-         (1%nat, flat_map (choice_in gs (S t) k (place I k s) (reward I C k s)) (moves I k t s))) j.
+         (1%nat, flat_map (choice (of_side sd k) k (place I k s) (reward I C k s)) (moves I k t s))) j.
 
-Definition pools_from (t : nat) := pools_in (step_groups I C (S t)) t.
+(** Adds the joint states of the step after t that follow a joint state of step t. *)
+Definition following (sd : side) (t : nat) (jv : joint * Z) : joints -> joints :=
+  explore sd (S t) (snd jv) ways_meet (pools_in sd t (fst jv)).
 
 Definition next_joints (t : nat) (m : joints) : joints :=
-  let gs := step_groups I C (S t) in
-  let later := rest (S t) in
-  fold_left (fun found jv => explore_in gs later (S t) (snd jv) ways_meet (pools_in gs t (fst jv)) found)
-            (listed m) (PM.empty _).
+  let sd := onward (S t) in fold_left (fun found jv => following sd t jv found) (listed m) (PM.empty _).
 
 Fixpoint reached (t : nat) : joints :=
   match t with O => first_joints | S t' => next_joints t' (reached t') end.
 
-(** What no plan is above. *)
-Definition paths_bound : Z := fold_left (fun b jv => Z.max b (snd jv)) (listed (reached T)) target.
+(** ** From a later step to the end, then back to step 0 *)
 
+Variable Us : list (nat * list (PM.t Z)).
+
+(** The value of the best path into each state of a step, less the value of the drone's best path. *)
+Definition pasts (t : nat) : by_state := map (fun kU => (fst kU, nth t (snd kU) (PM.empty Z))) Us.
+
+(** The constants and the rows of the steps before t, and the values of all drones' best paths. *)
+Definition begun (t : nat) : Z :=
+  total t (fun j => u_constant (now (at_ N j)))
+  + sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs)
+  + match team_best (fun k => first_of (of_class [] Vs k)) (team I) with Some b => b | None => 0 end.
+
+Definition before_all (into : by_state) (j : joint) : Z := sumZ (map (fun ks => number_of into (fst ks) (snd ks)) j).
+
+Definition take_first (st : step) (gs : list group) (l : list candidate) (m : joints) : joints :=
+  let worth := exact_of I C gs l in
+  if floor st + sum named (charge named) l <=? worth then insert (Ordered.sort (map taken l)) worth m else m.
+
+(** The states of a class that paths lead through. Their charges are also their prices, so that a joint
+    state counts if its profit is at least the floor. *)
+Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_state) (k : nat) : list candidate :=
+  let later := map_of (futures t) k in
+  let before := map_of into k in
+  flat_map (fun sv : state * Z => let s := fst sv in
+    match PM.find s later, PM.find s before with
+    | Some _, Some _ => [step_candidate I coarse st gs t k s (number_of (charges st) k s)]
+    | _, _ => []
+    end) (PM.elements (map_of (u_prices (now st)) k)).
+
+(** The joint states of a step that plans above the target may visit, with the worth of the step. *)
+Definition joints_at (t : nat) : joints :=
+  let st := at_ N t in let gs := step_groups I C t in let into := pasts t in
+  search I C coarse memory advise (fun _ => floor st - 1) (take_first st gs) (places_meet I) gs (length (team I)) []
+    (nothing (specs_of I C coarse gs)) 0 (- floor st) (step_bases st)
+    (map (fun k => (size I k, first_choices st gs t into k)) (classes I)) mind (PM.empty _).
+
+(** These joint states with the largest worth of this step and all earlier ones. *)
+Definition with_ways (t : nat) (m : joints) : list (joint * Z) :=
+  let into := pasts t in let before := begun t in
+  map (fun jv => (fst jv, before + before_all into (fst jv) + snd jv)) (listed m).
+
+(** Moves of the team: each joint state with its value, and the joint states that follow it. *)
+Definition team_moves : Type := list (joint * Z * list (joint * Z)).
+
+Definition ends (moves : team_moves) : joints :=
+  fold_left (fun found move => fold_left (fun found jv => insert (fst jv) (snd jv) found) (snd move) found) moves (PM.empty _).
+
+(** For each joint state at which moves begin, the most that is collected by one of them and later. *)
+Definition collected (after : joints) (moves : team_moves) : joints :=
+  fold_left (fun found move =>
+    fold_left (fun found jv => match value_at (fst jv) after with
+                               | Some g => insert (fst (fst move)) (snd jv - snd (fst move) + g) found
+                               | None => found
+                               end) (snd move) found) moves (PM.empty _).
+
+(** The most that is collected after each joint state of step t, in n steps. *)
+Fixpoint gains (n t : nat) (l : list (joint * Z)) : joints :=
+  match n with
+  | O => fold_left (fun found jv => insert (fst jv) 0 found) l (PM.empty _)
+  | S n' =>
+      let sd := onward (S t) in
+      let moves := map (fun jv => (jv, listed (following sd t jv (PM.empty _)))) l in
+      collected (gains n' (S t) (listed (ends moves))) moves
+  end.
+
+(** The joint states of a step from which paths to the end may exceed the target, with the largest worth
+    of this step and all later ones. *)
+Definition joints_from (t : nat) : joints :=
+  let m := joints_at t in
+  let after := gains (T - t) t (with_ways t m) in
+  let into := pasts t in let before := begun t in
+  fold_left (fun found jv => match value_at (fst jv) after with
+      | Some g => if target <? before + before_all into (fst jv) + snd jv + g
+                  then insert (fst jv) (snd jv + g) found else found
+      | None => found
+      end) (listed m) (PM.empty _).
+
+(** For each state of the step after t, the states of step t from which a drone of a class can move to it. *)
+Definition tails (t k : nat) : PM.t (list state) :=
+  fold_left (fun m s => fold_left (fun m s' => PM.add s' (s :: match PM.find s' m with Some l => l | None => [] end) m)
+                                  (moves I k t s) m)
+            (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k))) (PM.empty _).
+
+Definition ways_back_meet (a b : named) : bool :=
+  places_meet I a b
+  || (let way (n : named) := let '((k, p), (to, _)) := n in (k, p, to) in
+      clash I (way a) (way b) && clash I (way b) (way a)).
+
+Definition pools_back (sd : side) (from : list (nat * PM.t (list state))) (j : joint) : pool candidate :=
+  map (fun ks => let (k, s) := ks : nat * state in
+         (1%nat, flat_map (choice (of_side sd k) k (place I k s) (fun s' => reward I C k s' s))
+                          (match PM.find s (of_class (PM.empty _) from k) with Some l => l | None => [] end))) j.
+
+(** The joint states of step t from which the team can move to given ones of the next step. *)
+Definition joints_before (t : nat) (m : joints) : joints :=
+  let sd := side_of t (begun t) (pasts t) in
+  let from := map (fun k => (k, tails t k)) (classes I) in
+  fold_left (fun found jv => explore sd t (snd jv) ways_back_meet (pools_back sd from (fst jv)) found) (listed m) (PM.empty _).
+
+Fixpoint back (t : nat) (m : joints) : joints :=
+  match t with O => m | S t' => back t' (joints_before t' m) end.
+
+(** The drones' starts, if each drone has only one. *)
+Fixpoint only_starts (drones : list (nat * list state)) : option joint :=
+  match drones with
+  | [] => Some []
+  | (k, [s]) :: rest => match only_starts rest with Some j => Some ((k, s) :: j) | None => None end
+  | _ => None
+  end.
+
+Definition may_begin (j : joint) : bool :=
+  match only_starts (team I) with Some starts => same_drones j starts | None => true end.
+
+(** The joint states of step 0 at which plans above the target may begin, with the largest worth of such
+    a plan. *)
+Definition paths_through (t : nat) : list (joint * Z) :=
+  filter (fun jv => may_begin (fst jv)) (listed (back t (joints_from t))).
+
+Definition most_of (l : list (joint * Z)) : Z := fold_left (fun b jv => Z.max b (snd jv)) l target.
 (** * Soundness *)
 
 Lemma ways_meet_symmetric a b : ways_meet a b = ways_meet b a.
@@ -195,16 +401,19 @@ Hypothesis planned : is_plan I plan.
 Hypothesis above : (IZR target < J I plan * IZR (precision M))%R.
 Hypothesis narrow : inv I C plan N.
 Hypothesis swept : Vs = sweep_all I C N.
+Hypothesis swept_so_far : Us = sweep_so_far I C N Vs.
 
 Notation FR := (FR I C plan).
 
-Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, future (fst f) t (snd f t) = Some a
-  /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t) <= a.
+Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, PM.find (snd f t) (map_of (futures t) (fst f)) = Some a
+  /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t) <= a.
 Proof.
   intros Hf Ht. pose proof (to_go_ok I C plan planned N f narrow Hf) as H.
   destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ H t ltac:(lia)) as [v [Ev Hv]]. rewrite Nat.add_0_l in Ev, Hv.
-  unfold future. rewrite swept. unfold sweep_all. rewrite of_class_map by (apply (class_in I plan planned), Hf).
-  rewrite Ev. eexists. split; [reflexivity | lia].
+  exists (v - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)). split; [|lia].
+  unfold futures. cbv zeta. rewrite (map_of_map I) by (apply (class_in I plan planned), Hf).
+  apply find_build_map with (u := Some v); [|reflexivity].
+  rewrite swept. unfold sweep_all. rewrite of_class_map by (apply (class_in I plan planned), Hf). exact Ev.
 Qed.
 
 Definition rewards_at (t : nat) : Z := sumZ (map (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan).
@@ -235,23 +444,21 @@ Qed.
 
 (** Rows from a step on are charged no more than their multipliers. *)
 Lemma later_charges t n : (t + n = T)%nat ->
-  sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
-                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)
+  sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
+                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)
   <= sumZ (map (fun r => if Nat.leb t (step_of (used r)) then multiplier r else 0) rs).
 Proof.
   intros Hn.
-  set (later := fun r (f : flight) => total n (fun i => (if Nat.eqb (step_of r) (t + i) then b2z (uses_moving I r (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0))
-     + total n (fun i => if Nat.eqb (step_of r) (S t + i) then b2z (uses_here I r (fst f) (snd f (S t + i)%nat)) else 0)).
-  assert (E : sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
-                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)
+  set (later := fun r (f : flight) => total (S n) (fun i => if Nat.eqb (step_of r) (t + i) then b2z (uses_here I r (fst f) (snd f (t + i)%nat)) else 0)
+     + total n (fun i => if Nat.eqb (step_of r) (t + i) then b2z (uses_moving I r (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0)).
+  assert (E : sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
+                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)
      = sumZ (map (fun r => sign r * multiplier r * sumZ (map (later (used r)) plan)) rs)).
   { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * later (used r) f) rs)) plan)).
     - apply sumZ_ext. intros f _. unfold later.
-      rewrite (total_ext _ _ (fun i => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) (t + i) then b2z (uses_moving I (used r) (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0)
-          + (if Nat.eqb (step_of (used r)) (S t + i) then b2z (uses_here I (used r) (fst f) (snd f (S t + i)%nat)) else 0))) rs))).
-      + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
-      + intros i _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _.
-        simpl Nat.add. lia.
+      rewrite (total_ext (S n) _ _ (fun i _ => charge_here_all I rs (fst f) (t + i) (snd f (t + i)%nat))).
+      rewrite (total_ext n _ _ (fun i _ => charge_moving_all I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))).
+      rewrite !total_sum, <- sumZ_add. apply sumZ_ext. intros r _. rewrite !total_scale. lia.
     - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
   rewrite E. apply sumZ_le. intros r Hr.
   pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
@@ -266,24 +473,25 @@ Proof.
     2:{ destruct (Nat.leb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
     apply sumZ_le. intros f _. unfold later.
     rewrite (total_from n (step_of (used r)) t (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
-    rewrite (total_from n (step_of (used r)) (S t) (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
+    rewrite (total_from (S n) (step_of (used r)) t (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
     rewrite path_uses_pick.
     assert (B : forall b, 0 <= b2z b) by (intros []; unfold b2z; lia).
     pose proof (B (uses_moving I (used r) (fst f) (snd f (step_of (used r))) (snd f (S (step_of (used r)))))) as B1.
     pose proof (B (uses_here I (used r) (fst f) (snd f (step_of (used r))))) as B2.
-    destruct (Nat.leb_spec t (step_of (used r))), (Nat.leb_spec (S t) (step_of (used r))),
-      (Nat.ltb_spec (step_of (used r)) (t + n)), (Nat.ltb_spec (step_of (used r)) (S t + n)),
+    destruct (Nat.leb_spec t (step_of (used r))),
+      (Nat.ltb_spec (step_of (used r)) (t + n)), (Nat.ltb_spec (step_of (used r)) (t + S n)),
       (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); cbn [andb]; try lia. }
   destruct (Nat.leb t (step_of (used r))); nia.
 Qed.
 
+Lemma total_first n (f : nat -> Z) : total (S n) f = f O + total n (fun i => f (S i)).
+Proof. induction n as [|n IH]; [simpl; lia|]. cbn [total] in *. rewrite IH. lia. Qed.
+
 Lemma to_go_sum (price : nat -> state -> Z) (toll : nat -> state -> state -> Z) (p : nat -> state) n : forall t,
   to_go price toll p n t = price t (p t) + total n (fun i => toll (t + i)%nat (p (t + i)%nat) (p (S (t + i))) + price (S (t + i)) (p (S (t + i)))).
 Proof.
-  assert (Hfirst : forall n (f : nat -> Z), total (S n) f = f O + total n (fun i => f (S i))).
-  { clear. induction n as [|n IH]; intros f; [simpl; lia|]. cbn [total] in *. rewrite IH. cbn [total]. lia. }
   induction n as [|n IH]; intros t; cbn [to_go]; [simpl; lia|].
-  rewrite IH, Hfirst, Nat.add_0_r.
+  rewrite IH, total_first, Nat.add_0_r.
   rewrite (total_ext n (fun i => toll (S t + i)%nat (p (S t + i)%nat) (p (S (S t + i))) + price (S (S t + i)) (p (S (S t + i))))
                        (fun i => toll (t + S i)%nat (p (t + S i)%nat) (p (S (t + S i))) + price (S (t + S i)) (p (S (t + S i))))).
   - lia.
@@ -292,7 +500,7 @@ Qed.
 
 (** What a plan above the target is worth up to step t, and what its drones get later. *)
 Lemma bound_at t : (t <= T)%nat -> (J I plan * IZR (precision M) <= G t + IZR (sumZ (map (fun f =>
-    to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t))%Z plan) + rest t))%R.
+    to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t))%Z plan) + rest t))%R.
 Proof.
   intros Ht. eapply Rle_trans; [apply J_below|]. set (n := (T - t)%nat). assert (Hn : (t + n = T)%nat) by (unfold n; lia).
   pose proof (later_charges t n Hn) as Hlater.
@@ -306,20 +514,20 @@ Proof.
     specialize (HU (now (at_ N (S (t + m)))) (or_introl eq_refl)). rewrite !plus_IZR in *. lra. }
   specialize (Hsplit n ltac:(lia)). rewrite Hn in Hsplit. eapply Rle_trans; [exact Hsplit|].
   apply Rplus_le_compat_l, IZR_le. unfold rest. fold n.
-  assert (E : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) n t - step_price I C N (fst f) t (snd f t)) plan)
+  assert (E : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) n t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)) plan)
     = total n (fun i => rewards_at (t + i) + prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i)))
-      + -1 * sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
-                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)).
+      + -1 * sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
+                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)).
   { unfold rewards_at, prices_sum.
     rewrite (total_ext n _ (fun i => sumZ (map (fun f => reward I C (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))
         + number_of (u_prices (now (at_ N (S (t + i))))) (fst f) (snd f (S (t + i)))) plan))) by (intros; rewrite <- sumZ_add; reflexivity).
     rewrite total_sum, <- sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
-    rewrite to_go_sum, <- total_scale, <- total_add.
+    rewrite to_go_sum, total_first, Nat.add_0_r.
     rewrite (total_ext n (fun i => toll' I C (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))) + step_price I C N (fst f) (S (t + i)) (snd f (S (t + i))))
        (fun i => reward I C (fst f) (snd f (t + i)%nat) (snd f (S (t + i))) + number_of (u_prices (now (at_ N (S (t + i))))) (fst f) (snd f (S (t + i)))
-          + -1 * (charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))) + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i)))))).
-    - lia.
-    - intros i _. unfold toll', toll, step_price. lia. }
+          + -1 * (charge_here I rs (fst f) (t + S i) (snd f (t + S i)%nat) + charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))))).
+    - rewrite !total_add, total_scale, !total_add. unfold step_price. lia.
+    - intros i _. rewrite Nat.add_succ_r. unfold toll', toll, step_price. lia. }
   rewrite E. rewrite !total_add in *. lia.
 Qed.
 
@@ -328,28 +536,36 @@ Qed.
 (** Where the drones of a plan are, in this order. *)
 Definition joint_of (fs : list flight) (t : nat) : joint := map (fun f => (fst f, snd f t)) fs.
 
-Lemma explore_keeps j c t before conflict p m : recorded j c m -> recorded j c (explore t before conflict p m).
+Lemma explore_keeps j c sd t known conflict p m : recorded j c m -> recorded j c (explore sd t known conflict p m).
 Proof.
   intros H.
   set (keeps := fun (_ : list candidate) found => recorded j c found).
-  change (keeps [] (explore t before conflict p m)). unfold explore, explore_in, search.
+  change (keeps [] (explore sd t known conflict p m)). unfold explore, search.
   apply node_keeps; [|exact H].
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
 
-Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m :
+(** A drone's state at a step as a candidate. *)
+Definition candidate_at (f : flight) (t : nat) (n : named) (price : Z) : candidate :=
+  candidate_of I coarse (step_groups I C t) t (fst f) n price (number_of (charges (at_ N t)) (fst f) (snd f t))
+    (step_static (at_ N t) (fst f) (snd f t) price) (snd f t).
+
+(** The search finds the joint state of a plan above the target, with a value of at least g, if g and
+    the bounds on the steps that are not explored yet exceed the J of the plan. *)
+Lemma explore_ok t others beyond known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
-  (G t <= IZR before + FR t + IZR (sumZ (map rewarded plan)))%R ->
-  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future (fst f) t (snd f t) = Some a ->
-     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
-  recorded (Ordered.sort (joint_of plan' t)) (G t) (explore t before conflict p m).
+  (J I plan * IZR (precision M) <= g + IZR (sumZ (map (fun f : flight => number_of beyond (fst f) (snd f t)) plan) + others))%R ->
+  (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
+  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (candidate_at f t (moved (fst f) (next f) (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded f)) (snd nl)))
+    p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) g (explore (side_of t others beyond) t known conflict p m).
 Proof.
-  intros Ht Hsym Hperm HG Hfits Hp.
-  set (fut := fun f : flight => match future (fst f) t (snd f t) with Some a => a | None => 0 end).
-  set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (from f) (snd f t)) in *.
+  intros Ht Hsym Hperm Hbound HG Hfits Hp.
+  set (fut := fun f : flight => number_of beyond (fst f) (snd f t)) in *.
+  set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (next f) (snd f t)) in *.
   set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
-  set (gs := step_groups I C t). set (threshold := target - before - rest t).
+  set (gs := step_groups I C t). set (sd := side_of t others beyond). set (threshold := target - known - others).
   pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
   assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
   pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
@@ -367,35 +583,34 @@ Proof.
   { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan').
     { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf']]. split; [exact H1|].
       pose proof (Permutation_in f (Permutation_sym Hperm) Hf') as Hf.
-      destruct (future_ok f t Hf Ht) as [a [Ea _]]. specialize (H2 a Ea).
-      unfold cf, pr, fut, flown_candidate in *. rewrite Ea. exact H2. }
+      exact (H2 Hf). }
     unfold Ls, L. clear - Hp'. induction Hp' as [|nl f p fs [H1 H2] H IH]; simpl; constructor; [|exact IH].
     split; [symmetry; exact H1|]. intros x [<- | []]. exact H2. }
   set (Good := fun (l : list candidate) (m : joints) =>
     counts named conflict (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
     Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
     (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l)%R ->
-    recorded (Ordered.sort (map taken l)) (IZR before + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
-       + IZR (sumZ (map (fun c => - price named c - future_in t c)%Z l)))%R m).
+    recorded (Ordered.sort (map taken l)) (IZR known + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
+       + IZR (sumZ (map (fun c => - price named c - beyond_in sd c)%Z l)))%R m).
   destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
   assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR threshold)%R -> Good l a).
   { intros l a H _ _ H3. lra. }
-  assert (Hdown : forall l (a : joints), Good l (take_joint t gs before threshold l a)).
+  assert (Hdown : forall l (a : joints), Good l (take_joint sd t known threshold l a)).
   { intros l a H1 H2 H3. unfold take_joint. cbv zeta.
     pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
     assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
     assert (Hlt : threshold < exact_of I C gs l - sum named (price named) l).
     { apply lt_IZR. rewrite minus_IZR. unfold profitR in H3. lra. }
-    apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. rewrite Hle, Hlt. simpl. apply insert_new.
+    apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. change (groups_at sd) with gs. rewrite Hle, Hlt. simpl. apply insert_new.
     rewrite !plus_IZR. lra. }
-  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint t gs before threshold l' a)).
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint sd t known threshold l' a)).
   { intros l l' a H H1 H2 H3. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; apply H; assumption. }
   assert (Hpos : Forall (fun nl : nat * list candidate => fst nl = 1%nat) p).
   { clear - Hp. induction Hp as [|nl f p fs [H1 _] H IH]; constructor; assumption. }
   pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
-  assert (HGood : Good ([] ++ concat Ls) (explore t before conflict p m)).
+  assert (HGood : Good ([] ++ concat Ls) (explore sd t known conflict p m)).
   { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
-      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint t gs before threshold)
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint sd t known threshold)
       Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
     - exact Hpool.
     - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
@@ -412,40 +627,69 @@ Proof.
   assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
   { rewrite <- (sum_perm _ (price named) _ _ HpermL). unfold sum. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
     change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
-  assert (Hfut : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t)) plan)
-      <= sumZ (map fut plan)).
-  { apply sumZ_le. intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold fut. rewrite Ea. exact Ha. }
-  assert (Hrew : sumZ (map (fun c => - price named c - future_in t c) L) = sumZ (map rewarded plan)).
-  { change (sum named (fun c => - price named c - future_in t c) L = sumZ (map rewarded plan)).
+  assert (Hrew : sumZ (map (fun c => - price named c - beyond_in sd c) L) = sumZ (map rewarded plan)).
+  { change (sum named (fun c => - price named c - beyond_in sd c) L = sumZ (map rewarded plan)).
     rewrite <- (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map. apply sumZ_ext. intros f _.
     change (- (- fut f - rewarded f) - fut f = rewarded f). lia. }
   assert (Hthr : (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) L)%R).
-  { unfold profitR. rewrite HFL, Hsum. pose proof (bound_at t Ht) as HB. unfold threshold.
-    apply IZR_le in Hfut. rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
+  { unfold profitR. rewrite HFL, Hsum. unfold threshold.
+    rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
   specialize (HGood Hthr). rewrite HFL, Hrew in HGood.
   assert (EJ : map taken L = joint_of plan' t) by (unfold L, joint_of; rewrite map_map; reflexivity).
   rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
 Qed.
 
-Lemma choice_found t f (from : positive) (rewarded : state -> Z) a : future (fst f) t (snd f t) = Some a ->
-  In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) from (snd f t)) (fun _ => - a - rewarded (snd f t)) f)
-     (choice t (fst f) from rewarded (snd f t)).
-Proof. intros E. unfold choice, choice_in. rewrite E. left. reflexivity. Qed.
+Lemma choice_found t others beyond f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
+  (exists a, PM.find (snd f t) (map_of beyond (fst f)) = Some a) ->
+  In (candidate_at f t (moved (fst f) next (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded (snd f t)))
+     (choice (of_side (side_of t others beyond) (fst f)) (fst f) next rewarded (snd f t)).
+Proof.
+  intros Hf Ht [a Ea]. pose proof narrow as [_ HN]. destruct (HN t Ht) as [HL _]. destruct (HL f Hf) as [v Ev].
+  unfold choice, of_side, side_of. cbv zeta. cbn [candidates].
+  rewrite of_class_map by (apply (class_in I plan planned), Hf).
+  erewrite find_build_map; [|exact Ev|rewrite Ea; reflexivity].
+  left. unfold number_of. rewrite Ea. unfold with_move, candidate_at, candidate_of, step_static. cbn [amounts amounts_up price charge static]. f_equal.
+  rewrite map_map. f_equal. apply map_ext. intros u. lia.
+Qed.
+
+(** The same for steps explored from step 0 on. *)
+Lemma explored_onward t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
+  (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
+  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (candidate_at f t (moved (fst f) (next f) (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded f)) (snd nl)))
+    p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) g (explore (onward t) t known conflict p m).
+Proof.
+  intros Ht Hsym Hperm Hmore HG Hfits Hp. apply (explore_ok t (rest t) (futures t) known conflict next rewarded plan'); try assumption.
+  eapply Rle_trans; [apply (bound_at t Ht)|]. apply Rplus_le_compat; [exact Hmore|]. apply IZR_le, Z.add_le_mono_r, sumZ_le.
+  intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold number_of at 2. rewrite Ea. exact Ha.
+Qed.
+
+Lemma onward_found t f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
+  In (candidate_at f t (moved (fst f) next (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded (snd f t)))
+     (choice (of_side (onward t) (fst f)) (fst f) next rewarded (snd f t)).
+Proof.
+  intros Hf Ht. apply choice_found; [exact Hf | exact Ht|]. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exists a. exact Ea.
+Qed.
 
 Lemma first_joints_ok : recorded (Ordered.sort (joint_of plan 0)) (G 0) first_joints.
 Proof.
-  unfold first_joints. apply (explore_ok 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
-    [lia | apply places_meet_symmetric | reflexivity | | |].
+  unfold first_joints. cbv zeta. apply (explored_onward 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
+    [lia | apply places_meet_symmetric | reflexivity | apply Rle_refl | | |].
   - unfold G. simpl. replace (sumZ (map (fun _ : flight => 0) plan)) with 0 by (symmetry; apply sumZ_zero; reflexivity). lra.
   - intros pr. set (cf := flown_candidate I C coarse (at_ N 0) 0 (fun f => moved (fst f) xH (snd f 0%nat)) pr).
     destruct planned as [_ H]. unfold fits_together. clear - H.
     induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
     rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
     unfold places_meet. simpl. destruct (Hf g Hg) as [Hm _]. rewrite (Hm O ltac:(lia)). reflexivity.
-  - destruct planned as [HF _]. clear - HF. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; constructor; [|exact IH].
-    simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f O). split.
+  - match goal with |- Forall2 ?P (map ?g _) _ =>
+      enough (X : forall ds fs, Forall2 (fun d f => fst f = fst d /\ is_flight I (snd d) f) ds fs -> Forall2 P (map g ds) fs)
+        by exact (X _ _ (proj1 planned)) end.
+    induction 1 as [|d f ds fs [E1 E2] HF IH]; cbn [map]; constructor; [|exact IH].
+    cbn [fst snd]. split; [reflexivity|]. intros Hf. apply in_flat_map. exists (snd f O). split.
     + destruct f as [k q]. destruct E2 as [Hs _]. exact Hs.
-    + rewrite <- E1. apply (choice_found 0 f xH (fun _ => 0) a Ea).
+    + rewrite <- E1. apply (onward_found 0 f xH (fun _ => 0) Hf). lia.
 Qed.
 
 (** What is in order is the plan's joint state, its drones in some order. *)
@@ -457,50 +701,382 @@ Proof.
   exists plan''. split; [eapply Permutation_trans; eassumption|]. change (joint_of plan'' t) with (map (fun f : flight => (fst f, snd f t)) plan''). rewrite <- E. exact H.
 Qed.
 
-Lemma reached_ok t : (t <= T)%nat -> exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t) (reached t).
+(** From the joint state of a plan its next one is found, with the worth that the step adds. *)
+Lemma following_ok t v plan' m : (S t <= T)%nat -> Permutation plan plan' -> (G t <= IZR v)%R ->
+  recorded (Ordered.sort (joint_of plan' (S t))) (IZR v + FR (S t) + IZR (rewards_at t))%R
+    (following (onward (S t)) t (joint_of plan' t, v) m).
+Proof.
+  intros Ht Hperm Hv. unfold following. cbn [fst snd].
+  apply (explored_onward (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
+    [exact Ht | apply ways_meet_symmetric | exact Hperm | | apply Rle_refl | |].
+  - unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
+  - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
+    induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
+    rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
+    unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
+    rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
+  - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
+    { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
+      destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
+    unfold joint_of, pools_in. rewrite map_map. clear - Hflown Ht ok planned narrow swept.
+    induction plan' as [|f fs IH]; cbn [map]; constructor; [|apply IH; intros; apply Hflown; right; assumption].
+    cbn [fst snd]. split; [reflexivity|]. intros Hf. apply in_flat_map. exists (snd f (S t)). split.
+    + apply Hflown. left. reflexivity.
+    + apply (onward_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) Hf Ht).
+Qed.
+
+Lemma following_keeps j c sd t jv m : recorded j c m -> recorded j c (following sd t jv m).
+Proof. apply explore_keeps. Qed.
+
+(** The joint state of the plan is recorded, its drones in some order. *)
+Definition met (t : nat) (c : R) (m : joints) : Prop :=
+  exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) c m.
+
+Lemma reached_ok t : (t <= T)%nat -> met t (G t) (reached t).
 Proof.
   induction t as [|t IH]; intros Ht.
   { apply (in_order plan 0); [reflexivity | apply first_joints_ok]. }
-  destruct (IH ltac:(lia)) as [plan' [Hperm Hrec]]. clear IH.
-  apply (in_order plan' (S t)); [exact Hperm|].
-  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. cbn [reached].
-  change (next_joints t (reached t)) with (fold_left (fun found jv => explore (S t) (snd jv) ways_meet
-    (pools_from t (fst jv)) found) (listed (reached t)) (PM.empty _)).
-  assert (Hnew : forall m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t)) (explore (S t) v ways_meet (pools_from t (joint_of plan' t)) m)).
-  { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
-      [exact Ht | apply ways_meet_symmetric | exact Hperm | | |].
-    - change (G (S t) <= IZR v + FR (S t) + IZR (rewards_at t))%R.
-      unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
-    - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
-      induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
-      rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
-      unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
-      rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
-    - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
-      { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
-        destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
-      unfold joint_of, pools_from, pools_in. rewrite map_map. clear - Hflown.
-      induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Hflown; right; assumption].
-      simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
-      + apply Hflown. left. reflexivity.
-      + apply (choice_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
-  assert (Hold : forall l m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t)) m -> recorded (Ordered.sort (joint_of plan' (S t))) (G (S t))
-     (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (fst jv)) found) l m)).
-  { induction l as [|x l IHl]; intros m H; simpl; [exact H|]. apply IHl, explore_keeps, H. }
-  generalize (PM.empty (list (joint * Z))). revert Hin. generalize (listed (reached t)) as l.
-  induction l as [|x l IHl]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin].
-  - apply Hold. simpl. apply Hnew.
-  - apply IHl, Hin.
+  destruct (IH ltac:(lia)) as [plan' [Hperm Hrec]]. apply (in_order plan' (S t)); [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. cbn [reached]. unfold next_joints. cbv zeta.
+  apply fold_records with (b := (joint_of plan' t, v)); [intros; apply following_keeps; assumption | | exact Hin].
+  intros m. eapply recorded_less; [|apply (following_ok t v plan' m Ht Hperm Hv)].
+  unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
 Qed.
 
-Theorem paths_bound_ok : (J I plan * IZR (precision M) <= IZR paths_bound)%R.
+(** ** The joint states of a step *)
+
+(** Rows before a step are charged no more than their multipliers. *)
+Lemma earlier_charges t : (t <= T)%nat ->
+  sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)
+  <= sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs).
 Proof.
-  destruct (reached_ok T (le_n _)) as [plan' [_ Hrec]]. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
-  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold paths_bound.
+  intros Ht.
+  set (sooner := fun r (f : flight) => total t (fun j => if Nat.eqb (step_of r) j then b2z (uses_here I r (fst f) (snd f j)) else 0)
+     + total t (fun j => if Nat.eqb (step_of r) j then b2z (uses_moving I r (fst f) (snd f j) (snd f (S j))) else 0)).
+  assert (E : sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)
+     = sumZ (map (fun r => sign r * multiplier r * sumZ (map (sooner (used r)) plan)) rs)).
+  { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * sooner (used r) f) rs)) plan)).
+    - apply sumZ_ext. intros f _. unfold sooner.
+      rewrite (total_ext _ _ (fun j => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) j then b2z (uses_here I (used r) (fst f) (snd f j)) else 0)
+          + (if Nat.eqb (step_of (used r)) j then b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))) else 0))) rs))).
+      + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
+      + intros j _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _. lia.
+    - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
+  rewrite E. apply sumZ_le. intros r Hr.
+  pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
+  unfold all_rows in Hr. rewrite app_nil_r in Hr. rewrite forallb_forall in Hrules. specialize (Hrules r Hr).
+  pose proof (rule_holds I plan r Hrules (proj2 planned)) as Hh.
+  unfold rule_ok, row_ok in Hrules. split_andb. to_Z.
+  assert (Es : sign r = 1) by (unfold sign; match goal with H : at_most r = true |- _ => rewrite H; reflexivity end).
+  unfold holds in Hh. rewrite Es in *.
+  assert (Hle : sumZ (map (sooner (used r)) plan) <= if Nat.ltb (step_of (used r)) t then plan_uses I (used r) plan else 0).
+  { unfold plan_uses. replace (if Nat.ltb (step_of (used r)) t then sumZ (map (path_uses I (used r)) plan) else 0)
+      with (sumZ (map (fun f => if Nat.ltb (step_of (used r)) t then path_uses I (used r) f else 0) plan)).
+    2:{ destruct (Nat.ltb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
+    apply sumZ_le. intros f _. unfold sooner.
+    rewrite (total_pick t (step_of (used r)) (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
+    rewrite (total_pick t (step_of (used r)) (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
+    rewrite path_uses_pick.
+    destruct (Nat.ltb_spec (step_of (used r)) t), (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); try lia. }
+  destruct (Nat.ltb (step_of (used r)) t); nia.
+Qed.
+
+(** What a drone collects before a step is at most the values of its best path and of its state. *)
+Lemma past_ok d f t : paired I C plan N d f -> (t <= T)%nat ->
+  (exists u, PM.find (snd f t) (map_of (pasts t) (fst f)) = Some u)
+  /\ so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t
+     <= best_number I C N d + number_of (pasts t) (fst f) (snd f t).
+Proof.
+  intros Hp Ht. destruct (so_far_ok I C plan planned N d f t narrow Hp Ht) as [u [Eu Hu]].
+  pose proof (class_in I plan planned f (proj2 (proj2 Hp))) as Hk.
+  assert (E : map_of (pasts t) (fst f) = nth t (of_class [] (sweep_so_far I C N Vs) (fst f)) (PM.empty Z)).
+  { unfold pasts. rewrite swept_so_far. unfold sweep_so_far. rewrite map_map. cbn [fst snd].
+    rewrite (of_class_map [] (fun k => left_forward I N k (step_price I C N k) (toll' I C k)
+      (map (fun sv => (fst sv, - snd sv)) (bests_of I (of_class [] Vs k) k)))) by exact Hk.
+    apply (map_of_map I (fun k => nth t (left_forward I N k (step_price I C N k) (toll' I C k)
+      (map (fun sv => (fst sv, - snd sv)) (bests_of I (of_class [] Vs k) k))) (PM.empty Z))), Hk. }
+  rewrite <- swept in Eu. rewrite <- E in Eu. split; [exists u; exact Eu|]. unfold number_of. rewrite Eu. exact Hu.
+Qed.
+
+Definition into_sum (t : nat) : Z := sumZ (map (fun f => number_of (pasts t) (fst f) (snd f t)) plan).
+
+(** What a plan collects up to step t is at most the bound on earlier steps and the worth of step t. *)
+Lemma begun_ok t : (t <= T)%nat -> (G t <= IZR (begun t + into_sum t) + FR t)%R.
+Proof.
+  intros Ht. pose proof narrow as [_ HN].
+  set (priced := fun j => prices_sum plan (u_prices (now (at_ N j))) j).
+  assert (Hworth : forall n, (n <= T)%nat -> (sumR (map FR (seq 0 n)) <= IZR (total n (fun j => u_constant (now (at_ N j))) + total n priced))%R).
+  { induction n as [|n IH]; intros Hn; [simpl; lra|]. rewrite seq_S, map_app, sumR_app. cbn [map sumR total Nat.add].
+    specialize (IH ltac:(lia)). destruct (HN n ltac:(lia)) as [_ [HU _]].
+    specialize (HU (now (at_ N n)) (or_introl eq_refl)). fold (priced n) in HU. rewrite !plus_IZR in *. lra. }
+  specialize (Hworth t Ht).
+  assert (Hpast : sumZ (map (fun f => so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t) plan)
+      = total t priced + total t rewards_at
+        + -1 * sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)).
+  { unfold priced, prices_sum, rewards_at. rewrite !total_sum, <- sumZ_scale, <- !sumZ_add. apply sumZ_ext. intros f _.
+    unfold so_far. rewrite <- total_scale, <- !total_add. apply total_ext. intros j _. unfold step_price, toll', toll. lia. }
+  pose proof (earlier_charges t Ht) as Hcharges.
+  assert (Hsums : forall ds fs, Forall2 (paired I C plan N) ds fs ->
+    sumZ (map (fun f => so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t) fs)
+    <= sumZ (map (best_number I C N) ds) + sumZ (map (fun f => number_of (pasts t) (fst f) (snd f t)) fs)).
+  { induction 1 as [|d f ds fs Hp H IH]; cbn [map sumZ]; [lia|]. pose proof (proj2 (past_ok d f t Hp Ht)). lia. }
+  specialize (Hsums _ _ (team_pairs I C plan planned N narrow)). fold (into_sum t) in Hsums.
+  assert (Hbests : match team_best (fun k => first_of (of_class [] Vs k)) (team I) with Some b => b | None => 0 end
+      = sumZ (map (best_number I C N) (team I))).
+  { destruct (team_best_is I C plan planned N narrow) as [EB _]. unfold left_bound in EB. rewrite <- swept in EB.
+    destruct (team_best _ _) as [b|]; [|discriminate]. injection EB as EB. lia. }
+  unfold G, begun. rewrite Hbests, (seq_S t), map_app, sumR_app. cbn [map sumR Nat.add].
+  apply Rle_trans with (IZR (total t (fun j => u_constant (now (at_ N j))) + total t priced + total t rewards_at) + FR t)%R.
+  - rewrite !plus_IZR in *. lra.
+  - apply Rplus_le_compat_r, IZR_le. lia.
+Qed.
+
+Lemma joints_at_ok t : (t <= T)%nat ->
+  met t (FR t) (joints_at t).
+Proof.
+  intros Ht.
+  set (st := at_ N t). set (gs := step_groups I C t). set (into := pasts t).
+  set (pr := fun f : flight => number_of (charges st) (fst f) (snd f t)).
+  set (nm := fun f : flight => here I (fst f) (snd f t)).
+  set (cf := flown_candidate I C coarse st t nm pr).
+  pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
+  assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
+  pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
+  pose proof (flown_worth I C coarse plan ok planned st t nm pr Ht) as HFL. fold cf gs in HFL.
+  pose proof (flown_counts I C coarse plan ok planned (places_meet I) st t nm pr Ht Hinv
+    (fits_pairs I plan planned cf t Ht (fun f _ => eq_refl))) as Hcounts. fold cf gs in Hcounts.
+  destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
+  (* the same by class *)
+  pose proof (by_classes_permutes I plan planned cf) as HpermL. set (Ls := by_classes I plan cf) in *.
+  apply (Permutation_Forall (Permutation_sym HpermL)) in Hcf.
+  rewrite <- (F_perm _ _ _ _ _ _ _ HpermL) in HFL.
+  apply (counts_perm named (places_meet I) (places_meet_symmetric I) _ _ _ _ _ _ _ _ (Permutation_sym HpermL)) in Hcounts.
+  destruct (class_pools_ok I plan planned cf (first_choices st gs t into)) as [Hpool [Hpositive Hleft]].
+  { intros f Hf. unfold first_choices. cbv zeta. apply in_flat_map.
+    destruct Hinv as [HL _]. destruct (HL f Hf) as [v Ev]. exists (snd f t, v). split; [apply PM.elements_correct, Ev|].
+    destruct (future_ok f t Hf Ht) as [a [Ea _]]. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
+    destruct (past_ok d f t Hd Ht) as [[u Eu] _]. fold into in Eu. cbn [fst]. rewrite Ea, Eu. left. reflexivity. }
+  set (Good := fun (l : list candidate) (m : joints) =>
+    counts named (places_meet I) (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
+    Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
+    sum named (price named) l = sum named (charge named) l ->
+    exists j, Permutation (map taken l) j
+      /\ recorded j (F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l) m).
+  assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR (floor st - 1))%R -> Good l a).
+  { intros l a H [_ [Hfl _]] _ E. exfalso. unfold profitR in H. rewrite E, minus_IZR in H. lra. }
+  assert (Hdown : forall l (a : joints), Good l (take_first st gs l a)).
+  { intros l a H1 H2 _. unfold take_first. cbv zeta.
+    pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
+    assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
+    apply Z.leb_le in Hle. rewrite Hle. exists (Ordered.sort (map taken l)). split; [apply Ordered.Permuted_sort|].
+    apply insert_new. exact HE. }
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_first st gs l' a)).
+  { intros l l' a H H1 H2 H3. destruct (H H1 H2 H3) as [j [Ej Hj]]. exists j. split; [exact Ej|].
+    unfold take_first. cbv zeta. destruct (_ <=? _); [apply insert_old|]; exact Hj. }
+  assert (Hswap : forall pre x c y post (a : joints), Good (pre ++ c :: x ++ y ++ post) a -> Good (pre ++ x ++ c :: y ++ post) a).
+  { intros pre x c y post a H H1 H2 H3.
+    assert (Hp : Permutation (pre ++ x ++ c :: y ++ post) (pre ++ c :: x ++ y ++ post)) by
+      (apply Permutation_app_head; symmetry; apply Permutation_middle).
+    rewrite (F_perm _ _ _ _ _ _ _ Hp).
+    rewrite (sum_perm _ (price named) _ _ Hp), (sum_perm _ (charge named) _ _ Hp) in H3.
+    destruct H as [j [Ej Hj]]; [eapply counts_perm; [apply places_meet_symmetric | exact Hp | exact H1] | eapply Permutation_Forall; eassumption | exact H3|].
+    exists j. split; [|exact Hj]. eapply Permutation_trans; [apply Permutation_map, Hp | exact Ej]. }
+  pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
+  assert (HGood : Good ([] ++ concat Ls) (joints_at t)).
+  { apply (node_ok named (places_meet I) (places_meet_symmetric I) (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => floor st - 1) (take_first st gs)
+      Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep false (fun _ => Hswap) (step_bases st) (floor st)).
+    - exact Hpool.
+    - exact Hpositive.
+    - exact Hleft.
+    - discriminate.
+    - exact Hcf.
+    - eapply (nothing_ok (amount_unit I)); try eassumption. apply Forall_forall. intros sp Hsp. exact (specs_of_ok I C coarse gs Hgs sp Hsp).
+    - rewrite HF0. unfold sum. simpl. lra.
+    - rewrite HF0. unfold sum. simpl. rewrite opp_IZR. fold st. lra.
+    - apply bases_first.
+    - exact Hcounts. }
+  simpl app in HGood. destruct (HGood Hcounts Hcf) as [j [Ej Hj]].
+  { rewrite (sum_perm _ (price named) _ _ HpermL), (sum_perm _ (charge named) _ _ HpermL). unfold sum. rewrite !map_map. reflexivity. }
+  assert (Ejoint : Permutation (joint_of plan t) j).
+  { eapply Permutation_trans; [|exact Ej]. eapply Permutation_trans; [|apply Permutation_map, Permutation_sym, HpermL].
+    unfold joint_of. rewrite map_map. apply Permutation_refl. }
+  destruct (Permutation_map_inv (fun f : flight => (fst f, snd f t)) plan (Permutation_sym Ejoint)) as [plan' [E Hperm]].
+  exists plan'. split; [exact Hperm|]. change (joint_of plan' t) with (map (fun f : flight => (fst f, snd f t)) plan'). rewrite <- E.
+  rewrite HFL in Hj. exact Hj.
+Qed.
+
+(** ** Onward and back *)
+
+Lemma ends_ok j v move moves : In move moves -> In (j, v) (snd move) -> recorded j (IZR v) (ends moves).
+Proof.
+  intros Hmove Hin. unfold ends. apply fold_records with (b := move); [| |exact Hmove].
+  - intros m x. cbn beta. revert m. induction (snd x) as [|y ys IH]; intros m Hm; simpl; [exact Hm | apply IH, insert_old, Hm].
+  - intros m. apply fold_records with (b := (j, v)); [intros; apply insert_old; assumption | | exact Hin].
+    intros m0. apply insert_new, Rle_refl.
+Qed.
+
+Lemma collected_ok j v after g i w moves l : In (i, w, l) moves -> In (j, v) l -> value_at j after = Some g ->
+  recorded i (IZR (v - w + g)) (collected after moves).
+Proof.
+  intros Hmove Hin Hg. unfold collected. apply fold_records with (b := (i, w, l)); [| |exact Hmove].
+  - intros m x. cbn beta. revert m. induction (snd x) as [|y ys IH]; intros m Hm; simpl; [exact Hm|]. apply IH.
+    destruct (value_at (fst y) after); [apply insert_old|]; exact Hm.
+  - intros m. cbn [fst snd]. apply fold_records with (b := (j, v)); [| |exact Hin].
+    + intros m0 x Hm. destruct (value_at (fst x) after); [apply insert_old|]; exact Hm.
+    + intros m0. cbn [fst snd]. rewrite Hg. apply insert_new, Rle_refl.
+Qed.
+
+Lemma G_next t : G (S t) = (G t + FR (S t) + IZR (rewards_at t))%R.
+Proof. unfold G. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra. Qed.
+
+Lemma gains_ok n : forall t l plan' v, (t + n = T)%nat -> Permutation plan plan' ->
+  In (joint_of plan' t, v) l -> (G t <= IZR v)%R -> recorded (joint_of plan' t) (G T - G t)%R (gains n t l).
+Proof.
+  induction n as [|n IH]; intros t l plan' v Ht Hperm Hin Hv; cbn [gains].
+  - apply fold_records with (b := (joint_of plan' t, v)); [intros; apply insert_old; assumption | | exact Hin].
+    intros m. apply insert_new. replace t with T by lia. lra.
+  - cbv zeta. set (sd := onward (S t)).
+    set (moves := map (fun jv => (jv, listed (following sd t jv (PM.empty _)))) l).
+    pose proof (following_ok t v plan' (PM.empty _) ltac:(lia) Hperm Hv) as Hfound. fold sd in Hfound.
+    destruct (recorded_listed _ _ _ Hfound) as [v' [Hin' Hv']].
+    assert (Hmove : In ((joint_of plan' t, v), listed (following sd t (joint_of plan' t, v) (PM.empty _))) moves).
+    { unfold moves. apply in_map_iff. exists (joint_of plan' t, v). split; [reflexivity | exact Hin]. }
+    pose proof (ends_ok _ v' _ _ Hmove Hin') as Hend.
+    destruct (Permutation_map_inv (fun f : flight => (fst f, snd f (S t))) plan' (Permutation_sym (Ordered.Permuted_sort (joint_of plan' (S t)))))
+      as [plan2 [E2 Hperm2]]. change (map _ plan2) with (joint_of plan2 (S t)) in E2. rewrite E2 in Hend, Hin'.
+    destruct (recorded_listed _ _ _ Hend) as [w [Hinw Hw]]. pose proof (G_next t) as EG.
+    pose proof (IH (S t) _ plan2 w ltac:(lia) (Permutation_trans Hperm Hperm2) Hinw ltac:(lra)) as Hafter.
+    destruct (recorded_value _ _ _ Hafter) as [g [Eg Hg]].
+    eapply recorded_less; [|exact (collected_ok _ v' _ g _ _ _ _ Hmove Hin' Eg)]. rewrite plus_IZR, minus_IZR. lra.
+Qed.
+
+(** The worth of a plan from step t on. *)
+Definition H (t : nat) : R := (FR t + G T - G t)%R.
+
+Lemma before_all_is plan' t : Permutation plan plan' -> before_all (pasts t) (joint_of plan' t) = into_sum t.
+Proof.
+  intros Hperm. unfold before_all, into_sum, joint_of. rewrite map_map. cbn [fst snd]. symmetry.
+  clear - Hperm. induction Hperm; simpl; lia.
+Qed.
+
+Lemma joints_from_ok t : (t <= T)%nat -> met t (H t) (joints_from t).
+Proof.
+  intros Ht. destruct (joints_at_ok t Ht) as [plan' [Hperm Hrec]]. exists plan'. split; [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [w [Hin Hw]]. pose proof (begun_ok t Ht) as Hbegun.
+  set (v := begun t + before_all (pasts t) (joint_of plan' t) + w).
+  assert (Hv : (G t <= IZR v)%R).
+  { unfold v. rewrite (before_all_is plan' t Hperm). rewrite !plus_IZR in *. lra. }
+  unfold joints_from. cbv zeta. set (after := gains _ _ _).
+  assert (Hafter : recorded (joint_of plan' t) (G T - G t)%R after).
+  { apply (gains_ok (T - t) t _ plan' v); [lia | exact Hperm | | exact Hv].
+    unfold with_ways. apply in_map_iff. exists (joint_of plan' t, w). split; [reflexivity | exact Hin]. }
+  destruct (recorded_value _ _ _ Hafter) as [g [Eg Hg]].
+  apply fold_records with (b := (joint_of plan' t, w)); [| |exact Hin].
+  - intros m x Hm. destruct (value_at (fst x) after); [destruct (_ <? _); [apply insert_old|]|]; exact Hm.
+  - intros m. cbn [fst snd]. rewrite Eg. fold v.
+    assert (Hlt : target < v + g) by (apply lt_IZR; rewrite plus_IZR; pose proof J_below; lra).
+    apply Z.ltb_lt in Hlt. rewrite Hlt. apply insert_new. rewrite plus_IZR. unfold H. lra.
+Qed.
+
+Lemma tails_ok t k s s' v : PM.find s (map_of (u_prices (now (at_ N t))) k) = Some v -> In s' (moves I k t s) ->
+  exists l, PM.find s' (tails t k) = Some l /\ In s l.
+Proof.
+  intros Hs Hmove. set (has := fun m : PM.t (list state) => exists l, PM.find s' m = Some l /\ In s l).
+  set (put := fun x (m : PM.t (list state)) y => PM.add y (x :: match PM.find y m with Some l => l | None => [] end) m).
+  assert (Hput : forall x m y, has m -> has (put x m y)).
+  { intros x m y [l [El Hl]]. unfold has, put. destruct (Pos.eq_dec s' y) as [<- | Hne].
+    - rewrite PM.gss, El. eexists. split; [reflexivity | right; exact Hl].
+    - rewrite PM.gso by exact Hne. exists l. auto. }
+  assert (Hputs : forall x ys m, has m -> has (fold_left (put x) ys m)).
+  { induction ys as [|y ys IH]; intros m Hm; simpl; [exact Hm | apply IH, Hput, Hm]. }
+  assert (Hnew : forall ys m, In s' ys -> has (fold_left (put s) ys m)).
+  { induction ys as [|y ys IH]; intros m Hin; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin].
+    apply Hputs. unfold has, put. rewrite PM.gss. eexists. split; [reflexivity | left; reflexivity]. }
+  assert (Hin : In s (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k)))).
+  { apply in_map_iff. exists (s, v). split; [reflexivity | apply PM.elements_correct, Hs]. }
+  change (has (fold_left (fun m x => fold_left (put x) (moves I k t x) m) (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k))) (PM.empty _))).
+  assert (Hall : forall l m, has m -> has (fold_left (fun m x => fold_left (put x) (moves I k t x) m) l m)).
+  { induction l as [|x l IH]; intros m Hm; simpl; [exact Hm | apply IH, Hputs, Hm]. }
+  generalize (PM.empty (list state)). revert Hin. generalize (map fst (PM.elements (map_of (u_prices (now (at_ N t))) k))) as l.
+  induction l as [|x l IH]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [apply Hall, Hnew, Hmove | apply IH, Hin].
+Qed.
+
+Lemma ways_back_symmetric a b : ways_back_meet a b = ways_back_meet b a.
+Proof.
+  unfold ways_back_meet. rewrite places_meet_symmetric. f_equal. destruct a as [[k p] [q s]], b as [[k' p'] [q' s']].
+  apply andb_comm.
+Qed.
+
+Lemma joints_before_ok t m : (S t <= T)%nat -> met (S t) (H (S t)) m -> met t (H t) (joints_before t m).
+Proof.
+  intros Ht [plan' [Hperm Hrec]]. apply (in_order plan' t); [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. unfold joints_before. cbv zeta.
+  apply fold_records with (b := (joint_of plan' (S t), v)); [intros; apply explore_keeps; assumption | | exact Hin].
+  intros m0. cbn [fst snd].
+  pose proof (G_next t) as EG.
+  assert (Hpast : forall f, In f plan -> exists a, PM.find (snd f t) (map_of (pasts t) (fst f)) = Some a).
+  { intros f Hf. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
+    destruct (past_ok d f t Hd ltac:(lia)) as [Hu _]. exact Hu. }
+  apply (explore_ok t (begun t) (pasts t) v ways_back_meet (fun f => place I (fst f) (snd f (S t)))
+    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan'); [lia | apply ways_back_symmetric | exact Hperm | | | |].
+  - change (sumZ (map _ plan)) with (into_sum t). pose proof (begun_ok t ltac:(lia)) as HB. pose proof J_below. unfold H. rewrite !plus_IZR in *. lra.
+  - change (sumZ (map _ plan)) with (rewards_at t). unfold H in *. lra.
+  - intros pr. destruct planned as [_ HA]. unfold fits_together. clear - HA Ht.
+    induction HA as [|f l Hf HA IH]; simpl; [constructor|]. constructor; [|exact IH].
+    rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
+    unfold ways_back_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
+    rewrite (Hm t ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
+  - assert (Htails : forall f, In f plan' -> exists l, PM.find (snd f (S t)) (of_class (PM.empty _) (map (fun k => (k, tails t k)) (classes I)) (fst f)) = Some l
+        /\ In (snd f t) l).
+    { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
+      rewrite of_class_map by (apply (class_in I plan planned), Hf). destruct narrow as [_ HN]. destruct (HN t ltac:(lia)) as [HL _].
+      destruct (HL f Hf) as [p Ep]. apply (tails_ok t (fst f) (snd f t) (snd f (S t)) p Ep).
+      destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
+    unfold joint_of, pools_back. rewrite map_map. clear - Htails Hpast Ht ok planned narrow swept.
+    induction plan' as [|f fs IH]; cbn [map]; constructor; [|apply IH; intros; apply Htails; right; assumption].
+    cbn [fst snd]. split; [reflexivity|]. intros Hf. destruct (Htails f (or_introl eq_refl)) as [l [El Hl]]. rewrite El.
+    apply in_flat_map. exists (snd f t). split; [exact Hl|].
+    apply (choice_found t (begun t) (pasts t) f (place I (fst f) (snd f (S t))) (fun s' => reward I C (fst f) s' (snd f (S t))) Hf); [lia | apply Hpast, Hf].
+Qed.
+
+Lemma back_ok t : forall m, (t <= T)%nat -> met t (H t) m -> met 0 (H 0) (back t m).
+Proof.
+  induction t as [|t IH]; intros m Ht Hm; [exact Hm|]. cbn [back]. apply IH; [lia|]. apply joints_before_ok; assumption.
+Qed.
+
+Lemma most_of_ok j l : recorded_in j (G T) l -> (J I plan * IZR (precision M) <= IZR (most_of l))%R.
+Proof.
+  intros [v [Hin Hv]]. eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold most_of.
   assert (Hold : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
-  { induction l as [|x l IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
-  revert Hin. generalize target as b. generalize (listed (reached T)) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
+  { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
+  revert Hin. generalize target as b. induction l as [|x l IH]; intros b Hin; [contradiction|].
   simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin]. specialize (Hold l (Z.max b v)). simpl. lia.
+Qed.
+
+Lemma paths_ok : (J I plan * IZR (precision M) <= IZR (most_of (listed (reached T))))%R.
+Proof.
+  destruct (reached_ok T (le_n _)) as [plan' [_ Hrec]]. apply (most_of_ok (joint_of plan' T)), recorded_listed, Hrec.
+Qed.
+
+(** A plan begins at the starts. *)
+Lemma may_begin_ok plan' : Permutation plan plan' -> may_begin (joint_of plan' 0) = true.
+Proof.
+  intros Hperm. unfold may_begin. destruct (only_starts (team I)) as [starts|] eqn:E; [|reflexivity]. apply same_drones_ok.
+  eapply Permutation_trans; [apply Permutation_map, Permutation_sym, Hperm|]. destruct planned as [HF _].
+  assert (Es : joint_of plan 0 = starts).
+  { clear - HF E. revert starts E. induction HF as [|d f ds fs [E1 E2] HF IH]; intros starts E; simpl in E; [injection E as <-; reflexivity|].
+    destruct d as [k [|s [|s' l]]]; try discriminate. destruct (only_starts ds) as [j|]; [|discriminate]. injection E as <-.
+    simpl. rewrite (IH j eq_refl). destruct f as [k' q]. simpl in E1, E2. destruct E2 as [[Hs | []] _]. subst. reflexivity. }
+  unfold joint_of in Es. rewrite Es. reflexivity.
+Qed.
+
+Lemma paths_through_ok t : (t <= T)%nat -> (J I plan * IZR (precision M) <= IZR (most_of (paths_through t)))%R.
+Proof.
+  intros Ht. destruct (back_ok t _ Ht (joints_from_ok t Ht)) as [plan' [Hperm Hrec]].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. apply (most_of_ok (joint_of plan' 0)). exists v. split.
+  - unfold paths_through. apply filter_In. split; [exact Hin | apply may_begin_ok, Hperm].
+  - replace (G T) with (H 0) by (unfold H, G; simpl; lra). exact Hv.
 Qed.
 End Paths.
 
@@ -513,48 +1089,60 @@ Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> me
 Variable mind : memory.
 Notation M := (numbers C).
 
+(** What no plan is above, by the paths of all drones; from: the step at which they begin. *)
+Definition paths_bound (N : narrowing) (target : Z) (from : nat) : Z :=
+  let Vs := sweep_all I C N in
+  most_of target (match from with
+    | O => listed (reached I C coarse memory advise mind N target Vs (horizon I))
+    | S _ => paths_through I C coarse memory advise mind N target Vs (sweep_so_far I C N Vs) from
+    end).
+
 (** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
-    one; None: the certificate proves nothing. *)
-Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) : option Z :=
+    one; paths_from: the step at which these begin. None: the certificate proves nothing. *)
+Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) (paths_from : nat) : option Z :=
   match paths_above with
   | None => staged_bound I C coarse memory advise mind target stages
   | Some higher =>
-      if staged_numbers_ok I C coarse && (target <=? higher) then
+      if staged_numbers_ok I C coarse && (target <=? higher) && Nat.leb paths_from (horizon I) then
         Some (match narrowed I C coarse memory advise mind target stages with
               | None => higher
               | Some N => match close I C higher N with
                           | None => higher
-                          | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N')
+                          | Some N' => paths_bound N' higher paths_from
                           end
               end)
       else None
   end.
 
-Definition check_staged (target : Z) (stages : list stage) (paths_above : option Z) (numerator denominator : Z) : bool :=
-  match whole_bound target stages paths_above with
+Definition check_staged (target : Z) (stages : list stage) (paths_above : option Z) (paths_from : nat)
+  (numerator denominator : Z) : bool :=
+  match whole_bound target stages paths_above paths_from with
   | None => false
   | Some b => (0 <? denominator) && (b * denominator <=? numerator * precision M)
   end.
 
-Lemma whole_bound_sound target stages paths_above b plan :
-  whole_bound target stages paths_above = Some b -> is_plan I plan ->
+Lemma whole_bound_sound target stages paths_above paths_from b plan :
+  whole_bound target stages paths_above paths_from = Some b -> is_plan I plan ->
   0 < precision M /\ (J I plan * IZR (precision M) <= IZR b)%R.
 Proof.
   unfold whole_bound. intros Hb Hp. destruct paths_above as [higher|].
   - destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate]. simpl in Hb.
-    destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. injection Hb as <-.
+    destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. simpl in Hb.
+    destruct (Nat.leb_spec paths_from (horizon I)) as [Hfrom | _]; [|discriminate]. injection Hb as <-.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
     + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
-      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
-      generalize (listed (reached I C coarse memory advise mind N' higher (sweep_all I C N') (horizon I))) as l. intros l.
+      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound, most_of. cbv zeta.
+      match goal with |- context [fold_left _ ?l0 higher] => generalize l0 as l end. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
       apply H.
     + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
       destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
       destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
-      apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
+      unfold paths_bound. destruct paths_from as [|from].
+      * apply (paths_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl).
+      * apply (paths_through_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl (S from) Hfrom).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
     pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
@@ -563,12 +1151,12 @@ Proof.
 Qed.
 
 (** A staged claim that passes the check is true. *)
-Theorem staged_sound target stages paths_above numerator denominator plan :
-  check_staged target stages paths_above numerator denominator = true -> is_plan I plan ->
+Theorem staged_sound target stages paths_above paths_from numerator denominator plan :
+  check_staged target stages paths_above paths_from numerator denominator = true -> is_plan I plan ->
   (J I plan <= IZR numerator / IZR denominator)%R.
 Proof.
-  unfold check_staged. intros H Hp. destruct (whole_bound target stages paths_above) as [b|] eqn:E; [|discriminate].
-  destruct (whole_bound_sound target stages paths_above b plan E Hp) as [Zu HJ]. split_andb. to_Z.
+  unfold check_staged. intros H Hp. destruct (whole_bound target stages paths_above paths_from) as [b|] eqn:E; [|discriminate].
+  destruct (whole_bound_sound target stages paths_above paths_from b plan E Hp) as [Zu HJ]. split_andb. to_Z.
   assert (Hle : b * denominator <= numerator * precision M) by assumption.
   assert (Hden : 0 < denominator) by assumption.
   apply IZR_le in Hle. rewrite !mult_IZR in Hle. apply IZR_pos in Zu, Hden.

@@ -430,6 +430,40 @@ Proof.
   destruct (step_groups_ok t g Hg) as [_ Hr]. unfold Rdiv at 2. rewrite Rmult_0_l, return_zero by exact Hr. ring.
 Qed.
 
+(** The drones of a plan, class by class. *)
+Definition by_classes {B} (cf : flight -> B) : list (list B) :=
+  map (fun k => map cf (filter (fun f : flight => Nat.eqb k (fst f)) plan)) (classes I).
+
+Lemma by_classes_permutes {B} (cf : flight -> B) : Permutation (concat (by_classes cf)) (map cf plan).
+Proof.
+  unfold by_classes. rewrite <- (map_map (fun k => filter (fun f : flight => Nat.eqb k (fst f)) plan) (map cf)), <- concat_map.
+  apply Permutation_map. apply by_class_permutes; [apply NoDup_nodup | apply class_in].
+Qed.
+
+Lemma class_pools_ok {B} (cf : flight -> B) (choices : nat -> list B) :
+  (forall f, In f plan -> In (cf f) (choices (fst f))) ->
+  let p := map (fun k => (size I k, choices k)) (classes I) in
+  completes p (by_classes cf) /\ positive_counts p /\ (drones_left p <= length (team I))%nat.
+Proof.
+  intros Hchoices p.
+  assert (Hpool : completes p (by_classes cf)).
+  { unfold p, by_classes. induction (classes I) as [|k ks IH]; simpl; constructor; [|exact IH]. simpl. split.
+    - rewrite map_length. unfold size.
+      assert (E : forall B (m : list (nat * B)), length (filter (fun x => Nat.eqb k (fst x)) m) = length (filter (Nat.eqb k) (map fst m))).
+      { clear. intros B m. induction m as [|x m IH]; simpl; [reflexivity|]. destruct (Nat.eqb k (fst x)); simpl; congruence. }
+      pose proof (E _ (team I)) as E2. rewrite <- classes_of_plan in E2. rewrite E2. exact (E _ plan).
+    - intros c Hc. apply in_map_iff in Hc. destruct Hc as [f [<- Hf]]. apply filter_In in Hf. destruct Hf as [Hf Ek].
+      apply Nat.eqb_eq in Ek. subst k. apply Hchoices, Hf. }
+  split; [exact Hpool|]. split.
+  - unfold p. apply Forall_forall. intros nl Hnl. apply in_map_iff in Hnl. destruct Hnl as [k [<- Hk]]. simpl.
+    unfold classes in Hk. apply nodup_In, in_map_iff in Hk. destruct Hk as [d [Ek Hd]]. unfold size.
+    destruct (filter (fun d => Nat.eqb k (fst d)) (team I)) as [|x l] eqn:E; [|simpl; lia]. exfalso.
+    assert (X : In d []) by (rewrite <- E; apply filter_In; split; [exact Hd | rewrite Ek; apply Nat.eqb_refl]). contradiction.
+  - rewrite <- team_size. replace (length plan) with (length (concat (by_classes cf))).
+    2:{ rewrite (Permutation_length (by_classes_permutes cf)), map_length. reflexivity. }
+    clear - Hpool. induction Hpool as [|[n l] L p Ls [H _] HP IH]; simpl; [lia|]. simpl in H. rewrite app_length. lia.
+Qed.
+
 Lemma after_constant_ok stg t claim st : (t <= T)%nat -> step_inv t st -> step_inv t (after_constant stg t claim st).
 Proof.
   intros Ht Hinv. pose proof Hinv as [HL [HU HF]]. unfold after_constant. set (prices := repriced st t stg).
@@ -459,21 +493,13 @@ Proof.
   { unfold sum, prices_sum. rewrite map_map. reflexivity. }
   pose proof (flown_counts places_meet st t (fun f => here (fst f) (snd f t)) pr Ht Hinv (fits_pairs cf t Ht (fun f _ => eq_refl))) as Hcounts.
   fold cf gs in Hcounts.
-  set (Ls := map (fun k => map cf (filter (fun f => Nat.eqb k (fst f)) plan)) (classes I)).
-  assert (HLs : Permutation (concat Ls) (map cf plan)).
-  { unfold Ls. rewrite <- (map_map (fun k => filter (fun f : flight => Nat.eqb k (fst f)) plan) (map cf)), <- concat_map.
-    apply Permutation_map. apply by_class_permutes; [apply NoDup_nodup | apply class_in]. }
-  set (pool_ := map (fun k => (size I k, map (fun sv => step_candidate st gs t k (fst sv) (snd sv)) (PM.elements (map_of prices k)))) (classes I)).
-  assert (Hpool : completes pool_ Ls).
-  { unfold pool_, Ls. assert (Hin : forall k, In k (classes I) -> In k (classes I)) by auto. revert Hin. generalize (classes I) at 1 3 4 as ks.
-    induction ks as [|k ks IH]; intros Hin; simpl; constructor; [|apply IH; intros; apply Hin; right; assumption]. simpl. split.
-    - rewrite map_length. unfold size.
-      assert (E : forall B (m : list (nat * B)), length (filter (fun x => Nat.eqb k (fst x)) m) = length (filter (Nat.eqb k) (map fst m))).
-      { clear. intros B m. induction m as [|x m IH]; simpl; [reflexivity|]. destruct (Nat.eqb k (fst x)); simpl; congruence. }
-      pose proof (E _ (team I)) as E2. rewrite <- classes_of_plan in E2. rewrite E2. exact (E _ plan).
-    - intros c Hc. apply in_map_iff in Hc. destruct Hc as [f [<- Hf]]. apply filter_In in Hf. destruct Hf as [Hf Ek]. apply Nat.eqb_eq in Ek. subst k.
-      destruct (Hnew f Hf) as [p Ep]. apply in_map_iff. exists (snd f t, p). split; [|apply PM.elements_correct, Ep].
-      unfold cf, flown_candidate, pr. assert (En : number_of prices (fst f) (snd f t) = p) by (unfold number_of; rewrite Ep; reflexivity). rewrite En. reflexivity. }
+  set (Ls := by_classes cf). pose proof (by_classes_permutes cf) as HLs. fold Ls in HLs.
+  set (choices := fun k => map (fun sv => step_candidate st gs t k (fst sv) (snd sv)) (PM.elements (map_of prices k))).
+  set (pool_ := map (fun k => (size I k, choices k)) (classes I)).
+  destruct (class_pools_ok cf choices) as [Hpool [Hpositive Hleft]].
+  { intros f Hf. destruct (Hnew f Hf) as [p Ep]. apply in_map_iff. exists (snd f t, p). split; [|apply PM.elements_correct, Ep].
+    unfold cf, flown_candidate, pr. assert (En : number_of prices (fst f) (snd f t) = p) by (unfold number_of; rewrite Ep; reflexivity). rewrite En. reflexivity. }
+  fold pool_ Ls in Hpool, Hpositive, Hleft.
   assert (Hcounts' : counts named places_meet (amount_unit I) (weight_unit I) (precision M) (specs_of gs) (step_bases st) (floor st) ([] ++ concat Ls)).
   { eapply counts_perm; [exact places_meet_symmetric | apply Permutation_sym; exact HLs | exact Hcounts]. }
   set (Good := fun (l : list candidate) (best : Z) =>
@@ -504,13 +530,8 @@ Proof.
     (step_bases st) (floor st) (length (team I)) [] (nothing (specs_of gs)) 0 (- floor st) (step_bases st) pool_ mind claim Ls Hpool) as HN.
   assert (HG : Good ([] ++ concat Ls) (most_profit st t prices claim)).
   { apply HN.
-    - unfold pool_. apply Forall_forall. intros nl Hnl. apply in_map_iff in Hnl. destruct Hnl as [k [<- Hk]]. simpl.
-      unfold classes in Hk. apply nodup_In, in_map_iff in Hk. destruct Hk as [d [Ek Hd]]. unfold size.
-      destruct (filter (fun d => Nat.eqb k (fst d)) (team I)) as [|x l] eqn:E; [|simpl; lia]. exfalso.
-      assert (X : In d []) by (rewrite <- E; apply filter_In; split; [exact Hd | rewrite Ek; apply Nat.eqb_refl]). contradiction.
-    - rewrite <- team_size. replace (length plan) with (length (concat Ls)).
-      2:{ rewrite (Permutation_length HLs), map_length. reflexivity. }
-      clear - Hpool. induction Hpool as [|[n l] L p Ls [H _] HP IH]; simpl; [lia|]. simpl in H. rewrite app_length. lia.
+    - exact Hpositive.
+    - exact Hleft.
     - discriminate.
     - exact HokLs.
     - eapply (nothing_ok (amount_unit I)); try eassumption. apply Forall_forall. intros sp Hsp. exact (specs_of_ok gs Hgs sp Hsp).

@@ -155,11 +155,16 @@ let checked most seconds instance_file lowered_file =
       let paths_above = match word source with
         | "-" -> None
         | above -> Some (z { source with left = [above] }) in
+      let paths_from = match word source with
+        | "-" -> 0
+        | from -> n { source with left = [from] } in
       nothing_more source;
-      let by = Printf.sprintf "%d stages%s" (List.length stages)
-          (if paths_above = None then "" else ", and paths of all drones together") in
+      let by = Printf.sprintf "%d stages%s%s" (List.length stages)
+          (if paths_above = None then "" else ", and paths of all drones together")
+          (if paths_from = 0 then "" else Printf.sprintf ", begun at step %d" paths_from) in
       let advise = counted most nodes (Advice.advise ~coarse ~alone:lines.vertex) in
-      (check_staged (build single lines) first coarse advise Advice.nothing target stages paths_above numerator denominator, by)
+      (check_staged (build single lines) first coarse advise Advice.nothing target stages paths_above paths_from
+         numerator denominator, by)
     | w -> refuse "no tree and no stages: %s" w in
   watch_no_more ();
   (holds, numerator, denominator, by)

@@ -215,14 +215,28 @@ class Lowering:
 
     def staged(self, numbers: Spec) -> Words:
         """Returns the words of a staged certificate."""
-        check.only(numbers, {"multipliers", "target", "stages", "paths_above"})
+        check.only(numbers, {"multipliers", "target", "stages", "paths_above", "paths_from"})
         target, above = self._target(numbers["target"]), numbers.get("paths_above")
+        begin = self._begin(numbers)
         return [
             target, COARSE,
             *self.multipliers(numbers["multipliers"]),
             *listed(map(self._stage, numbers["stages"])),
             "-" if above is None else max(self._target(above), target),
+            "-" if begin is None else begin,
         ]  # fmt: skip
+
+    def _begin(self, numbers: Spec) -> int | None:
+        """Returns the step at which the exploration of paths begins; None: step 0."""
+        if numbers.get("paths_from") is None:
+            return None
+        check.require(
+            numbers.get("paths_above") is not None, "paths_from: allowed only with paths_above"
+        )
+        begin: int = check.whole(numbers["paths_from"], "paths_from: ")
+        last = self.instance.horizon
+        check.require(0 < begin <= last, f"paths_from: must be a step from 1 to {last}")
+        return begin
 
     def _target(self, value: object) -> int:
         target = check.number_of(value)
