@@ -146,5 +146,5 @@ function boxBlurred(values, lines, n, next, step, radius) {
   return result;
 }
 
-// The brightness (0..1) of a surface, from the cosine between its normal and the sun's direction.
+// The brightness of a surface, 0.62 in shadow and 1 if it is horizontal, from the cosine between its normal and the sun's direction.
 export const brightness = (cosine) => 0.62 + (0.38 * Math.max(0, cosine)) / SUN[2];

@@ -34,7 +34,7 @@ export const present = (plan) => plan.paths.map((_, i) => i).filter((i) => isThe
 // True if some drone moves, or turns its camera.
 export const turns = ({ paths }) => paths.some(([start, ...rest]) => rest.some((pose) => pose.some((value, k) => value !== start[k])));
 
-// The range of a drone's flight height (m); one number if the height is constant.
+// The height (m) of a drone at a step; a constant height is stored once.
 export const heightOf = ({ heights }, drone, step) => heights[drone][step] ?? heights[drone][0];
 
 // Conflicts at a time: conflicts in a cell around their step, swaps from one step to the next.
