@@ -213,11 +213,6 @@ class Narrowing:
         return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
 
     @property
-    def worth(self) -> float:
-        """The sum of the values of all robots' best paths, in units of J."""
-        return self._sweeps.worth
-
-    @property
     def rounding(self) -> float:
         """The largest effect of rounding on B, in units of J."""
         return self._rounding(float(np.abs(self.constants).sum()))

@@ -269,7 +269,7 @@ class _Envelopes:
                 self.narrowing.target,
                 self.proved.stages[: trials.stages if is_tried else None],
                 trials.above if is_tried else None,
-                (trials.begun or None) if is_tried else None,
+                (trials.from_step or None) if is_tried else None,
             ),
         )
 
