@@ -72,7 +72,7 @@ class Ending:
     def __call__(
         self, narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop
     ) -> BestPlan:
-        """Ends unless the target is too low, and records its arguments; paths begin at the start."""
+        """Ends unless the target is too low, and records its arguments."""
         assert from_step == 0
         self.allowed.append(most_nodes)
         self.targets.append(narrowing.target)
