@@ -403,7 +403,7 @@ def test_paths_through_any_step_prove_as_much(ask: Ask, tmp_path: Path) -> None:
         found = _staged(file, paths_above=above, paths_from=step)
         code, words = ask(text, found | {"bound": file["bound"] * (1 + 1e-9)})
         assert code == 0, words
-        assert ("together, begun at step" in words) == (step is not None)
+        assert ("together, from step" in words) == (step is not None)
         assert ask(text, found | {"bound": file["bound"] * (1 - 1e-9)})[0] == 1
     assert ask(text, _staged(file))[0] == 1
 

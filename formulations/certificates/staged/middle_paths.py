@@ -59,13 +59,13 @@ def best_plan_through(
     if not may_begin_later(narrowing.model):
         raise ValueError("joint paths: may not begin at a later step if starts are free")
     team, searches = Team(narrowing), MoveSearches(most_nodes, plain)
-    counting, worth = team.counting(middle, searches, stop)
-    onward = _Onward(team, counting)
+    in_middle, worth = team.all_that_count(middle, searches, stop)
+    onward = _Onward(team, in_middle)
     for t in range(middle + 1, narrowing.model.problem.horizon + 1):
         onward.add(team.listed(team.moves_after(t, onward.last, searches, stop)))
     gains = onward.gains
-    kept = np.flatnonzero(counting.values + gains[0] > team.matters)
-    back = [Reached((worth + gains[0])[kept], counting.placed[kept], kept)]
+    kept = np.flatnonzero(in_middle.values + gains[0] > team.matters)
+    back = [Reached((worth + gains[0])[kept], in_middle.placed[kept], kept)]
     for t in range(middle - 1, -1, -1):
         back.append(team.best(team.listed(team.moves_before(t, back[-1], searches, stop))))
     nodes = most_nodes - searches.nodes_left

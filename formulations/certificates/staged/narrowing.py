@@ -415,7 +415,7 @@ class Narrowing:
         floor = float(self._closing.floors[t])
         return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
 
-    def counting(self, t: int) -> JointStates:
+    def charged_joint_states(self, t: int) -> JointStates:
         """Returns the remaining joint states of a step with their charges as prices, to collect
         those that count: a joint state counts if its profit reaches the floor.
         """

@@ -207,13 +207,15 @@ class Team:
         floors = np.array([self.matters - self._rest_after(t)])
         return self._collected(joint, choices, floors, searches, stop)
 
-    def counting(self, t: int, searches: MoveSearches, stop: Stop) -> tuple[Reached, FloatArray]:
+    def all_that_count(
+        self, t: int, searches: MoveSearches, stop: Stop
+    ) -> tuple[Reached, FloatArray]:
         """Returns the joint states of a step that count, and the worth [L] of each.
 
         The value of each is its worth and the most that any way to it can be worth. Robots of one
         class are exchangeable, so each joint state is listed once. Errors are those of `after`.
         """
-        joint = self._narrowing.counting(t)
+        joint = self._narrowing.charged_joint_states(t)
         if len(joint.states) > MOST_CHOICES:
             raise NotEndedError
         robots = np.concatenate([robot_class.robots for robot_class in self._model.classes])

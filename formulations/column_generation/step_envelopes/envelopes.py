@@ -160,6 +160,7 @@ class _Envelopes:
         one more stage.
         """
         left = self.search.stop.seconds_left if self.trials.is_possible else math.inf
+        # Infinite without a time limit or without trials: then nothing is kept.
         kept = self.search.parameters.trials.time_kept * left
         try:
             with self.search.ending_before(kept):
