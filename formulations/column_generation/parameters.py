@@ -418,7 +418,7 @@ class TrialParameters(Section):
         reduction of each higher target relative to the one before; for 5 % less, a trial takes 1.6
         to 5 times as many nodes (field, seed 1, without and with views)
     least_less : share
-        smallest reduction of a target: it is halved after a trial that has not ended
+        smallest reduction of a target; reductions are halved after trials that have not ended
     most_less : share
         largest reduction of a target, however fast the earlier trials were
     aimed_times : times
@@ -430,10 +430,11 @@ class TrialParameters(Section):
     first_times : times `fewest_nodes`
         largest size of the first trial for a higher target
     times_stages : times
-        expected size of a trial for a higher target at which trials end, relative to the stages,
-        unless time is kept for them
+        expected size of a trial for a higher target, relative to the stages, that is not tried any
+        more, except in the time kept for such trials
     time_kept : share
-        time kept for trials for higher targets, of what a limit leaves before the first stage
+        time kept for trials for higher targets, as a share of what a limit leaves before the first
+        stage
     """
 
     fewest_nodes: int = 100_000
@@ -454,14 +455,15 @@ class TrialParameters(Section):
 
 @dataclass(frozen=True)
 class MiddleParameters(Section):
-    """The choice of the step at which large trials of paths begin.
+    """The choice of the step from which large trials explore paths.
 
     Attributes
     ----------
     least_trial : nodes
         smaller trials begin at the start: a choice would take longer
     first_less : share
-        first reduction of the target; it is doubled from one comparison of steps to the next
+        first reduction of the target, relative to the remaining gap; it is doubled from one
+        comparison of steps to the next
     few : share
         size of the best exploration, relative to the trial that follows, at which comparisons end
     many : share
@@ -469,11 +471,12 @@ class MiddleParameters(Section):
     times : times
         largest size of an exploration, relative to the best one of the same comparison
     least_nodes : nodes
-        size that is always allowed
+        size of an exploration that is always allowed, however small the best one is
     most_steps : steps
-        steps that are compared at first, as far apart from each other; then those next to the best
+        largest number of steps compared at first, at equal distances; the steps around the best of
+        them follow
     most_kept : steps
-        best steps of a comparison that are compared again
+        number of best steps of a comparison that are compared again
     """
 
     least_trial: int = 1_000_000

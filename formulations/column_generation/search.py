@@ -91,7 +91,12 @@ class Search:
 
     @contextmanager
     def ending_before(self, seconds: float) -> Iterator[None]:
-        """Inside, stops so many seconds before the time limit; infinity changes nothing."""
+        """Within the block, the time limit ends so many seconds earlier.
+
+        Parameters
+        ----------
+        seconds : s; infinity: the limit stays
+        """
         stop = self.stop
         if seconds < np.inf:
             self.stop = stop.before(seconds)

@@ -78,9 +78,9 @@ Flown = tuple[Ints, Ints, list[Fraction], list[Fraction]]
 Decisions = tuple[tuple[Spec, int, int], ...]  # resource, 1 for "at most" or -1 for "at least", n
 Gains = dict[int, list[tuple[int, int, int, float, float]]]  # the views of each state
 Condition = tuple[int, bool, list[int]]  # constant, whether worth is added, payments of states
-# What other steps add, and what they add for the state of a drone.
+# An upper bound on what other steps add: a constant, and an amount for each state of a drone.
 Rest = tuple[int, Callable[[int, Ints], int]]
-# Joint states with their values, and, for each of those before, what the joint states add.
+# Joint states with their values; and, for each joint state that leads to some, the F of these.
 Reached = tuple[dict[Any, int], dict[Any, dict[Any, int]]]
 # Charges of a class's drones for places, moves and states at a step; None: closed.
 Charged = tuple[dict[Ints, int | None], dict[Ints, int | None], dict[Ints, int | None]]
@@ -1486,8 +1486,8 @@ class Staged:
         return claim
 
     def _counting(self, t: int) -> tuple[list[tuple[int, Ints]], Search, list[Condition]]:
-        """Returns the states of a step, class by class, a search over them, and the conditions that
-        joint states obey (*), and that slacks alone do not rule them out.
+        """Returns the states of a step, class by class, a search over them, and two conditions:
+        that joint states obey (*), and that slacks alone do not rule them out.
         """
         states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
         search = self._search(t, states, [len(drones) for drones in self.bound.members])
@@ -1529,6 +1529,10 @@ class Staged:
 
         A plan that has collected F up to step t is worth at most the sum of F, the later constants
         and rows, and the value that each drone's state can still bring at the current prices.
+
+        Parameters
+        ----------
+        middle : `paths_from` of the file: the step at which this begins; None: the start
         """
         i = self.instance
         require(above >= self.target, "paths_above: must not be below the target")
@@ -1545,7 +1549,7 @@ class Staged:
             best = self._explore_onward(of, above, starts)
         else:
             ok = 1 <= whole(middle, "paths_from: ") <= i.horizon
-            require(ok, "paths_from: must be a step after the start")
+            require(ok, f"paths_from: must be 1..{i.horizon}")
             ok = all(len(i.starts[drone]) == 1 for drone in drones)
             require(ok, "paths_from: not allowed if starts are free")
             best = self._explore_from(middle, of, above, starts) if all(starts) else above
@@ -1579,9 +1583,9 @@ class Staged:
         """Returns the largest value of a plan above the target, or the target.
 
         First come the joint states of the middle step that obey (*). The way to each of them is
-        worth at most the earlier constants and rows, and the best paths to its states. From there
-        on joint states are explored to the end. Then it is known what each brings, and those that
-        reach the end above the target are explored back to the start.
+        worth at most the earlier constants and rows, and the best paths to its states. From there,
+        joint states are explored to the end. Then it is known how much each collects later. Those
+        whose total is above the target are explored back to the start.
         """
         rest, brought = self._sooner(middle, of)
         worth = self._obeying(middle)
@@ -1593,7 +1597,7 @@ class Staged:
         for t in range(middle + 1, self.instance.horizon + 1):
             reached, links = self._onward(t, of, above, reached)
             moves.append(links)
-        gains = dict.fromkeys(reached, 0)  # what a joint state brings later
+        gains = dict.fromkeys(reached, 0)  # F that the best path from a joint state collects later
         for links in reversed(moves):
             onward = {
                 team: [gain + gains[head] for head, gain in heads.items() if head in gains]
@@ -1605,8 +1609,9 @@ class Staged:
         }
         for t in range(middle - 1, -1, -1):
             reached = self._back(t, of, above, reached)
-        begun = sorted(zip(of, (s for states in starts for s in states), strict=True))
-        return reached.get(tuple(s for _, s in begun), above)
+        # Drones of one class may be exchanged.
+        order = sorted(zip(of, (s for states in starts for s in states), strict=True))
+        return reached.get(tuple(s for _, s in order), above)
 
     def _obeying(self, t: int) -> dict[Any, int]:
         """Returns the joint states of a step that obey (*), and their worth."""
@@ -1653,7 +1658,7 @@ class Staged:
         )[0]  # fmt: skip
 
     def _later(self, t: int, of: list[int]) -> Rest:
-        """Returns what later constants and rows add, and what a drone's state brings later."""
+        """Returns the sum of later constants and rows, and the most that a state brings later."""
 
         def brings(robot: int, s: Ints) -> int:
             return self.to_go[of[robot]][t][s] - self.prices[of[robot]][t][s]
@@ -1661,8 +1666,8 @@ class Staged:
         return sum(self.constants[t + 1 :]) + self._rows_from(t), brings
 
     def _sooner(self, t: int, of: list[int]) -> Rest:
-        """Returns what earlier constants and rows and all best paths add, and what a drone's way to
-        a state brings, less its best path.
+        """Returns the sum of earlier constants and rows and of all drones' best paths, and the most
+        that a drone's way to a state brings, less its best path.
         """
 
         def brought(robot: int, s: Ints) -> int:
@@ -1679,13 +1684,13 @@ class Staged:
         may_move: Callable[[Any, Any], bool],
     ) -> Reached:  # fmt: skip
         """Returns the joint states of a step that are reached, each with the largest value of a way
-        to it; and, for each joint state that leads to them, what they add.
+        to it; and, for each joint state that leads to them, the F of each of them.
 
         Parameters
         ----------
         ways : for each joint state, its value, and the states to which each drone can move
-        other : what the steps add that are not explored yet
-        may_move : called with a joint state and one to which it leads
+        other : the most that the steps add that are not explored yet
+        may_move : called with a joint state and one to which it leads; False: ignore the move
         """
         reached: dict[Any, int] = {}
         links: dict[Any, dict[Any, int]] = {}

@@ -403,7 +403,7 @@ def test_paths_through_any_step_prove_as_much(ask: Ask, tmp_path: Path) -> None:
         found = _staged(file, paths_above=above, paths_from=step)
         code, words = ask(text, found | {"bound": file["bound"] * (1 + 1e-9)})
         assert code == 0, words
-        assert ("together, begun at step" in words) == (step is not None)
+        assert ("together, from step" in words) == (step is not None)
         assert ask(text, found | {"bound": file["bound"] * (1 - 1e-9)})[0] == 1
     assert ask(text, _staged(file))[0] == 1
 
@@ -435,10 +435,10 @@ def test_paths_through_steps_of_small_problems(
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"paths_from": 0}, "paths_from: must be a step from 1 to "),
-        ({"paths_from": 99}, "paths_from: must be a step from 1 to "),
+        ({"paths_from": 0}, "paths_from: must be 1.."),
+        ({"paths_from": 99}, "paths_from: must be 1.."),
         ({"paths_from": 1.0}, "paths_from: must be a whole number"),
-        ({"paths_from": 1, "paths_above": None}, "paths_from: allowed only with paths_above"),
+        ({"paths_from": 1, "paths_above": None}, "paths_from: not allowed without paths_above"),
     ],
 )
 def test_paths_begin_at_a_step_of_the_scene(

@@ -21,8 +21,8 @@ from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from random_certificates import random_staged
-from strategies import drawn_meetings, drawn_problems, examples
+from random_certificates import random_multipliers, random_staged
+from strategies import drawn_meetings, drawn_problems, examples, tiny
 
 from cocap_opt.cli.commands import run
 from cocap_opt.files.documents import PlanFile, problem_digest
@@ -168,6 +168,29 @@ def test_paths_from_any_step_prove_what_whole_paths_prove(
         bound = staged_bound(problem, part, best, folder)
         assert bound == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert bound <= price_staged(model, part).bound + 1e-9 * (1 + abs(best))
+
+
+@pytest.mark.parametrize(
+    ("middle", "above", "has_free_starts", "message"),
+    [
+        (0, 0.0, False, "paths_from: must be 1..2"),
+        (3, 0.0, False, "paths_from: must be 1..2"),
+        (1, None, False, "paths_from: not allowed without paths_above"),
+        (1, 0.0, True, "paths_from: not allowed if starts are free"),
+    ],
+)
+def test_paths_begin_at_a_step_after_fixed_starts(
+    middle: int, above: float | None, has_free_starts: bool, message: str, folder: Path
+) -> None:
+    """Files with any other `paths_from` are refused."""
+    problem = tiny()
+    if has_free_starts:
+        first, second = problem.robots
+        starts = [first.start, first.start._replace(heading=1)]
+        problem = problem.replace(robots=(first.replace(start=starts), second))
+    numbers = random_multipliers(compiled(problem), np.random.default_rng(0))
+    with pytest.raises(Refused, match=re.escape(message)):
+        staged_bound(problem, Staged(numbers, 0.0, (), above, middle), 1.0, folder)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Joint paths explored from a step in the middle: the same best plan as from the start."""
+"""Joint paths explored from a step in the middle: the J of the best plan is that from the start."""
 
 import math
 
@@ -20,8 +20,8 @@ from cocap_opt.formulations.certificates.staged import (
     best_plan_through,
     compiled_search,
     may_begin_later,
+    move_searches,
     price_staged,
-    team_moves,
 )
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Problem
@@ -32,7 +32,7 @@ any_problem = either(st.one_of(problems(), meetings(), meetings(team=3)))
 
 
 def usable(problem: Problem, rng: np.random.Generator) -> Model:
-    """Its model, if paths may begin later and there is a plan; moves are worth nothing."""
+    """A model of the problem without rewards for moves, if paths may begin at a later step."""
     objective = Objective(pixels=problem.objective.pixels, views=problem.objective.views)
     model = some_model(problem.replace(objective=objective), rng)
     assume(may_begin_later(model))
@@ -42,7 +42,7 @@ def usable(problem: Problem, rng: np.random.Generator) -> Model:
 @examples(40)
 @given(any_problem, seeds)
 def test_from_every_step_the_best_plan_is_found(problem: Problem, seed: int) -> None:
-    """It is the optimum, by a plan that obeys the rules, or nothing above it."""
+    """A valid plan with the optimal J; no plan is above a higher target."""
     rng = np.random.default_rng(seed)
     model = usable(problem, rng)
     best = optimum(model.problem)
@@ -68,7 +68,7 @@ def test_from_every_step_the_best_plan_is_found(problem: Problem, seed: int) -> 
 @examples(20)
 @given(any_problem, seeds)
 def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
-    """The same plan after as many nodes."""
+    """The same plan after as many nodes as plain searches."""
     rng = np.random.default_rng(seed)
     model = usable(problem, rng)
     value = optimum(model.problem).value
@@ -78,8 +78,8 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     plain = best_plan_through(narrowing, middle, 10**6, plain=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled_search, "is_loaded", lambda: False)
-        patch.setattr(team_moves, "PLAIN_NODES", -1)
-        patch.setattr(team_moves, "_NODES_AT_ONCE", 4)
+        patch.setattr(move_searches, "PLAIN_NODES", -1)
+        patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
         assert best_plan_through(narrowing, middle, 10**6) == plain
 
 
@@ -89,10 +89,11 @@ def test_starts_must_be_fixed_and_joint_states_determine_j() -> None:
     first, second = problem.robots
     starts = [first.start, first.start._replace(heading=1)]
     free = problem.replace(robots=(first.replace(start=starts), second))
-    for other in (problem.replace(objective=Objective(keep_cell=1.0)), free):
+    rewarded = problem.replace(objective=Objective(keep_cell=1.0))
+    for other, message in ((rewarded, "if moves are rewarded"), (free, "if starts are free")):
         model = compiled(other)
         assert not may_begin_later(model)
-        with pytest.raises(ValueError, match="may not begin at a later step"):
+        with pytest.raises(ValueError, match=message):
             best_plan_through(random_narrowing(model, -1.0, rng), 1, 100)
         numbers = Staged(random_multipliers(model, rng), -1.0, (), -1.0, 1)
         with pytest.raises(CertificateError, match=r"paths_(from|above): not allowed"):

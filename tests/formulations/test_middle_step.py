@@ -1,4 +1,4 @@
-"""The step at which large trials of joint paths begin: which is chosen, and at what expense."""
+"""The step from which large trials explore joint paths: the choice, and the nodes it takes."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ HORIZON = 8
 
 
 class Explored:
-    """Takes the place of explorations; their nodes grow with the distance from the best step.
+    """Replaces explorations; their number of nodes grows with the distance from the best step.
 
     Parameters
     ----------
@@ -31,12 +31,14 @@ class Explored:
         self.best, self.nodes = best, nodes
         self.rooms, self.tried, self.spent = list[float](), list[int](), 0
 
-    def __call__(self, narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
-        """Ends, or not, and takes down what was asked for."""
+    def __call__(
+        self, narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop
+    ) -> BestPlan:
+        """Ends unless it needs too many nodes, and records its arguments."""
         self.rooms.append(narrowing.bound - narrowing.target)
-        self.tried.append(begun)
+        self.tried.append(from_step)
         times = self.rooms[-1] / self.rooms[0] if self.rooms[0] > 0 else 1.0
-        nodes = int(self.nodes * times * (1 + abs(begun - self.best)))
+        nodes = int(self.nodes * times * (1 + abs(from_step - self.best)))
         self.spent += min(nodes, most_nodes)
         if nodes > most_nodes:
             raise NotEndedError
@@ -45,7 +47,7 @@ class Explored:
 
 @pytest.fixture(scope="module")
 def narrowing() -> Narrowing:
-    """What random multipliers leave of a scene of so many steps."""
+    """The states that random multipliers leave of a scene with a horizon of `HORIZON`."""
     model = compiled(load_scene("corridor", 0).replace(horizon=HORIZON))
     return random_narrowing(model, 0.0, np.random.default_rng(0))
 
@@ -55,12 +57,12 @@ def narrowing() -> Narrowing:
 def test_the_step_with_fewest_nodes_is_chosen(
     narrowing: Narrowing, best: int, most_steps: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Even if only its neighbours are tried at first; targets fall until it takes some nodes."""
+    """Even if only its neighbours are tried at first; targets fall until it takes enough nodes."""
     explored = Explored(best, 1000)
     monkeypatch.setattr(middle_step, "explored", explored)
     middle = MiddleStep(MiddleParameters(most_steps=most_steps))
     middle.choose(narrowing, 0.0, 1_000_000, never)
-    assert middle.begun == best
+    assert middle.from_step == best
     assert middle.nodes == explored.spent
     assert explored.rooms == sorted(explored.rooms)
     at_first = explored.rooms.count(explored.rooms[0])
@@ -73,12 +75,12 @@ def test_the_step_with_fewest_nodes_is_chosen(
 def test_the_step_stays_where_no_exploration_ends(
     narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each then takes the share of the next trial that it may take."""
+    """Each then counts as the largest number of nodes that it may take."""
     explored = Explored(3, 10**9)
     monkeypatch.setattr(middle_step, "explored", explored)
-    middle = MiddleStep(MiddleParameters(), begun=7)
+    middle = MiddleStep(MiddleParameters(), from_step=7)
     middle.choose(narrowing, 0.0, 1_000_000, never)
-    assert middle.begun == 7 == explored.tried[0]
+    assert middle.from_step == 7 == explored.tried[0]
     assert middle.nodes == MiddleParameters().many * 1_000_000 * len(explored.tried)
 
 
@@ -90,7 +92,7 @@ def test_a_bound_that_is_no_more_than_the_best_plan_is_no_error(
     monkeypatch.setattr(middle_step, "explored", explored)
     middle = MiddleStep(MiddleParameters())
     middle.choose(narrowing, narrowing.bound + 1.0, 10**6, never)
-    assert middle.begun == 3
+    assert middle.from_step == 3
 
 
 def test_paths_begin_at_the_start_where_moves_are_rewarded(
@@ -102,4 +104,4 @@ def test_paths_begin_at_the_start_where_moves_are_rewarded(
     monkeypatch.setattr(middle_step, "explored", None)
     middle = MiddleStep(MiddleParameters())
     middle.choose(rewarded, 0.0, 1_000_000, never)
-    assert (middle.begun, middle.nodes) == (0, 0)
+    assert (middle.from_step, middle.nodes) == (0, 0)

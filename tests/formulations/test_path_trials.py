@@ -69,9 +69,11 @@ class Ending:
         self.least, self.doubling = least, doubling
         self.allowed, self.targets = list[int](), list[float]()
 
-    def __call__(self, narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
-        """Ends, or not, and takes down what was asked for; paths begin at the start."""
-        assert begun == 0
+    def __call__(
+        self, narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop
+    ) -> BestPlan:
+        """Ends unless the target is too low, and records its arguments."""
+        assert from_step == 0
         self.allowed.append(most_nodes)
         self.targets.append(narrowing.target)
         if narrowing.target < self.least:
@@ -150,12 +152,12 @@ def test_another_step_in_the_middle_is_tried_once_a_trial_fails(
     """Each step fails once at the same target; then trials end."""
     tried: list[int] = []
 
-    def failing(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
-        tried.append(begun)
+    def failing(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
+        tried.append(from_step)
         raise NotEndedError
 
     def choose(self: MiddleStep, *_: object) -> None:
-        self.begun = (self.begun + 1) % 3
+        self.from_step = (self.from_step + 1) % 3
 
     monkeypatch.setattr(path_trials, "explored", failing)
     monkeypatch.setattr(MiddleStep, "choose", choose)
@@ -205,10 +207,10 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
     """The bound of the targets before stays."""
     ending = Ending(-np.inf)
 
-    def limited(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
+    def limited(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
         if len(ending.targets) == 2:
             raise LimitReached(Limit.TIME)
-        return ending(narrowing, begun, most_nodes, stop)
+        return ending(narrowing, from_step, most_nodes, stop)
 
     replace_trials(monkeypatch, limited)
     with pytest.raises(LimitReached):
@@ -276,13 +278,13 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     bound = root.relaxation.best.bound
     above = root.search.value + share * (bound - root.search.value)
 
-    def only_first(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
+    def only_first(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
         if narrowing.target < above * (1 - 1e-12):
             raise NotEndedError
         return explored(narrowing, middle, most_nodes, stop)
 
     replace_trials(monkeypatch, only_first)
-    monkeypatch.setattr(MiddleStep, "choose", lambda self, *_: setattr(self, "begun", middle))
+    monkeypatch.setattr(MiddleStep, "choose", lambda self, *_: setattr(self, "from_step", middle))
     monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
     file = root.search.spare

@@ -51,15 +51,15 @@ from cocap_opt.formulations.certificates.staged import (
     conflicts,
     may_be_used,
     most_profitable,
-    team_moves,
+    move_searches,
 )
 from cocap_opt.formulations.certificates.staged import search as plain_search
 from cocap_opt.formulations.certificates.staged.conflicts import Conflicts
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
+from cocap_opt.formulations.certificates.staged.move_searches import Choices, MoveSearches
 from cocap_opt.formulations.certificates.staged.relaxation import Conditions, Relaxation
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
-from cocap_opt.formulations.certificates.staged.team_moves import Choices, Following
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.flow_paths import StartChoice, mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import (
@@ -434,8 +434,8 @@ def test_searches_take_what_they_are_compiled_for_ahead() -> None:
             joint = with_ceilings(random_joint_states(rng), rng)
             plain_search._run_compiled(joint, 0.0, 10**6, never)
             _local_optima(joint, [], BundleParameters())
-        patch.setattr(team_moves, "PLAIN_NODES", -1)
-        patch.setattr(team_moves, "_NODES_AT_ONCE", 500)
+        patch.setattr(move_searches, "PLAIN_NODES", -1)
+        patch.setattr(move_searches, "_NODES_AT_ONCE", 500)
         with pytest.raises(LimitReached):
             best_plan(narrowing, 10**9, Calls(5))
 
@@ -493,7 +493,7 @@ def test_plain_verification_compiles_nothing_and_finds_the_same(
         for is_loaded in (False, True):
             patch.setattr(compiled_search, "is_loaded", lambda loaded=is_loaded: loaded)
             patch.setattr(plain_search, "PLAIN_NODES", 0)
-            patch.setattr(team_moves, "PLAIN_NODES", -1)
+            patch.setattr(move_searches, "PLAIN_NODES", -1)
             bound = price_staged(model, staged, plain=True).bound
     assert price_staged(model, staged).bound == pytest.approx(bound, rel=1e-12)
 
@@ -731,13 +731,13 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(compiled_search, "is_loaded", lambda: False)
             patch.setattr(compiled_search, "is_there", lambda there=has_numba: there)
-            patch.setattr(team_moves, "PLAIN_NODES", plain_nodes)
-            patch.setattr(team_moves, "_NODES_AT_ONCE", 4)
+            patch.setattr(move_searches, "PLAIN_NODES", plain_nodes)
+            patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
             found.append(best_plan(narrowing, 10**6))
     assert found[0] == found[1] == found[2]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(team_moves, "PLAIN_NODES", -1)
-        patch.setattr(team_moves, "_NODES_AT_ONCE", 4)
+        patch.setattr(move_searches, "PLAIN_NODES", -1)
+        patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
         assert best_plan(narrowing, found[0].nodes) == found[0]
         if found[0].nodes:
             with pytest.raises(NotEndedError):
@@ -766,8 +766,8 @@ def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.Mo
         return found
 
     monkeypatch.setattr(CompiledSearch, "follow", noted)
-    monkeypatch.setattr(team_moves, "PLAIN_NODES", -1)
-    monkeypatch.setattr(team_moves, "_NODES_AT_ONCE", 500)
+    monkeypatch.setattr(move_searches, "PLAIN_NODES", -1)
+    monkeypatch.setattr(move_searches, "_NODES_AT_ONCE", 500)
     with pytest.raises(LimitReached):
         best_plan(open_narrowing(1), 10**9, Calls(5))
     assert nodes and set(nodes) == {500}
@@ -780,11 +780,11 @@ def test_a_search_that_finds_too_much_ends_there(
     """It does not go through all of the two hundred million joint states first."""
     if is_compiled and not is_there():
         pytest.skip("needs the extra [fast]")
-    for module in (team_moves, plain_search):
+    for module in (move_searches, plain_search):
         monkeypatch.setattr(module, "MOST_FOUND", 1000)
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
     monkeypatch.setattr(compiled_search, "is_there", lambda: is_compiled)
-    monkeypatch.setattr(team_moves, "_NODES_AT_ONCE", 600)
+    monkeypatch.setattr(move_searches, "_NODES_AT_ONCE", 600)
     stop = Calls()
     with pytest.raises(NotEndedError):
         best_plan(open_narrowing(1), 10**9, stop)
@@ -830,7 +830,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     assert highest > 0
     for lacking, is_found in ((0.5, True), (2.0, False)):
         floors = np.array([highest + lacking * joint.margin])
-        moves = list(Following(10**6).found(joint, choices, floors, never))
+        moves = list(MoveSearches(10**6).found(joint, choices, floors, never))
         assert [highest == joint.worth(heads[0]) for _, heads in moves] == [True] * is_found
 
 

@@ -161,7 +161,7 @@ let checked most seconds instance_file lowered_file =
       nothing_more source;
       let by = Printf.sprintf "%d stages%s%s" (List.length stages)
           (if paths_above = None then "" else ", and paths of all drones together")
-          (if paths_from = 0 then "" else Printf.sprintf ", begun at step %d" paths_from) in
+          (if paths_from = 0 then "" else Printf.sprintf ", from step %d" paths_from) in
       let advise = counted most nodes (Advice.advise ~coarse ~alone:lines.vertex) in
       (check_staged (build single lines) first coarse advise Advice.nothing target stages paths_above paths_from
          numerator denominator, by)

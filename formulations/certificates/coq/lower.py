@@ -231,11 +231,11 @@ class Lowering:
         if numbers.get("paths_from") is None:
             return None
         check.require(
-            numbers.get("paths_above") is not None, "paths_from: allowed only with paths_above"
+            numbers.get("paths_above") is not None, "paths_from: not allowed without paths_above"
         )
         begin: int = check.whole(numbers["paths_from"], "paths_from: ")
         last = self.instance.horizon
-        check.require(0 < begin <= last, f"paths_from: must be a step from 1 to {last}")
+        check.require(0 < begin <= last, f"paths_from: must be 1..{last}")
         return begin
 
     def _target(self, value: object) -> int:

@@ -5,7 +5,8 @@ plans above the target may visit (`team_moves`). The J of a plan is at most
 
     value before + F(s) + sum_i future_i(s_i) + rest(t),
 
-where `future` is the most that robots can collect later at the prices; s is explored only if this
+where `future` is the most that a robot can collect later at the prices, and `rest` the sum of K and
+of the rows of the later steps; s is explored only if this
 sum is above the target. The bound less this sum is the total loss of all steps up to t, so the
 number of joint states falls quickly, whereas (*) of `narrowing` considers the loss of each step
 alone. Only the best way to each joint state is continued, where robots of one class are
@@ -19,11 +20,11 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.formulations.certificates.pricing import Pricing
+from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError
 from cocap_opt.formulations.certificates.staged.team_moves import (
     MOST_CHOICES,
-    Following,
     Reached,
     Team,
 )
@@ -41,7 +42,7 @@ class BestPlan(NamedTuple):
     value: float  # J; -inf if there is no plan
     paths: tuple[Path, ...] = ()  # state numbers, robot by robot
     nodes: int = 0  # number of nodes that the searches took
-    # number of joint states at each step, up to the first step without any
+    # number of joint states at each step; from the start, up to the first step without any
     reached: tuple[int, ...] = ()
 
     @property
@@ -70,13 +71,13 @@ def best_plan(
         If moves are rewarded, or views do not count at step 1.
     """
     require_usable(narrowing.model)
-    team, following = Team(narrowing), Following(most_nodes, plain)
-    reached = _Beginning(narrowing, team).reached(following, stop)
+    team, searches = Team(narrowing), MoveSearches(most_nodes, plain)
+    reached = _Beginning(narrowing, team).reached(searches, stop)
     for t in range(len(reached), narrowing.model.problem.horizon + 1):
         if not len(reached[-1].values):
             break
-        reached.append(team.after(t, reached[-1], following, stop))
-    nodes = most_nodes - following.nodes_left
+        reached.append(team.after(t, reached[-1], searches, stop))
+    nodes = most_nodes - searches.nodes_left
     numbers = tuple(len(step.values) for step in reached)
     # Rows may charge nobody, so a path that is followed to its end may be worth less than the
     # target.
@@ -108,7 +109,7 @@ class _Beginning:
     def __init__(self, narrowing: Narrowing, team: Team) -> None:
         self._narrowing, self._model, self._team = narrowing, narrowing.model, team
 
-    def reached(self, following: Following, stop: Stop) -> list[Reached]:
+    def reached(self, searches: MoveSearches, stop: Stop) -> list[Reached]:
         """Returns the joint states reached at step 0 and, if starts are free, at step 1.
 
         Free starts have too many joint states, unless views count there. Therefore the joint states
@@ -129,7 +130,7 @@ class _Beginning:
         if not problem.has_free_starts:
             return [self._fixed(starts)]
         if problem.first_step == 0:
-            return [self._team.best(self._team.chosen(0, starts, following, stop))]
+            return [self._team.best(self._team.chosen(0, starts, searches, stop))]
         if sum(map(len, starts)) > MOST_CHOICES:
             raise NotEndedError
         ways = _StartWays(self._model, self._team.numbers, starts)
@@ -139,8 +140,8 @@ class _Beginning:
         ]
         if not all(map(len, heads)):
             return [Reached.empty(len(numbers))]
-        chosen = self._team.chosen(1, heads, following, stop)
-        found = [ways.with_starts(part, following, stop) for part in chosen]
+        chosen = self._team.chosen(1, heads, searches, stop)
+        found = [ways.with_starts(part, searches, stop) for part in chosen]
         placed = np.concatenate([tails for tails, _ in found])
         number = np.cumsum([0, *(len(tails) for tails, _ in found)])[:-1]
         after = self._team.best(
@@ -194,7 +195,7 @@ class _StartWays:
         return found
 
     def with_starts(
-        self, reached: Reached, following: Following, stop: Stop
+        self, reached: Reached, searches: MoveSearches, stop: Stop
     ) -> tuple[IntArray, Reached]:
         """Returns starts for the joint states of step 1 that have any, together with these joint
         states.
@@ -210,14 +211,14 @@ class _StartWays:
         for row, heads in enumerate(reached.placed.tolist()):
             if row % _STARTS_AT_ONCE == 0:
                 stop.check()
-            tails.append(self._starts_of(heads, following))
+            tails.append(self._starts_of(heads, searches))
         kept = [row for row, found in enumerate(tails) if found]
         placed = np.array([tails[row] for row in kept], dtype=np.int64)
         able = Reached(reached.values[kept], reached.placed[kept], reached.before[kept])
         return placed.reshape(len(kept), len(self._tails)), able
 
     def _starts_of(
-        self, heads: list[int], following: Following, chosen: tuple[int, ...] = ()
+        self, heads: list[int], searches: MoveSearches, chosen: tuple[int, ...] = ()
     ) -> list[int]:
         """Returns starts of all robots that lead to given states at step 1; empty if there are
         none.
@@ -227,7 +228,7 @@ class _StartWays:
         chosen : for the first robots, the number of the chosen start among those that lead to the
             state
         """
-        following.spend(1)
+        searches.spend(1)
         robot = len(chosen)
         if robot == len(heads):
             both = zip(self._tails, heads, chosen, strict=True)
@@ -235,7 +236,7 @@ class _StartWays:
         for which in range(len(self._tails[robot][heads[robot]])):
             pairs = enumerate(chosen)
             if all(self._may_start(k, heads[k], robot, heads[robot])[at, which] for k, at in pairs):
-                found = self._starts_of(heads, following, (*chosen, which))
+                found = self._starts_of(heads, searches, (*chosen, which))
                 if found:
                     return found
         return []

@@ -7,27 +7,27 @@ is worth at most
 
     K of the earlier steps + their rows + sum_i past_i(s_i),
 
-where `past` is the most that a robot collects at the prices on its way to a state. Most joint
-states of the step are left without a path to the end. Then the paths from the others are explored
-back to the start, step by step. Now the worth of all later steps is exact, and `past` bounds the
-earlier ones. At step 0, the best value is that of the best plan.
+where `past` is the most that a robot can collect at the prices on its way to a state. From most of
+these joint states, no path leads to the end. From the others, paths are explored back to the start,
+step by step. Now the worth of all later steps is exact; K, rows and `past` bound the earlier ones.
+At step 0, the best value is that of the best plan.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, may_be_used
+from cocap_opt.formulations.certificates.staged.joint_paths import (
+    BestPlan,
+    may_be_used,
+    require_usable,
+)
+from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
-from cocap_opt.formulations.certificates.staged.search import NotEndedError
 from cocap_opt.formulations.certificates.staged.team_moves import (
-    MOST_PLACED,
-    Following,
     Reached,
     Team,
-    n_placed,
 )
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
@@ -38,7 +38,7 @@ def best_plan_through(
 ) -> BestPlan:
     """Returns the best plan above the target among the remaining joint states.
 
-    The result is that of `best_plan`; only the number of nodes differs.
+    Its J is that of `best_plan`; the numbers of nodes and of joint states differ.
 
     Parameters
     ----------
@@ -53,21 +53,22 @@ def best_plan_through(
     LimitReached
         If a limit is reached.
     ValueError
-        If `may_begin_later` does not hold.
+        If moves are rewarded, views do not count at step 1, or starts are free.
     """
+    require_usable(narrowing.model)
     if not may_begin_later(narrowing.model):
         raise ValueError("joint paths: may not begin at a later step if starts are free")
-    team, following = Team(narrowing), Following(most_nodes, plain)
-    begun, worth = team.counting(middle, following, stop)
-    onward = _Onward(team, begun)
+    team, searches = Team(narrowing), MoveSearches(most_nodes, plain)
+    in_middle, worth = team.all_that_count(middle, searches, stop)
+    onward = _Onward(team, in_middle)
     for t in range(middle + 1, narrowing.model.problem.horizon + 1):
-        onward.add(_few(team, team.moves_after(t, onward.last, following, stop)))
+        onward.add(team.listed(team.moves_after(t, onward.last, searches, stop)))
     gains = onward.gains
-    kept = np.flatnonzero(begun.values + gains[0] > team.matters)
-    back = [Reached((worth + gains[0])[kept], begun.placed[kept], kept)]
+    kept = np.flatnonzero(in_middle.values + gains[0] > team.matters)
+    back = [Reached((worth + gains[0])[kept], in_middle.placed[kept], kept)]
     for t in range(middle - 1, -1, -1):
-        back.append(team.best(_few(team, team.moves_before(t, back[-1], following, stop))))
-    nodes = most_nodes - following.nodes_left
+        back.append(team.best(team.listed(team.moves_before(t, back[-1], searches, stop))))
+    nodes = most_nodes - searches.nodes_left
     numbers = tuple(len(step.values) for step in (*back[::-1], *onward.steps[1:]))
     starts = _starts(narrowing.model)
     begins = (team.in_order(back[-1].placed) == team.in_order(starts)).all(axis=1)
@@ -88,16 +89,6 @@ def may_begin_later(model: Model) -> bool:
     return may_be_used(model) and not model.problem.has_free_starts
 
 
-def _few(team: Team, parts: Iterable[Reached]) -> list[Reached]:
-    """Returns the moves to a step; raises NotEndedError if there are too many."""
-    found = [Reached.empty(len(team.numbers))]
-    for part in parts:
-        found.append(part)
-        if n_placed(found) > MOST_PLACED:
-            raise NotEndedError
-    return found
-
-
 class _Moves(NamedTuple):
     """All moves from the joint states of one step to those of the next."""
 
@@ -108,7 +99,11 @@ class _Moves(NamedTuple):
 
 
 class _Onward:
-    """The joint states from the middle to the end, and all moves between them.
+    """The joint states from the step in the middle to the end, and all moves between them.
+
+    Parameters
+    ----------
+    middle : the joint states of the step in the middle
 
     Attributes
     ----------
@@ -116,9 +111,9 @@ class _Onward:
     moves : moves from each step to the next
     """
 
-    def __init__(self, team: Team, begun: Reached) -> None:
+    def __init__(self, team: Team, middle: Reached) -> None:
         self._team = team
-        self.steps, self.moves = [begun], list[_Moves]()
+        self.steps, self.moves = [middle], list[_Moves]()
 
     @property
     def last(self) -> Reached:
@@ -128,14 +123,16 @@ class _Onward:
     def add(self, parts: list[Reached]) -> None:
         """Adds the moves to the next step."""
         before = self.last
-        values, placed, tails = (np.concatenate(column) for column in zip(*parts, strict=True))
+        values, placed, tails = Reached.joined(parts)
         reached, heads = self._team.merged(parts)
         self.steps.append(reached)
         self.moves.append(_Moves(tails, heads, placed, values - before.values[tails]))
 
     @property
     def gains(self) -> list[FloatArray]:
-        """The most that the best path from each joint state on collects after its step, by step."""
+        """For each step, the J [L] that the best path from each joint state collects after the
+        step; -inf if no path leads to the end.
+        """
         gains = [np.zeros(len(self.last.values))]
         for moves, step in zip(self.moves[::-1], self.steps[-2::-1], strict=True):
             best = np.full(len(step.values), -np.inf)

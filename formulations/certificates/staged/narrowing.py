@@ -213,11 +213,6 @@ class Narrowing:
         return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
 
     @property
-    def worth(self) -> float:
-        """The sum of the values of all robots' best paths, in units of J."""
-        return self._sweeps.worth
-
-    @property
     def rounding(self) -> float:
         """The largest effect of rounding on B, in units of J."""
         return self._rounding(float(np.abs(self.constants).sum()))
@@ -420,7 +415,7 @@ class Narrowing:
         floor = float(self._closing.floors[t])
         return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
 
-    def counting(self, t: int) -> JointStates:
+    def charged_joint_states(self, t: int) -> JointStates:
         """Returns the remaining joint states of a step with their charges as prices, to collect
         those that count: a joint state counts if its profit reaches the floor.
         """

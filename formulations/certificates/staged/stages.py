@@ -2,7 +2,8 @@
 
 A stage replaces prices and constants, and then closes states (see the inequalities in `narrowing`).
 At the end, the remaining joint paths of all robots may be explored (`joint_paths`): those of plans
-above the target, or above a higher value; in whole, or from a later step on.
+above the target, or above a higher value. They begin at the start, or at a step in the middle
+(`middle_paths`).
 """
 
 from collections.abc import Callable
@@ -17,10 +18,7 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import Visit
-from cocap_opt.formulations.certificates.staged.joint_paths import (
-    best_plan,
-    may_be_used,
-)
+from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.middle_paths import (
     best_plan_through,
@@ -67,32 +65,40 @@ def price_staged(
         stop.check()
         narrowing = searches.after(stage, narrowing, f"certificate.stages[{n}]")
     nodes = MOST_NODES - searches.nodes_left
-    if certificate.paths_above is None:
-        if certificate.paths_from is not None:
-            raise CertificateError("certificate.paths_from: not allowed without paths_above")
+    above, middle = certificate.paths_above, certificate.paths_from
+    _check_paths(model, above, middle)
+    if above is None:
         return narrowing.pricing._replace(nodes=nodes)
-    if not may_be_used(model):
-        raise CertificateError(
-            "certificate.paths_above: not allowed if moves are rewarded or views do not "
-            "count at step 1"
-        )
-    higher = narrowing.above(certificate.paths_above)
-    first, last = certificate.paths_from, model.problem.horizon
-    if first is not None and not may_begin_later(model):
-        raise CertificateError("certificate.paths_from: not allowed if starts are free")
-    if first is not None and not 1 <= first <= last:
-        raise CertificateError(f"certificate.paths_from: must be 1..{last}, not {first}")
+    higher = narrowing.above(above)
     try:
-        if first is None:
+        if middle is None:
             best = best_plan(higher, searches.nodes_left, stop, plain)
         else:
-            best = best_plan_through(higher, first, searches.nodes_left, stop, plain)
+            best = best_plan_through(higher, middle, searches.nodes_left, stop, plain)
         return best.pricing._replace(nodes=nodes + best.nodes)
     except NotEndedError as error:
         raise UnfinishedError(
             "certificate.paths_above: not verified: too many joint states remain to explore; "
             "the claim may still hold"
         ) from error
+
+
+def _check_paths(model: Model, above: float | None, middle: int | None) -> None:
+    """Raises CertificateError if a file's paths_above or paths_from is not allowed."""
+    if above is not None and not may_be_used(model):
+        raise CertificateError(
+            "certificate.paths_above: not allowed if moves are rewarded or views do not "
+            "count at step 1"
+        )
+    if middle is None:
+        return
+    if above is None:
+        raise CertificateError("certificate.paths_from: not allowed without paths_above")
+    if not may_begin_later(model):
+        raise CertificateError("certificate.paths_from: not allowed if starts are free")
+    last = model.problem.horizon
+    if not 1 <= middle <= last:
+        raise CertificateError(f"certificate.paths_from: must be 1..{last}, not {middle}")
 
 
 @dataclass

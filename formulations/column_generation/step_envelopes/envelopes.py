@@ -160,6 +160,7 @@ class _Envelopes:
         one more stage.
         """
         left = self.search.stop.seconds_left if self.trials.is_possible else math.inf
+        # Infinite without a time limit or without trials: then nothing is kept.
         kept = self.search.parameters.trials.time_kept * left
         try:
             with self.search.ending_before(kept):
@@ -269,7 +270,7 @@ class _Envelopes:
                 self.narrowing.target,
                 self.proved.stages[: trials.stages if is_tried else None],
                 trials.above if is_tried else None,
-                (trials.begun or None) if is_tried else None,
+                (trials.from_step or None) if is_tried else None,
             ),
         )
 

@@ -1,8 +1,8 @@
-"""Chooses the step at which the exploration of joint paths begins.
+"""Chooses the step from which joint paths are explored: the start, or a step in the middle.
 
-From some steps it takes far fewer nodes than from others, and that is known only after trying. So
-the plans above a very high target are explored from many steps, and those above ever lower targets
-from the best of these steps.
+From some steps an exploration takes far fewer nodes than from others, and that is known only after
+trying. So the plans above a very high target are explored from many steps, and those above ever
+lower targets from the best of these steps.
 """
 
 from collections.abc import Iterable
@@ -20,35 +20,42 @@ from cocap_opt.formulations.column_generation.parameters import MiddleParameters
 from cocap_opt.stop import Stop
 
 
-def explored(narrowing: Narrowing, begun: int, most_nodes: int, stop: Stop) -> BestPlan:
-    """Explores the plans above a target, from a step on; 0: from the start.
+def explored(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
+    """Explores the plans above the target of a narrowing.
+
+    Parameters
+    ----------
+    from_step : step from which paths are explored; 0: the start
+    most_nodes : largest number of nodes of all searches together
 
     Raises
     ------
     NotEndedError, LimitReached
         As in `best_plan`.
     """
-    if begun:
-        return best_plan_through(narrowing, begun, most_nodes, stop)
+    if from_step:
+        return best_plan_through(narrowing, from_step, most_nodes, stop)
     return best_plan(narrowing, most_nodes, stop)
 
 
 @dataclass
 class MiddleStep:
-    """The step at which paths begin.
+    """The step from which paths are explored.
 
     Attributes
     ----------
-    begun : the step; 0: paths begin at the start
+    from_step : the step; 0: the start
     nodes : total nodes of the explorations by which it was chosen
     """
 
     parameters: MiddleParameters
-    begun: int = 0
+    from_step: int = 0
     nodes: int = 0
 
     def choose(self, narrowing: Narrowing, value: float, most_nodes: int, stop: Stop) -> None:
         """Chooses the step from which the plans above a high target take the fewest nodes.
+
+        The step remains if no exploration ends, or if paths cannot begin at a later step.
 
         Parameters
         ----------
@@ -65,21 +72,22 @@ class MiddleStep:
         horizon, parameters = narrowing.model.problem.horizon, self.parameters
         room, less = max(narrowing.bound - value, 0.0), parameters.first_less
         few, many = int(parameters.few * most_nodes), int(parameters.many * most_nodes)
-        apart = -(-horizon // parameters.most_steps)
-        steps = [*dict.fromkeys((self.begun, *range(0, horizon + 1, apart)))]
+        apart = -(-horizon // parameters.most_steps)  # distance between the steps compared first
+        steps = [*dict.fromkeys((self.from_step, *range(0, horizon + 1, apart)))]
         while steps and less <= 1:
             higher = narrowing.above(value + (1 - less) * room)
             ranked = self._ranked(higher, steps, many, stop)
             if less == parameters.first_less and apart > 1:
+                # The best step may be next to the best of those.
                 near = {s + k for _, s in ranked[:1] for k in range(1 - apart, apart)}
                 near &= {*range(horizon + 1)} - {*steps}
                 ranked = sorted(ranked + self._ranked(higher, sorted(near), many, stop))
             if not ranked:
                 return
-            least, self.begun = ranked[0]
+            least, self.from_step = ranked[0]
             if least >= few:
-                return
-            steps = [begun for _, begun in ranked[: parameters.most_kept]]
+                return  # the size of explorations now says enough about the next trial
+            steps = [from_step for _, from_step in ranked[: parameters.most_kept]]
             less *= 2
 
     def _ranked(
@@ -92,14 +100,14 @@ class MiddleStep:
         count.
         """
         ranked = list[tuple[int, int]]()
-        for begun in steps:
+        for from_step in steps:
             most = self.parameters.times * ranked[0][0] if ranked else most_nodes
             most = min(max(most, self.parameters.least_nodes), most_nodes)
             try:
-                found = explored(narrowing, begun, most, stop)
+                found = explored(narrowing, from_step, most, stop)
             except NotEndedError:
                 self.nodes += most
                 continue
             self.nodes += found.nodes
-            ranked = sorted([*ranked, (found.nodes, begun)])
+            ranked = sorted([*ranked, (found.nodes, from_step)])
         return ranked

@@ -12,19 +12,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cocap_opt.formulations.certificates.staged import (
-    Narrowing,
-    NotEndedError,
-    may_be_used,
-)
+from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, may_be_used
 from cocap_opt.formulations.column_generation.parameters import TrialParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.recombination import searches_are_fast
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.step_envelopes.middle_step import (
-    MiddleStep,
-    explored,
-)
+from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep, explored
 
 
 @dataclass
@@ -35,7 +28,7 @@ class PathTrials:
     ----------
     bound : lowest bound on all plans that a trial has proved; infinite before any has ended
     above : J above which that trial has explored all plans
-    begun : step at which its paths begin
+    from_step : step from which it has explored paths; 0: the start
     stages : number of stages at that time
     nodes : total nodes of all trials
     is_on : False: make no trials, only stages
@@ -44,7 +37,7 @@ class PathTrials:
     search: Search
     bound: float = math.inf
     above: float | None = None
-    begun: int = 0
+    from_step: int = 0
     stages: int = 0
     nodes: int = 0
     is_on: bool = True
@@ -52,7 +45,7 @@ class PathTrials:
     _failed_nodes: int = 0
 
     def __post_init__(self) -> None:
-        """Begins without a step in the middle."""
+        """Begins with paths from the start."""
         self._middle = MiddleStep(self.search.parameters.middle)
 
     def after_stages(self, narrowing: Narrowing, stages: int, nodes: int) -> bool:
@@ -69,8 +62,8 @@ class PathTrials:
         is_easier = room <= self.search.parameters.recombination.less_room * self._failed_room
         if not is_easier and allowed < self._parameters.more_nodes * self._failed_nodes:
             return False
-        begun = self._middle_step(narrowing, allowed)
-        if self._has_ended(narrowing, begun, 0.0, allowed, stages):
+        from_step = self._middle_step(narrowing, allowed)
+        if self._has_ended(narrowing, from_step, 0.0, allowed, stages):
             return True
         self._failed_room, self._failed_nodes = room, allowed
         return False
@@ -85,6 +78,9 @@ class PathTrials:
     ) -> None:
         """Explores the plans above ever lower targets, as long as trials end; raises LimitReached.
 
+        After a trial that has not ended, the reduction of the target is halved. Once it is the
+        least, trials begin at another step in the middle, if a new choice gives one.
+
         Parameters
         ----------
         narrowing, stages, nodes : as in `after_stages`
@@ -94,12 +90,12 @@ class PathTrials:
         of_stages = self._parameters.times_stages * max(nodes, self._fewest_nodes())
         most_expected = math.inf if to_the_end else of_stages
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
-        begun = self._middle_step(narrowing, allowed)
+        from_step = self._middle_step(narrowing, allowed)
         share, less, nodes_before, failed = 1.0, self._parameters.less, 0, set[int]()
         while share > 0:
             before, lower = self.nodes, max(share - less, 0.0)
             most_nodes = min(allowed, self._parameters.most_nodes)
-            if self._has_ended(narrowing, begun, lower, most_nodes, stages):
+            if self._has_ended(narrowing, from_step, lower, most_nodes, stages):
                 report()
                 nodes_now = self.nodes - before
                 allowed = max(allowed, self._parameters.next_times * nodes_now)
@@ -111,14 +107,14 @@ class PathTrials:
                     less = max(longer, self._parameters.least_less)
                 share, nodes_before = lower, nodes_now
                 continue
-            failed.add(begun)
+            failed.add(from_step)
             if less > self._parameters.least_less:
                 less = max(less / 2, self._parameters.least_less)
-            elif (begun := self._middle_step(narrowing, most_nodes)) in failed:
+            elif (from_step := self._middle_step(narrowing, most_nodes)) in failed:
                 return  # for larger explorations, no other step is better
 
     def _middle_step(self, narrowing: Narrowing, most_nodes: int) -> int:
-        """Returns the step at which the paths of a trial begin; 0: at the start.
+        """Returns the step from which a trial explores paths; 0: the start.
 
         Parameters
         ----------
@@ -130,7 +126,7 @@ class PathTrials:
             before = self._middle.nodes
             self._middle.choose(narrowing, self.search.value, most_nodes, self.search.stop)
             self.nodes += self._middle.nodes - before
-        return self._middle.begun
+        return self._middle.from_step
 
     def _next_less(self, less: float, nodes_before: int, nodes_now: int, times: float) -> float:
         """Returns the reduction of the next target, after a trial that has ended.
@@ -148,13 +144,13 @@ class PathTrials:
         return min(steps * less, self._parameters.most_less)
 
     def _has_ended(
-        self, narrowing: Narrowing, begun: int, share: float, most_nodes: int, stages: int
+        self, narrowing: Narrowing, from_step: int, share: float, most_nodes: int, stages: int
     ) -> bool:
         """Explores the plans above a target; returns False if there are too many.
 
         Parameters
         ----------
-        begun : step at which the exploration begins
+        from_step : step from which paths are explored; 0: the start
         share : distance of the target from the best plan, as a share of the remaining gap
         """
         if not self.is_possible:
@@ -162,7 +158,7 @@ class PathTrials:
         value = self.search.value
         target = value + share * max(narrowing.bound - value, 0.0)
         try:
-            found = explored(narrowing.above(target), begun, most_nodes, self.search.stop)
+            found = explored(narrowing.above(target), from_step, most_nodes, self.search.stop)
         except NotEndedError:
             # counted in full, even if too many joint states ended the search earlier
             self.nodes += most_nodes
@@ -172,7 +168,7 @@ class PathTrials:
             self.search.offer(Incumbent.along(narrowing.model, found.paths))
         bound = found.pricing.bound
         if bound < self.bound:
-            self.bound, self.above, self.stages, self.begun = bound, target, stages, begun
+            self.bound, self.above, self.stages, self.from_step = bound, target, stages, from_step
         return True
 
     @property
