@@ -146,6 +146,19 @@ def test_higher_targets_come_down_until_a_trial_fails(
     assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
 
 
+def test_targets_begin_below_what_earlier_trials_have_proved(
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They lie between the best plan and the lowest bound so far."""
+    value, bound = trials.search.value, narrowing.bound
+    ending = Ending(-np.inf)
+    replace_trials(monkeypatch, ending)
+    trials.bound = value + 0.4 * (bound - value)
+    trials.for_higher_targets(narrowing, 0, 10, lambda: None)
+    shares = [(target - value) / (bound - value) for target in ending.targets]
+    assert shares[0] == pytest.approx(0.4 - DEFAULTS.trials.less)
+
+
 def test_another_step_in_the_middle_is_tried_once_a_trial_fails(
     trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -58,6 +58,8 @@ def price_staged(
     LimitReached
         If a limit is reached.
     """
+    above, middle = certificate.paths_above, certificate.paths_from
+    _check_paths(model, above, middle)
     narrowing = Narrowing.of(model, certificate.multipliers, certificate.target, stop).closed()
     total = sum(len(stage.constants) for stage in certificate.stages)
     searches = _Searches(MOST_NODES, total, stop, progress, plain)
@@ -65,8 +67,6 @@ def price_staged(
         stop.check()
         narrowing = searches.after(stage, narrowing, f"certificate.stages[{n}]")
     nodes = MOST_NODES - searches.nodes_left
-    above, middle = certificate.paths_above, certificate.paths_from
-    _check_paths(model, above, middle)
     if above is None:
         return narrowing.pricing._replace(nodes=nodes)
     higher = narrowing.above(above)

@@ -91,7 +91,11 @@ class PathTrials:
         most_expected = math.inf if to_the_end else of_stages
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
         from_step = self._middle_step(narrowing, allowed)
-        share, less, nodes_before, failed = 1.0, self._parameters.less, 0, set[int]()
+        less, nodes_before, failed = self._parameters.less, 0, set[int]()
+        value = self.search.value
+        room = max(narrowing.bound - value, 0.0)
+        # Targets above a bound that is proved already would prove nothing.
+        share = min((self.bound - value) / room, 1.0) if room else 1.0
         while share > 0:
             before, lower = self.nodes, max(share - less, 0.0)
             most_nodes = min(allowed, self._parameters.most_nodes)
