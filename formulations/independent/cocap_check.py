@@ -1653,7 +1653,7 @@ class Staged:
         )[0]  # fmt: skip
 
     def _later(self, t: int, of: list[int]) -> Rest:
-        """Returns what later constants and rows add, and what a drone's state brings later."""
+        """Returns the sum of later constants and rows, and the later value of a drone's state."""
 
         def brings(robot: int, s: Ints) -> int:
             return self.to_go[of[robot]][t][s] - self.prices[of[robot]][t][s]
@@ -1661,8 +1661,8 @@ class Staged:
         return sum(self.constants[t + 1 :]) + self._rows_from(t), brings
 
     def _sooner(self, t: int, of: list[int]) -> Rest:
-        """Returns what earlier constants and rows and all best paths add, and what a drone's way to
-        a state brings, less its best path.
+        """Returns the sum of earlier constants, rows and best paths, and the value of a drone's way
+        to a state, less that of its best path.
         """
 
         def brought(robot: int, s: Ints) -> int:
