@@ -1549,7 +1549,7 @@ class Staged:
             best = self._explore_onward(of, above, starts)
         else:
             ok = 1 <= whole(middle, "paths_from: ") <= i.horizon
-            require(ok, f"paths_from: must be 1..{i.horizon}")
+            require(ok, f"paths_from: must be 1..{i.horizon}, not {middle}")
             ok = all(len(i.starts[drone]) == 1 for drone in drones)
             require(ok, "paths_from: not allowed if starts are free")
             best = self._explore_from(middle, of, above, starts) if all(starts) else above

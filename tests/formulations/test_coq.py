@@ -462,6 +462,48 @@ def test_paths_begin_at_a_step_of_the_scene(
         assert "refused" in words
 
 
+def test_prices_of_states_that_no_drone_takes_change_nothing(ask: Ask, tmp_path: Path) -> None:
+    """An instance need not list all states of a kind; the other checkers skip their prices, too."""
+    instance, proof = exported("tiny-doorway", tmp_path)
+    file = {k: v for k, v in proof.items() if k != "nodes"} | {
+        "format": "cocap-opt certificate", "certificate": first_leaf(proof),
+    }  # fmt: skip
+    nowhere = {"t": 1, "robot_class": 0, "states": [[99, 0, 0, 0, 0]], "payments": [3.0]}
+    stage = {"payments": [nowhere], "constants": [{"t": 1, "constant": 1e6}]}
+    above = file["bound"] * 0.95
+    good = _staged(file, target=above, paths_above=above, stages=[stage])
+    code, words = ask(instance, good)
+    assert code == 0, words
+    assert ask(instance, good | {"bound": above})[0] == 1
+    nowhere["payments"].append(1.0)
+    assert "payments: must hold a number for each state" in ask(instance, good)[1]
+
+
+@pytest.mark.parametrize(
+    ("instance", "file", "message"),
+    [
+        (None, '{"bound": NaN}', "file.json: not lowered: must hold finite numbers only, not NaN"),
+        (None, '{"bound": 01}', "file.json: not lowered: line 1, column 12: must be JSON"),
+        (None, "{}", "file.json: not lowered: "),
+        ("nothing", "{}", "x.instance: not read: line 1: must be cocap-instance 1"),
+        ("", None, "no such file"),
+    ],
+)
+def test_files_that_cannot_be_lowered_have_a_message_of_one_line(
+    instance: str | None, file: str | None, message: str, tmp_path: Path
+) -> None:
+    """It names the file and what is wrong."""
+    paths = [tmp_path / "x.instance", tmp_path / "file.json"]
+    text = instance_of(compiled(load_scene("tiny-doorway", 0))) if instance is None else instance
+    paths[0].write_text(text)
+    if file is not None:
+        paths[1].write_text(file)
+    command = [sys.executable, str(FOLDER / "lower.py"), *map(str, paths)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert message in done.stderr and done.stderr.count("\n") == 1
+
+
 @staged_scenes
 def test_misled_searches_prove_the_same(name: str, ask_misled: Ask, tmp_path: Path) -> None:
     """Stages and paths of a scene hold with nonsense for advice, and no less than they claim."""

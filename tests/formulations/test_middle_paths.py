@@ -23,6 +23,7 @@ from cocap_opt.formulations.certificates.staged import (
     move_searches,
     price_staged,
 )
+from cocap_opt.formulations.certificates.staged.team_moves import sorting_keys
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Problem
 from cocap_opt.referee import check
@@ -81,6 +82,20 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
         patch.setattr(move_searches, "PLAIN_NODES", -1)
         patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
         assert best_plan_through(narrowing, middle, 10**6) == plain
+
+
+@given(st.integers(1, 6), st.integers(0, 40), st.sampled_from([1, 2, 40, 2**21, 2**62]), seeds)
+def test_few_keys_order_joint_states_as_all_their_columns_do(
+    robots: int, rows: int, most: int, seed: int
+) -> None:
+    """Also where one key of 64 bits does not hold them all."""
+    rng = np.random.default_rng(seed)
+    placed = rng.integers(most, size=(rows, robots))
+    keys = sorting_keys(placed)
+    assert (np.lexsort(keys) == np.lexsort(placed.T)).all()
+    assert len(keys) <= (robots if most > 40 else 1)
+    alike = np.all([key[:, None] == key for key in keys], axis=0)
+    assert (alike == (placed[:, None] == placed).all(axis=-1)).all()
 
 
 def test_starts_must_be_fixed_and_joint_states_determine_j() -> None:

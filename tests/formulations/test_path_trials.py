@@ -278,6 +278,31 @@ def test_part_of_a_time_limit_is_kept_for_paths(
     assert root.search.stop is stop
 
 
+def test_no_stages_follow_paths_that_have_closed_the_gap(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The bound of the trials counts, not only that of the stages, which would use up the time."""
+    root, told = solved_root(), list[str]()
+    root.search.stop = stop = Countdown(100.0)
+
+    def add_stages(self: envelopes._Envelopes, cutoff: object) -> None:
+        told.append("stages")
+        stop.left = 10.0
+        self.search.stop.check()
+
+    def higher_targets(self: PathTrials, *_: object) -> None:
+        told.append("paths")
+        self.bound, self.above = self.search.value, self.search.value
+
+    monkeypatch.setattr(envelopes._Envelopes, "_add_stages", add_stages)
+    monkeypatch.setattr(PathTrials, "for_higher_targets", higher_targets)
+    monkeypatch.setattr(envelopes._Envelopes, "try_paths", lambda _: False)
+    envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
+    assert told == ["stages", "paths"]
+    assert root.search.spare is not None
+    assert root.search.spare.proved <= root.cutoff()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "middle"), [(0.75, 0), (0.25, 0), (0.25, 4)])
 def test_what_trials_for_higher_targets_prove_is_verified(

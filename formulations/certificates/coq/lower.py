@@ -10,7 +10,6 @@ cause a true claim to be rejected, but never a false one to be accepted.
 
 import argparse
 import itertools
-import json
 import math
 import sys
 from collections.abc import Iterable, Iterator
@@ -230,12 +229,11 @@ class Lowering:
         """Returns the step at which the exploration of paths begins; None: step 0."""
         if numbers.get("paths_from") is None:
             return None
-        check.require(
-            numbers.get("paths_above") is not None, "paths_from: not allowed without paths_above"
-        )
+        is_possible = numbers.get("paths_above") is not None
+        check.require(is_possible, "paths_from: not allowed without paths_above")
         begin: int = check.whole(numbers["paths_from"], "paths_from: ")
         last = self.instance.horizon
-        check.require(0 < begin <= last, f"paths_from: must be 1..{last}")
+        check.require(1 <= begin <= last, f"paths_from: must be 1..{last}, not {begin}")
         return begin
 
     def _target(self, value: object) -> int:
@@ -253,14 +251,17 @@ class Lowering:
             check.require((self._step(step), number) not in priced, "stage: lists a class twice")
             priced.add((step["t"], number))
             kind = self.instance.kinds[self.kinds[number]]
-            listed_prices = (
-                [place * len(kind.turns) + turn + 1, self._rounded(price)]
-                for (place, turn), price in zip(
-                    (kind.states[tuple(state)] for state in step["states"]),
-                    step["payments"],
-                    strict=True,
-                )
+            check.require(
+                len(step["states"]) == len(step["payments"]),
+                "payments: must hold a number for each state",
             )
+            # No drone of a class takes a state that its kind lacks in the instance.
+            listed_prices = [
+                [place * len(kind.turns) + turn + 1, self._rounded(price)]
+                for name, price in zip(map(tuple, step["states"]), step["payments"], strict=True)
+                if name in kind.states
+                for place, turn in [kind.states[name]]
+            ]
             others = self._rounded(step.get("others", 0.0))
             payments.append([step["t"], number, *listed(listed_prices), others])
         for step in stage.get("constants", ()):
@@ -367,16 +368,19 @@ def main() -> int:
         help=("lower only the initial multipliers of a staged certificate"),
     )
     given = parser.parse_args()
-    instance = check.Instance(given.instance.read_text("utf-8"))
-    file = json.loads(
-        given.certificate.read_text("utf-8"),
-        parse_constant=check.no_constant,
-        object_pairs_hook=check.without_twins,
-    )
     try:
+        read = [check.content_of(str(path)) for path in (given.instance, given.certificate)]
+    except check.WrongCall as error:
+        sys.exit(str(error))
+    try:
+        instance = check.Instance(read[0].decode())
+    except (check.Refused, *check.DAMAGED) as error:
+        sys.exit(f"{given.instance}: not read: {check.reason_of(error)}")
+    try:
+        file = check.read_json(read[1])
         words = lowered(instance, file, given.multipliers)
     except (check.Refused, *check.DAMAGED) as error:
-        sys.exit(f"{given.certificate}: not lowered: {error or type(error).__name__}")
+        sys.exit(f"{given.certificate}: not lowered: {check.reason_of(error)}")
     text = " ".join(map(str, words)) + "\n"
     if given.output:
         given.output.write_text(text)

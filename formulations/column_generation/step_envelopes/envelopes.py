@@ -170,7 +170,8 @@ class _Envelopes:
             if kept == math.inf or reached.limit is not Limit.TIME:
                 raise
             self._explore_paths(cutoff, to_the_end=True)
-            self._add_stages(cutoff)
+            if self.bound > cutoff():  # otherwise paths have closed the gap that stages leave
+                self._add_stages(cutoff)
         self._explore_paths(cutoff)
 
     def _explore_paths(self, cutoff: Callable[[], float], to_the_end: bool = False) -> None:
