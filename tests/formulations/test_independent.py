@@ -21,8 +21,8 @@ from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from random_certificates import random_staged
-from strategies import drawn_meetings, drawn_problems, examples
+from random_certificates import random_multipliers, random_staged
+from strategies import drawn_meetings, drawn_problems, examples, tiny
 
 from cocap_opt.cli.commands import run
 from cocap_opt.files.documents import PlanFile, problem_digest
@@ -168,6 +168,16 @@ def test_paths_from_any_step_prove_what_whole_paths_prove(
         bound = staged_bound(problem, part, best, folder)
         assert bound == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert bound <= price_staged(model, part).bound + 1e-9 * (1 + abs(best))
+
+
+@pytest.mark.parametrize(("step", "allowed"), [(0, "1..1, not 0"), (99, "1..1, not 99")])
+def test_paths_from_names_the_steps_that_are_allowed(step: int, allowed: str, folder: Path) -> None:
+    """In the words of `verify`."""
+    problem = tiny().replace(horizon=1)
+    staged = Staged(random_multipliers(compiled(problem), np.random.default_rng(0)), 0.0, ())
+    part = replace(staged, paths_above=0.0, paths_from=step)
+    with pytest.raises(Refused, match=re.escape(f"paths_from: must be {allowed}")):
+        staged_bound(problem, part, 1e9, folder)
 
 
 @pytest.mark.slow
