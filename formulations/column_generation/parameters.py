@@ -426,7 +426,7 @@ class TrialParameters(Section):
     next_times : times
         largest size of the next trial, relative to the trial before
     most_nodes : nodes
-        largest trial for a higher target
+        largest trial; `verify` allows 100 million nodes for a whole file
     first_times : times `fewest_nodes`
         largest size of the first trial for a higher target
     times_stages : times
@@ -447,7 +447,7 @@ class TrialParameters(Section):
     most_less: Share = 0.25
     aimed_times: float = 4.0
     next_times: int = 8
-    most_nodes: int = 300_000_000
+    most_nodes: int = 80_000_000
     first_times: int = 10
     times_stages: float = 15.0
     time_kept: Share = 0.15

@@ -173,8 +173,8 @@ def test_paths_from_any_step_prove_what_whole_paths_prove(
 @pytest.mark.parametrize(
     ("middle", "above", "has_free_starts", "message"),
     [
-        (0, 0.0, False, "paths_from: must be 1..2"),
-        (3, 0.0, False, "paths_from: must be 1..2"),
+        (0, 0.0, False, "paths_from: must be 1..2, not 0"),
+        (3, 0.0, False, "paths_from: must be 1..2, not 3"),
         (1, None, False, "paths_from: not allowed without paths_above"),
         (1, 0.0, True, "paths_from: not allowed if starts are free"),
     ],

@@ -58,6 +58,7 @@ class PathTrials:
         nodes : number of nodes of their searches
         """
         allowed = max(int(self._times_nodes() * nodes) - self.nodes, self._fewest_nodes())
+        allowed = min(allowed, self._parameters.most_nodes)
         room = narrowing.room_above(self.search.value)
         is_easier = room <= self.search.parameters.recombination.less_room * self._failed_room
         if not is_easier and allowed < self._parameters.more_nodes * self._failed_nodes:
