@@ -449,10 +449,10 @@ MISUSES = {
         lambda: co.plan(_yard(), without=1), TypeError, "without: must be",
     ),
     "half a team": (lambda: co.team(_yard(), 1.5), TypeError, "drones: must be"),
-    "no team": (lambda: co.team(_yard(), iter([])), ValueError, "drones: must be at least one number"),
-    "no camera": (lambda: co.team(_yard(), 1, camera=[]), ValueError, "camera: must be at least one name"),
+    "no team": (lambda: co.team(_yard(), iter([])), ValueError, "drones: must be at least"),
+    "no camera": (lambda: co.team(_yard(), 1, camera=[]), ValueError, "camera: must be at least"),
     "a number for a camera": (lambda: co.team(_yard(), 1, camera=[1]), TypeError, "camera: must"),
-    "no height": (lambda: co.team(_yard(), 1, heights=[]), ValueError, "heights: must be at least one num"),
+    "no height": (lambda: co.team(_yard(), 1, heights=[]), ValueError, "heights: must be at least"),
     "a height alone": (lambda: co.team(_yard(), 1, heights=5.0), TypeError, "heights: must be"),
     "a chance alone": (
         lambda: co.takes(_yard(), 2, probabilities=1), TypeError, "probabilities: must be",
