@@ -16,6 +16,7 @@ There are two implementations: the plain search in this module, which is written
 compiled one (`search_kernel`), which takes over if a search is long, unless it is switched off.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -86,9 +87,6 @@ def all_that_count(
     """Returns the positions of all joint states that count, and the number of nodes of the plain
     search.
 
-    The prices of the joint states must be their charges, without ceilings: then a joint state
-    counts if its profit reaches the floor.
-
     Raises
     ------
     NotEndedError
@@ -96,6 +94,8 @@ def all_that_count(
     LimitReached
         If a limit is reached.
     """
+    # With its charges as prices, a joint state counts if its profit reaches the floor.
+    joint = replace(joint, price=joint.charge, ceilings=())
     search = _PlainSearch(joint, joint.floor - joint.margin, most_nodes, collects=True)
     search.run(stop)
     return search.found, search.nodes
