@@ -138,7 +138,8 @@ class MoveSearches:
 
         Parameters
         ----------
-        joint : the states to which robots move, with the robots in the order of the choices
+        joint : the states to which robots move, with the robots in the order of the choices; their
+            prices are their charges, and there are no ceilings
         floors : [L] for each joint state from which they move: least worth less charges of one to
             which they move
 
