@@ -1476,10 +1476,7 @@ class Staged:
         now = [self.prices[k][t][s] for k, s in states]
         # Joint states above the claim that obey (*), and that earlier constants alone do not rule
         # out.
-        conditions = [(-claim, True, now), *obeyed]
-        for high, paid in self.earlier[t]:
-            raised = [price - paid[k][s] for (k, s), price in zip(states, now, strict=True)]
-            conditions.append((high - claim, False, raised))
+        conditions = [(-claim, True, now), *obeyed, *self._ceilings(t, states, -claim, now)]
         self.left = search.run(conditions, self.left, TRIES)
         for found in search.found:
             claim = max(claim, search.worth(found) - sum(now[x] for x in found))
@@ -1495,6 +1492,19 @@ class Staged:
         slack = [self.slack[k][t][s] for k, s in states]
         paid = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
         return states, search, [(self.room - constant, True, paid), (self.room, False, slack)]
+
+    def _ceilings(
+        self, t: int, states: list[tuple[int, Ints]], constant: int, pays: list[int]
+    ) -> list[Condition]:
+        """Returns the conditions that earlier constants of a step set for other payments."""
+        return [
+            (
+                high + constant,
+                False,
+                [pay - prices[k][s] for (k, s), pay in zip(states, pays, strict=True)],
+            )
+            for high, prices in self.earlier[t]
+        ]
 
     def _search(
         self, t: int, states: list[tuple[int, Ints]], counts: list[int], of: list[int] | None = None
@@ -1617,9 +1627,7 @@ class Staged:
         """Returns the joint states of a step that obey (*), and their worth."""
         states, search, conditions = self._counting(t)
         space, _, paid = conditions[0]
-        for high, prices in self.earlier[t]:
-            raised = [pay - prices[k][s] for (k, s), pay in zip(states, paid, strict=True)]
-            conditions.append((high + space, False, raised))
+        conditions += self._ceilings(t, states, space, paid)
         self.left = search.run(conditions, self.left, TRIES)
         return {
             tuple(s for _, s in sorted(states[x] for x in found)): search.worth(found)
@@ -1628,13 +1636,7 @@ class Staged:
 
     def _onward(self, t: int, of: list[int], above: int, before: dict[Any, int]) -> Reached:
         """Returns the joint states of a step that are reached from those of the step before."""
-        ways = {
-            team: (
-                value,
-                [self.moves[number][t - 1].get(s, {}) for number, s in zip(of, team, strict=True)],
-            )
-            for team, value in before.items()
-        }
+        ways = _ways(of, before, [moves[t - 1] for moves in self.moves])
         return self._step(
             t, of, above, ways, self._later(t, of),
             lambda tails, heads: not self._is_forbidden(of, tails, heads),
@@ -1648,12 +1650,8 @@ class Staged:
             for tail, heads in moves[t].items():
                 for head in heads:
                     tails[-1].setdefault(head, {})[tail] = 0
-        ways = {
-            team: (value, [tails[number].get(s, {}) for number, s in zip(of, team, strict=True)])
-            for team, value in later.items()
-        }
         return self._step(
-            t, of, above, ways, self._sooner(t, of),
+            t, of, above, _ways(of, later, tails), self._sooner(t, of),
             lambda heads, tails: not self._is_forbidden(of, tails, heads),
         )[0]  # fmt: skip
 
@@ -1752,6 +1750,19 @@ class Staged:
         cells = [self.instance.kinds[self.bound.classes[number][1]].cells for number in of]
         moves = [(cell[a[0]], cell[b[0]]) for cell, a, b in zip(cells, tails, heads, strict=True)]
         return any(self._conflict(a, b) for a, b in itertools.combinations(moves, 2))
+
+
+def _ways(of: list[int], reached: dict[Any, int], moves: list[dict[Ints, Any]]) -> dict[Any, Any]:
+    """Returns the value of each joint state, and the states to which each drone can move from it.
+
+    Parameters
+    ----------
+    moves : for each class and state, the states to which a drone can move
+    """
+    return {
+        team: (value, [moves[number].get(s, {}) for number, s in zip(of, team, strict=True)])
+        for team, value in reached.items()
+    }
 
 
 # -- files ----------------------------------------------------------------------------------------
