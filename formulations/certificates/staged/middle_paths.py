@@ -25,10 +25,7 @@ from cocap_opt.formulations.certificates.staged.joint_paths import (
 )
 from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
-from cocap_opt.formulations.certificates.staged.team_moves import (
-    Reached,
-    Team,
-)
+from cocap_opt.formulations.certificates.staged.team_moves import Reached, Team
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
