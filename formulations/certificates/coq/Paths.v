@@ -442,6 +442,26 @@ Proof.
   - rewrite IH. destruct (Nat.leb_spec t t0), (Nat.ltb_spec t0 (t + n)), (Nat.ltb_spec t0 (t + S n)), (Nat.eqb_spec t0 (t + n)); simpl; try lia; subst; lia.
 Qed.
 
+(** Rows are charged no more than their multipliers, for those of their uses that count. *)
+Lemma charges_at_most (uses : resource -> flight -> Z) (counts : resource -> bool) : (forall r f, uses r f <= if counts r then path_uses I r f else 0) ->
+  sumZ (map (fun f : flight => sumZ (map (fun r => sign r * multiplier r * uses (used r) f) rs)) plan)
+  <= sumZ (map (fun r => if counts (used r) then multiplier r else 0) rs).
+Proof.
+  intros Huses. rewrite sumZ_swap. apply sumZ_le. intros r Hr. rewrite sumZ_scale.
+  pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
+  unfold all_rows in Hr. rewrite app_nil_r in Hr. rewrite forallb_forall in Hrules. specialize (Hrules r Hr).
+  pose proof (rule_holds I plan r Hrules (proj2 planned)) as Hh.
+  unfold rule_ok, row_ok in Hrules. split_andb. to_Z.
+  assert (Es : sign r = 1) by (unfold sign; match goal with H : at_most r = true |- _ => rewrite H; reflexivity end).
+  unfold holds in Hh. rewrite Es in *.
+  assert (Hle : sumZ (map (uses (used r)) plan) <= if counts (used r) then plan_uses I (used r) plan else 0).
+  { unfold plan_uses. replace (if counts (used r) then sumZ (map (path_uses I (used r)) plan) else 0)
+      with (sumZ (map (fun f => if counts (used r) then path_uses I (used r) f else 0) plan)).
+    2:{ destruct (counts (used r)); [reflexivity|]. apply sumZ_zero. reflexivity. }
+    apply sumZ_le. intros f _. apply Huses. }
+  destruct (counts (used r)); nia.
+Qed.
+
 (** Rows from a step on are charged no more than their multipliers. *)
 Lemma later_charges t n : (t + n = T)%nat ->
   sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
@@ -451,37 +471,21 @@ Proof.
   intros Hn.
   set (later := fun r (f : flight) => total (S n) (fun i => if Nat.eqb (step_of r) (t + i) then b2z (uses_here I r (fst f) (snd f (t + i)%nat)) else 0)
      + total n (fun i => if Nat.eqb (step_of r) (t + i) then b2z (uses_moving I r (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0)).
-  assert (E : sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
-                      + total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))) plan)
-     = sumZ (map (fun r => sign r * multiplier r * sumZ (map (later (used r)) plan)) rs)).
-  { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * later (used r) f) rs)) plan)).
-    - apply sumZ_ext. intros f _. unfold later.
-      rewrite (total_ext (S n) _ _ (fun i _ => charge_here_all I rs (fst f) (t + i) (snd f (t + i)%nat))).
-      rewrite (total_ext n _ _ (fun i _ => charge_moving_all I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))).
-      rewrite !total_sum, <- sumZ_add. apply sumZ_ext. intros r _. rewrite !total_scale. lia.
-    - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
-  rewrite E. apply sumZ_le. intros r Hr.
-  pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
-  unfold all_rows in Hr. rewrite app_nil_r in Hr. rewrite forallb_forall in Hrules. specialize (Hrules r Hr).
-  pose proof (rule_holds I plan r Hrules (proj2 planned)) as Hh.
-  unfold rule_ok, row_ok in Hrules. split_andb. to_Z.
-  assert (Es : sign r = 1) by (unfold sign; match goal with H : at_most r = true |- _ => rewrite H; reflexivity end).
-  unfold holds in Hh. rewrite Es in *.
-  assert (Hle : sumZ (map (later (used r)) plan) <= if Nat.leb t (step_of (used r)) then plan_uses I (used r) plan else 0).
-  { unfold plan_uses. replace (if Nat.leb t (step_of (used r)) then sumZ (map (path_uses I (used r)) plan) else 0)
-      with (sumZ (map (fun f => if Nat.leb t (step_of (used r)) then path_uses I (used r) f else 0) plan)).
-    2:{ destruct (Nat.leb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
-    apply sumZ_le. intros f _. unfold later.
-    rewrite (total_from n (step_of (used r)) t (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
-    rewrite (total_from (S n) (step_of (used r)) t (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
+  eapply Z.le_trans; [apply Z.eq_le_incl | apply (charges_at_most later (fun r => Nat.leb t (step_of r)))].
+  - apply sumZ_ext. intros f _. unfold later.
+    rewrite (total_ext (S n) _ _ (fun i _ => charge_here_all I rs (fst f) (t + i) (snd f (t + i)%nat))).
+    rewrite (total_ext n _ _ (fun i _ => charge_moving_all I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))))).
+    rewrite !total_sum, <- sumZ_add. apply sumZ_ext. intros r _. rewrite !total_scale. lia.
+  - intros r f. unfold later.
+    rewrite (total_from n (step_of r) t (fun j => b2z (uses_moving I r (fst f) (snd f j) (snd f (S j))))).
+    rewrite (total_from (S n) (step_of r) t (fun j => b2z (uses_here I r (fst f) (snd f j)))).
     rewrite path_uses_pick.
     assert (B : forall b, 0 <= b2z b) by (intros []; unfold b2z; lia).
-    pose proof (B (uses_moving I (used r) (fst f) (snd f (step_of (used r))) (snd f (S (step_of (used r)))))) as B1.
-    pose proof (B (uses_here I (used r) (fst f) (snd f (step_of (used r))))) as B2.
-    destruct (Nat.leb_spec t (step_of (used r))),
-      (Nat.ltb_spec (step_of (used r)) (t + n)), (Nat.ltb_spec (step_of (used r)) (t + S n)),
-      (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); cbn [andb]; try lia. }
-  destruct (Nat.leb t (step_of (used r))); nia.
+    pose proof (B (uses_moving I r (fst f) (snd f (step_of r)) (snd f (S (step_of r))))) as B1.
+    pose proof (B (uses_here I r (fst f) (snd f (step_of r)))) as B2.
+    destruct (Nat.leb_spec t (step_of r)),
+      (Nat.ltb_spec (step_of r) (t + n)), (Nat.ltb_spec (step_of r) (t + S n)),
+      (Nat.ltb_spec (step_of r) (S T)), (Nat.ltb_spec (step_of r) T); cbn [andb]; lia.
 Qed.
 
 Lemma total_first n (f : nat -> Z) : total (S n) f = f O + total n (fun i => f (S i)).
@@ -753,32 +757,17 @@ Proof.
   intros Ht.
   set (sooner := fun r (f : flight) => total t (fun j => if Nat.eqb (step_of r) j then b2z (uses_here I r (fst f) (snd f j)) else 0)
      + total t (fun j => if Nat.eqb (step_of r) j then b2z (uses_moving I r (fst f) (snd f j) (snd f (S j))) else 0)).
-  assert (E : sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)
-     = sumZ (map (fun r => sign r * multiplier r * sumZ (map (sooner (used r)) plan)) rs)).
-  { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * sooner (used r) f) rs)) plan)).
-    - apply sumZ_ext. intros f _. unfold sooner.
-      rewrite (total_ext _ _ (fun j => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) j then b2z (uses_here I (used r) (fst f) (snd f j)) else 0)
-          + (if Nat.eqb (step_of (used r)) j then b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))) else 0))) rs))).
-      + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
-      + intros j _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _. lia.
-    - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
-  rewrite E. apply sumZ_le. intros r Hr.
-  pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
-  unfold all_rows in Hr. rewrite app_nil_r in Hr. rewrite forallb_forall in Hrules. specialize (Hrules r Hr).
-  pose proof (rule_holds I plan r Hrules (proj2 planned)) as Hh.
-  unfold rule_ok, row_ok in Hrules. split_andb. to_Z.
-  assert (Es : sign r = 1) by (unfold sign; match goal with H : at_most r = true |- _ => rewrite H; reflexivity end).
-  unfold holds in Hh. rewrite Es in *.
-  assert (Hle : sumZ (map (sooner (used r)) plan) <= if Nat.ltb (step_of (used r)) t then plan_uses I (used r) plan else 0).
-  { unfold plan_uses. replace (if Nat.ltb (step_of (used r)) t then sumZ (map (path_uses I (used r)) plan) else 0)
-      with (sumZ (map (fun f => if Nat.ltb (step_of (used r)) t then path_uses I (used r) f else 0) plan)).
-    2:{ destruct (Nat.ltb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
-    apply sumZ_le. intros f _. unfold sooner.
-    rewrite (total_pick t (step_of (used r)) (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
-    rewrite (total_pick t (step_of (used r)) (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
+  eapply Z.le_trans; [apply Z.eq_le_incl | apply (charges_at_most sooner (fun r => Nat.ltb (step_of r) t))].
+  - apply sumZ_ext. intros f _. unfold sooner.
+    rewrite (total_ext _ _ (fun j => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) j then b2z (uses_here I (used r) (fst f) (snd f j)) else 0)
+        + (if Nat.eqb (step_of (used r)) j then b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))) else 0))) rs))).
+    + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
+    + intros j _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _. lia.
+  - intros r f. unfold sooner.
+    rewrite (total_pick t (step_of r) (fun j => b2z (uses_here I r (fst f) (snd f j)))).
+    rewrite (total_pick t (step_of r) (fun j => b2z (uses_moving I r (fst f) (snd f j) (snd f (S j))))).
     rewrite path_uses_pick.
-    destruct (Nat.ltb_spec (step_of (used r)) t), (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); try lia. }
-  destruct (Nat.ltb (step_of (used r)) t); nia.
+    destruct (Nat.ltb_spec (step_of r) t), (Nat.ltb_spec (step_of r) (S T)), (Nat.ltb_spec (step_of r) T); lia.
 Qed.
 
 (** What a drone collects before a step is at most the values of its best path and of its state. *)
