@@ -3,37 +3,26 @@
 The restricted master (`master`) and pricing (`pricing`) alternate. Every iteration's multipliers
 form a certificate; conflict rows and envelope cuts are added when a mixture violates them; every
 mixture is a source of plans (`local_search`).
-
-Diving makes a plan by fixing, round after round, what a mixture has nearly decided. The states with
-the largest fractional use must be used by one more robot; the master is solved and priced again
-under these decisions, until the mixture is integral or nothing remains to be decided. The result is
-rounded and improved.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Decision
-from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master
 from cocap_opt.formulations.column_generation.master.master_program import Solution
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.master.resource_use import (
-    ResourceUse,
     roots_seen,
     violated_rows,
 )
 from cocap_opt.formulations.column_generation.parameters import RelaxationParameters
-from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
 from cocap_opt.formulations.result import certify
 from cocap_opt.mixtures.columns import Column
-from cocap_opt.mixtures.mixture import Mixture
-from cocap_opt.stop import LimitReached
 
 _LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with larger shares are kept
 
@@ -269,81 +258,3 @@ class Relaxation:
                 self.master.cuts.append(cut)
                 found = True
         return found
-
-    # -- diving --------------------------------------------------------------------------
-
-    def dive(self) -> Incumbent | None:
-        """Returns a plan to which the last mixture leads; None if it has conflicts or is
-        stopped.
-        """
-        search, master, solution = self.search, self.master, self.solution
-        if solution is None:
-            return None
-        search.allow_responses(search.parameters.tree.dive_responses)
-        try:
-            master, solution = self._dived(master, solution)
-        except LimitReached:
-            return None
-        found = search.local_search.from_integral(solution.mixture)
-        if found is not None:
-            return found
-        return search.local_search.from_mixture(solution.mixture, search.incumbent)
-
-    def _dived(self, master: Master, solution: Solution) -> tuple[Master, Solution]:
-        """Returns the master and its solution after as many decisions as can be made.
-
-        Raises
-        ------
-        LimitReached
-            If the stopping criterion is reached first.
-        """
-        search, decisions, taken = self.search, master.decisions, set[Resource]()
-        for _ in range(search.parameters.tree.most_dive_rounds):
-            search.stop.check()
-            new = self._nearly_decided(solution.mixture, taken)
-            if not new:
-                break
-            taken |= set(new)
-            decisions = (*decisions, *(Decision(r, "at least", k) for r, k in new.items()))
-            columns = (*solution.mixture.columns, *master.columns)
-            rows, cuts = master.rows, master.cuts
-            master = Master(search.model, master.penalty, decisions)
-            master.add_all(columns, rows, cuts)
-            solution = master.solve(search.stop)
-            for _ in range(search.parameters.tree.dive_pricings):
-                priced = search.pricer(solution.duals, decisions)
-                if not sum(master.add(column) for column in priced.columns):
-                    break
-                solution = master.solve(search.stop)
-        search.stop.check()
-        return master, solution
-
-    def _nearly_decided(self, mixture: Mixture, taken: set[Resource]) -> dict[Resource, int]:
-        """Returns states that one more robot must use, with the number of robots that must then use
-        each.
-
-        A robot's states at neighbouring steps determine each other, so states at a few steps are
-        decided at a time.
-        """
-        model, parameters = self.search.model, self.search.parameters.tree
-        tolerance = parameters.dive_tolerance
-        open_ = {
-            resource: amount
-            for resource, amount in ResourceUse.of(model, mixture).states.items()
-            if resource not in taken and amount - math.floor(amount + tolerance) > tolerance
-        }
-        ranked = sorted(open_, key=lambda r: (-(open_[r] % 1), r.t, repr(r)))
-        robots, horizon = len(model.problem.robots), model.problem.horizon
-        least = max(1, round(parameters.dive_share * robots * horizon))
-        chosen: dict[Resource, int] = {}
-        steps: set[int] = set()
-        for resource in ranked:
-            fraction = open_[resource] % 1
-            enough = len(chosen) >= least or resource.t in steps
-            if fraction < parameters.dive_nearly and enough:
-                continue
-            if fraction < 0.5 and chosen:
-                break
-            steps.add(resource.t)
-            chosen[resource] = math.floor(open_[resource] + tolerance) + 1
-        return chosen
