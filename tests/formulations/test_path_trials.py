@@ -39,7 +39,7 @@ def solved_root() -> Root:
     for column in root.search.alone.columns:
         root.relaxation.master.add(column)
     root.relaxation.solve(root.cutoff, until_cuts=True)
-    root.relaxation.look_for_plans()
+    root.relaxation.round_to_plans()
     return root
 
 

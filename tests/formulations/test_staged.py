@@ -1112,7 +1112,7 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     search = Search(compiled(problem))
     root = Root.of(search, OPTIMALITY)
     root.solve_aggregated()
-    root.relaxation.look_for_plans()
+    root.relaxation.round_to_plans()
     calls = count()
 
     def limited(joint: JointStates, least: float, most_nodes: int, stop: Stop) -> MostProfitable:

@@ -357,7 +357,7 @@ class _Envelopes:
         """
         before = self.search.value
         self.search.allow_responses(self.responses)
-        self.search.look_for_plans(mixture_of_flow(self.search.model, flow))
+        self.search.round_to_plans(mixture_of_flow(self.search.model, flow))
         self.search.recombine(self.narrowing)
         self.responses = (
             self._parameters.responses

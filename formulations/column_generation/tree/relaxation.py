@@ -37,7 +37,7 @@ class Relaxation:
     solution : the last mixture
     is_stuck : True if the last call of `solve` ended because of the solver's accuracy
     cuts_end : True if searching for more cuts is not worthwhile
-    has_searched : True if plans have been searched for where the prices suggest
+    has_searched_by_prices : True if plans have been searched for where the prices suggest
     """
 
     search: Search
@@ -50,7 +50,7 @@ class Relaxation:
     cut_rounds: int = 0
     cuts_end: bool = False
     raises: int = 0  # how often the penalty has been raised
-    has_searched: bool = False
+    has_searched_by_prices: bool = False
 
     def solve(
         self,
@@ -158,18 +158,18 @@ class Relaxation:
         Skipped once prices have led to plans: on 18 scenes it then found no better plan.
         """
         search, rounds = self.search, self.cut_rounds
-        if self.has_searched:
+        if self.has_searched_by_prices:
             return
         if search.allowance.left < self._parameters.least_responses * len(
             search.model.problem.robots
         ):
             return
         if rounds & (rounds - 1) == 0:
-            self.look_for_plans()
+            self.round_to_plans()
         else:
             search.perturb()
 
-    def look_for_plans(self) -> None:
+    def round_to_plans(self) -> None:
         """Offers the plans that local search makes from the last mixture, and recombinations of all
         plans.
 
@@ -180,10 +180,10 @@ class Relaxation:
         """
         if self.solution is None:
             return
-        self.search.look_for_plans(self.solution.mixture)
+        self.search.round_to_plans(self.solution.mixture)
         self._recombine()
 
-    def search_for_plans(self, *, is_quick: bool = False) -> None:
+    def search_by_prices(self, *, is_quick: bool = False) -> None:
         """Offers the plans that the prices suggest, and recombinations; raises LimitReached.
 
         Parameters
@@ -193,10 +193,10 @@ class Relaxation:
         if self.solution is None:
             return
         if self.search.incumbent is None:
-            self.look_for_plans()  # finds a first plan, from which to search
+            self.round_to_plans()  # finds a first plan, from which to search
         most_in_vain = self._parameters.few_in_vain if is_quick else None
-        self.search.search_for_plans(self.solution.mixture, self.best.duals, most_in_vain)
-        self.has_searched = True
+        self.search.search_by_prices(self.solution.mixture, self.best.duals, most_in_vain)
+        self.has_searched_by_prices = True
         if not is_quick:
             self._recombine()
 

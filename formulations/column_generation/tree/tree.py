@@ -137,7 +137,7 @@ class Tree:
         if solution is None:
             return
         search.offer(search.local_search.from_integral(solution.mixture))
-        relaxation.look_for_plans()
+        relaxation.round_to_plans()
         if self._solved & (self._solved - 1) == 0:
             search.offer(dive(search, relaxation.master, solution))
 
