@@ -35,7 +35,7 @@ from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
 from cocap_opt.formulations.certificates.format import StepConstant
-from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
+from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
@@ -48,6 +48,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.known_states import
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
+from cocap_opt.formulations.column_generation.step_envelopes.priced_states import PricedStates
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.step_envelopes.step_searches import StepSearches
 from cocap_opt.formulations.relaxations.duals import Duals
@@ -321,16 +322,13 @@ class _Envelopes:
 
     def _pay(self, cutoff: Callable[[], float]) -> None:
         """Finds better prices and their constants, and adds them as a stage."""
-        joints, ceilings = self._joints(cutoff)
-        bundle = PriceBundle(
-            self.narrowing, self.known, joints, ceilings, self.search.stop,
-            self.search.parameters.bundle,
-        )  # fmt: skip
+        priced = self._priced(cutoff)
+        bundle = PriceBundle(priced, self.known, self.search.parameters.bundle)
         for _ in range(self._parameters.most_corrections):
             prices = bundle.run(cutoff, self.report)
             if bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None or (bundle.has_lists and self._is_stalled(bundle.best, cutoff)):
+            if prices is None or (priced.has_lists and self._is_stalled(bundle.best, cutoff)):
                 return
             heights = Heights(bundle, prices, self.proved, self.searches, self.lengths, self._keep)
             # If no search has ended, nothing is known that could correct the bundle.
@@ -365,18 +363,15 @@ class _Envelopes:
             else max(self.responses // 2, 1)
         )
 
-    def _joints(
-        self, cutoff: Callable[[], float]
-    ) -> tuple[dict[int, JointStates], dict[int, float]]:
-        """Returns the joint states with prices, and ceilings at steps where only some states have
-        prices.
-        """
-        narrowing = self.narrowing
+    def _priced(self, cutoff: Callable[[], float]) -> PricedStates:
+        """Returns the states that get prices, with ceilings at steps where only some have."""
+        narrowing, stop = self.narrowing, self.search.stop
         if self._is_small():
-            return {t: narrowing.joint_states(t) for t in self.steps}, {}
+            joints = {t: narrowing.joint_states(t) for t in self.steps}
+            return PricedStates(narrowing, joints, {}, stop)
         most = self.lengths.slack(narrowing.pricing.bound - cutoff(), self._n_listed)
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
-        return joints, {t: narrowing.ceiling(t) for t in self.steps}
+        return PricedStates(narrowing, joints, {t: narrowing.ceiling(t) for t in self.steps}, stop)
 
     def _n_listed(self, most: float) -> int:
         """Returns the number of states of all steps up to a slack."""
