@@ -179,10 +179,7 @@ class _Envelopes:
         """Explores the paths of plans above ever lower targets; raises LimitReached."""
         self._raise_target()
         if self.bound > cutoff():
-            self.trials.for_higher_targets(
-                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer,
-                to_the_end,
-            )  # fmt: skip
+            self.trials.for_higher_targets(self.proved, self.searches.nodes, self.offer, to_the_end)
 
     def _add_stages(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close states or lower the bound; raises LimitReached."""
@@ -244,9 +241,7 @@ class _Envelopes:
 
     def try_paths(self) -> bool:
         """Explores all remaining paths of better plans; returns True if that has ended."""
-        has_ended = self.trials.after_stages(
-            self.narrowing, len(self.proved.stages), self.searches.nodes
-        )
+        has_ended = self.trials.after_stages(self.proved, self.searches.nodes)
         if has_ended:
             self.offer()
         return has_ended
@@ -258,8 +253,7 @@ class _Envelopes:
 
     def file(self) -> CertificateFile:
         """Returns the certificate of the stages so far, or of the trial of paths."""
-        model, trials = self.search.model, self.trials
-        is_tried = trials.bound < self.narrowing.pricing.bound
+        model = self.search.model
         return CertificateFile(
             scene=model.problem.name,
             digest=problem_digest(model.problem),
@@ -267,14 +261,16 @@ class _Envelopes:
             coverage_version=COVERAGE_VERSION,
             classes="single" if model.is_disaggregated else "alike",
             bound=self.bound,
-            certificate=Staged(
-                self.duals.certificate(model),
-                self.narrowing.target,
-                self.proved.stages[: trials.stages if is_tried else None],
-                trials.above if is_tried else None,
-                (trials.from_step or None) if is_tried else None,
-            ),
+            certificate=self._certificate(),
         )
+
+    def _certificate(self) -> Staged:
+        """Returns the stages so far, or those before the best trial of paths and that trial."""
+        multipliers, target = self.duals.certificate(self.search.model), self.narrowing.target
+        trial = self.trials.best
+        if trial is None or trial.bound >= self.narrowing.pricing.bound:
+            return Staged(multipliers, target, self.proved.stages)
+        return Staged(multipliers, target, trial.stages, trial.above, trial.from_step or None)
 
     def _is_small(self) -> bool:
         """Returns True if all states get their own prices, since searches of steps may then end."""
