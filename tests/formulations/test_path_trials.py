@@ -389,7 +389,7 @@ def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
         paths.append({path for _, path in self.known.paths})
         search.offer(better)
 
-    monkeypatch.setattr(envelopes._Envelopes, "_pay", finding)
+    monkeypatch.setattr(envelopes._Envelopes, "_add_priced_stages", finding)
     envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
     assert targets[0] < better.value
     assert targets[1] == better.value

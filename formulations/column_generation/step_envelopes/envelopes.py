@@ -192,12 +192,12 @@ class _Envelopes:
             if not (self._is_small() or self._can_be_listed()):
                 break
             if self._is_small():
-                self._lower()
+                self._lower_constants()
                 if self.narrowing.pricing.bound <= cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
             is_wide = listed and self.lengths.widening >= self._parameters.wide
-            self._pay(cutoff)
+            self._add_priced_stages(cutoff)
             if listed and self.try_paths():
                 return
             if self._has_better_plan():
@@ -294,7 +294,7 @@ class _Envelopes:
         robots = len(self.search.model.problem.robots)
         return is_there() and robots <= self._parameters.most_listed_robots
 
-    def _lower(self) -> None:
+    def _lower_constants(self) -> None:
         """Lowers the constants at the current prices, at steps for which that takes few nodes."""
         constants: list[StepConstant] = []
         try:
@@ -316,7 +316,7 @@ class _Envelopes:
         """Reports the bound proved so far."""
         self.search.report(self.search.snapshot(self.bound))
 
-    def _pay(self, cutoff: Callable[[], float]) -> None:
+    def _add_priced_stages(self, cutoff: Callable[[], float]) -> None:
         """Finds better prices and their constants, and adds them as a stage."""
         priced = self._priced(cutoff)
         bundle = PriceBundle(priced, self.known, self.search.parameters.bundle)

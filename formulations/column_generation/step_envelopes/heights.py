@@ -129,10 +129,10 @@ class Heights:
             False if the search does not end within the given nodes.
         """
         self.keep(self.proved)
-        joint, paid = self._priced.joints[t], self.prices[self._priced.spans[t]]
+        joint, price = self._priced.joints[t], self.prices[self._priced.spans[t]]
         if self.adopted:
-            joint, paid = self._still_left(joint, paid)
-        joint = _repriced(joint, paid, self._narrowing.ceiling(t))
+            joint, price = self._still_left(joint, price)
+        joint = _repriced(joint, price, self._narrowing.ceiling(t))
         least = self.searches.known.highest(joint)
         if self._priced.has_lists:
             least = max(least, self.bundle.constants[t])

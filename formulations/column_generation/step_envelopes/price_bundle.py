@@ -125,10 +125,10 @@ class PriceBundle:
         known = self._known
         new, constants = 0, dict(solved.constants)
         for t, joint in self.priced.joints.items():
-            paid = replace(joint, price=solved.prices[self.priced.spans[t]])
+            repriced = replace(joint, price=solved.prices[self.priced.spans[t]])
             clearly = solved.constants[t] + CLEARLY * abs(self._bound)
-            for found in known.ascended(paid):
-                if (height := paid.reduced_profit(found)) > clearly:
+            for found in known.ascended(repriced):
+                if (height := repriced.reduced_profit(found)) > clearly:
                     new += self.remember(t, found)
                     constants[t] = max(constants[t], height)
         total, paths = self.priced.best_paths(solved.prices, constants)
@@ -153,8 +153,8 @@ class PriceBundle:
             at = np.array([positions for positions, _ in every], dtype=np.int64)
             worth = np.array([value for _, value in every])
             highest: set[int] = set()
-            for paid in prices if every else ():
-                heights = worth - paid[at].sum(axis=1)
+            for price in prices if every else ():
+                heights = worth - price[at].sum(axis=1)
                 highest.update(
                     np.argsort(-heights, kind="stable")[: self._parameters.most_heights].tolist()
                 )
