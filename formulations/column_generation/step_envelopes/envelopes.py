@@ -190,7 +190,7 @@ class _Envelopes:
             if open_ <= 0:
                 return
             if not (self._is_small() or self._can_be_listed()):
-                break
+                return
             if self._is_small():
                 self._lower_constants()
                 if self.narrowing.pricing.bound <= cutoff() or self.try_paths():
@@ -203,16 +203,29 @@ class _Envelopes:
             if self._has_better_plan():
                 continue
             closed = (before - self.narrowing.pricing.bound) / open_
-            may_grow = listed and self.lengths.can_grow
-            if listed and closed < self._parameters.least_listed:
-                self.lists_stall = closed < self._parameters.stalled
-                self.lengths.grow()
-            if listed and self._is_small():
-                continue  # the next round prices all states
-            if is_wide and closed < self._parameters.least_wide:
-                break
-            if closed < self._parameters.least_round and not may_grow:
-                break
+            if not self._is_worth_another(closed, listed, is_wide):
+                return
+
+    def _is_worth_another(self, closed: float, listed: bool, is_wide: bool) -> bool:
+        """Returns True if another round is worthwhile; makes lists longer if they closed little.
+
+        Parameters
+        ----------
+        closed : share of the gap that the last round has closed
+        listed : True if only the states on lists had prices
+        is_wide : True if these lists were wide
+        """
+        if not listed:
+            return closed >= self._parameters.least_round
+        may_grow = self.lengths.can_grow
+        if closed < self._parameters.least_listed:
+            self.lists_stall = closed < self._parameters.stalled
+            self.lengths.grow()
+        if self._is_small():
+            return True  # the next round prices all states
+        if is_wide and closed < self._parameters.least_wide:
+            return False
+        return may_grow or closed >= self._parameters.least_round
 
     def _has_better_plan(self) -> bool:
         """Returns True if a plan is clearly above the target of the stages."""
