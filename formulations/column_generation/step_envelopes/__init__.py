@@ -3,7 +3,7 @@
 `envelopes` runs the rounds; `price_bundle` finds the prices of a round for the states of
 `priced_states`, with the master problem of `price_master`; `heights` turns them into stages, and
 `stages` holds all stages so far. `step_searches` searches for joint states exactly, and
-`known_states` by local search, compiled in `ascent_kernel`; `counting` counts remaining states, and
-`list_lengths` decides how many states are listed. `path_trials` decides when to explore all paths,
-and `middle_step` from which step.
+`local_optima` (compiled in `ascent_kernel`) by local search from those of `known_states`;
+`counting` counts remaining states, and `list_lengths` decides how many states are listed.
+`path_trials` decides when to explore all paths, and `middle_step` from which step.
 """
