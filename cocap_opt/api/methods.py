@@ -34,10 +34,10 @@ from cocap_opt.stop import Stop, never
 R = TypeVar("R", bound=Result)
 
 # Types of the callables used here: your own methods need no defaults.
-_Bound = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
+_BoundMethod = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
 
 
-class _Exact(Protocol):
+class _ExactMethod(Protocol):
     def __call__(
         self, problem: Problem, stop: Stop, start: Plan | None, report: Report, /, *, gap: float
     ) -> CertifiedResult: ...
@@ -143,7 +143,7 @@ def plan(
 
 def bound(
     problem: Problem,
-    method: str | _Bound = "column-generation",
+    method: str | _BoundMethod = "column-generation",
     *,
     time_limit: float | None = None,
     stop: Stop = never,
@@ -190,7 +190,7 @@ def bound(
 
 def solve(
     problem: Problem,
-    method: str | _Exact = "branch-and-price",
+    method: str | _ExactMethod = "branch-and-price",
     *,
     time_limit: float | None = None,
     stop: Stop = never,
