@@ -37,7 +37,9 @@ R = TypeVar("R", bound=Result)
 _BoundMethod = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
 
 
-class _ExactMethod(Protocol):
+class ExactMethod(Protocol):
+    """A method that returns the best plan, and proves that none is better by more than a gap."""
+
     def __call__(
         self, problem: Problem, stop: Stop, start: Plan | None, report: Report, /, *, gap: float
     ) -> CertifiedResult: ...
@@ -190,7 +192,7 @@ def bound(
 
 def solve(
     problem: Problem,
-    method: str | _ExactMethod = "branch-and-price",
+    method: str | ExactMethod = "branch-and-price",
     *,
     time_limit: float | None = None,
     stop: Stop = never,
