@@ -42,7 +42,8 @@ class ExactMethod(Protocol):
 
     def __call__(
         self, problem: Problem, stop: Stop, start: Plan | None, report: Report, /, *, gap: float
-    ) -> CertifiedResult: ...
+    ) -> CertifiedResult:
+        """Solve a problem; at a limit, return the best plan and bound so far."""
 
 
 @overload
