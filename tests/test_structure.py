@@ -173,7 +173,17 @@ def test_nothing_imports_the_face() -> None:
     assert [m for m in sources() if m != CORE and CORE in imports(m)] == []
 
 
-@pytest.mark.parametrize("room", ["flight", "footage", "graph"])
+COLUMNS = "formulations.column_generation"
+
+
+@pytest.mark.parametrize(
+    "room",
+    [
+        "coordination", "flight", "footage", "graph", "formulations.certificates.staged",
+        "formulations.relaxations", COLUMNS, f"{COLUMNS}.master", f"{COLUMNS}.primal",
+        f"{COLUMNS}.step_envelopes", f"{COLUMNS}.tree",
+    ],
+)  # fmt: skip
 def test_a_front_names_all_of_its_modules(room: str) -> None:
     """Whoever reads what a room has finds each of its files there."""
     front = sources()[f"{CORE}.{room}"]

@@ -34,13 +34,16 @@ from cocap_opt.stop import Stop, never
 R = TypeVar("R", bound=Result)
 
 # Types of the callables used here: your own methods need no defaults.
-_Bound = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
+_BoundMethod = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
 
 
-class _Exact(Protocol):
+class ExactMethod(Protocol):
+    """A method that returns the best plan, and proves that none is better by more than a gap."""
+
     def __call__(
         self, problem: Problem, stop: Stop, start: Plan | None, report: Report, /, *, gap: float
-    ) -> CertifiedResult: ...
+    ) -> CertifiedResult:
+        """Solve a problem; at a limit, return the best plan and bound so far."""
 
 
 @overload
@@ -143,7 +146,7 @@ def plan(
 
 def bound(
     problem: Problem,
-    method: str | _Bound = "column-generation",
+    method: str | _BoundMethod = "column-generation",
     *,
     time_limit: float | None = None,
     stop: Stop = never,
@@ -190,7 +193,7 @@ def bound(
 
 def solve(
     problem: Problem,
-    method: str | _Exact = "branch-and-price",
+    method: str | ExactMethod = "branch-and-price",
     *,
     time_limit: float | None = None,
     stop: Stop = never,

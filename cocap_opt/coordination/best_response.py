@@ -146,7 +146,7 @@ class Replan(NamedTuple):
     plan: Plan
 
 
-def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
+def replans(model: Model, plan: Plan) -> list[Replan]:
     """Returns, for each robot, the best change of its path alone that obeys the rules, and its
     gain.
 
@@ -156,12 +156,6 @@ def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
     Parameters
     ----------
     plan : a plan that can be flown
-    stop : stopping criterion, checked now and then
-
-    Raises
-    ------
-    LimitReached
-        If a limit is reached.
     """
     paths = model.paths(plan)
     pixels = [model.robot_pixels(robot, path) for robot, path in enumerate(paths)]
@@ -171,7 +165,7 @@ def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
         seen = sum((pixels[k] for k in others), model.problem.no_pixels())
         passing = (model.places.cells_along(k, paths[k]) for k in others)
         charges = avoid_paths(model, model.class_of[robot], passing)
-        new = best_response(model, robot, seen, charges, stop)
+        new = best_response(model, robot, seen, charges)
         if new is None:
             continue
         changed = [*paths[:robot], new, *paths[robot + 1 :]]

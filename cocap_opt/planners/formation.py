@@ -84,7 +84,7 @@ class Circle(NamedTuple):
         turns = math.tau * np.arange(orientations) / orientations
         return [
             cls._around(
-                problem, tuple(inside.tolist()), tuple(group.tolist()), (standoff, height), turns
+                problem, tuple(inside.tolist()), tuple(group.tolist()), standoff, height, turns
             )
             for group, inside in zip(parts, actors, strict=True)
         ]
@@ -95,11 +95,12 @@ class Circle(NamedTuple):
         problem: Problem,
         inside: tuple[int, ...],
         robots: tuple[int, ...],
-        wanted: tuple[float, float],
+        standoff: float,
+        height: float,
         turns: FloatArray,
     ) -> "Circle":
         """Returns evenly spaced positions around the actors, outside the outermost of them."""
-        (standoff, height), middle = wanted, _middle(problem, inside)
+        middle = _middle(problem, inside)
         actors = [problem.actors[j] for j in inside]
         ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
         spread = np.hypot(ways[..., 0], ways[..., 1]).max(axis=0)

@@ -41,37 +41,33 @@ def sequential_lazy(problem: Problem, stop: Stop = never) -> Result:
 
 
 @timed
-def sequential_rounds(
-    problem: Problem, stop: Stop = never, low_level: LowLevel = value_iteration
-) -> Result:
+def sequential_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan as `sequential` does, then in rounds of best responses that obey the rules.
 
     In a round, each robot in turn is replanned, clear of all others, for its marginal gain over
     what they see. The rounds end with a plan that no robot can improve by changing its own path
     alone.
     """
-    responses = Responses(low_level, stop)
+    responses = Responses(value_iteration, stop)
     nobody = responses.nobody(problem)
     return _result(*followed(nobody, then_in_rounds(nobody, responses)))
 
 
 @timed
-def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -> Result:
+def best_of_orders(problem: Problem, stop: Stop = never) -> Result:
     """Plan sequentially in several orders, and keep the best plan.
 
-    Parameters
-    ----------
-    orders : number of orders; the first is by robot number, the others are random
+    The first order is by robot number, the others are random.
     """
     responses = Responses(value_iteration, stop)
     nobody = responses.nobody(problem)
-    return _result(*followed(nobody, _in_orders(nobody, responses, orders)))
+    return _result(*followed(nobody, _in_orders(nobody, responses)))
 
 
-def _in_orders(nobody: PlannedTeam, responses: Responses, orders: int) -> Iterator[PlannedTeam]:
+def _in_orders(nobody: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
     """Yields each better team; before the first whole team, also the partial teams on the way."""
     rng, best = np.random.default_rng(0), None
-    for n in range(orders):
+    for n in range(ORDERS):
         order = rng.permutation(nobody.size).tolist() if n else None
         for team in one_by_one(nobody, responses, order):
             if best is None or (team.is_whole and team.gains_over(best)):

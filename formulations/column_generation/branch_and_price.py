@@ -60,7 +60,7 @@ def column_generation(
         if root.relaxation.is_stuck:
             limit = Limit.NUMERICS
         else:
-            root.relaxation.look_for_plans()
+            root.relaxation.round_to_plans()
     except LimitReached as reached:
         limit = reached.limit
     relaxation, search = root.relaxation, root.search

@@ -163,11 +163,11 @@ class Search:
         if self.clock.seconds - self._told > self.parameters.search.report_seconds:
             self.report(self.snapshot(np.inf, self._nodes))
 
-    def look_for_plans(self, mixture: Mixture) -> None:
+    def round_to_plans(self, mixture: Mixture) -> None:
         """Offers the plan that local search makes from a mixture."""
         self.offer(self.local_search.from_mixture(mixture, self.incumbent))
 
-    def search_for_plans(
+    def search_by_prices(
         self, mixture: Mixture, duals: Duals, most_in_vain: int | None = None
     ) -> None:
         """Offers the plans to which a mixture and its prices lead, starting from the incumbent.
@@ -245,7 +245,7 @@ class Search:
         try:
             yield
         except LimitReached:
-            self.look_for_plans(mixture())
+            self.round_to_plans(mixture())
             raise
 
     def recombine(self, narrowing: Narrowing) -> None:

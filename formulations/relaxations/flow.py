@@ -279,38 +279,38 @@ class Flow:
         slots = [head for head in nodes for _ in range(counts[head])]
         # A forbidden edge costs more than all rewards together.
         worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
-        chosen = self.assigned_heads(ahead, slots, worst)
+        chosen = assigned_heads(ahead, slots, worst)
         if chosen is None:
             raise ValueError("the flow is not integral")
         return chosen
 
-    @staticmethod
-    def assigned_heads(
-        gains: Sequence[Mapping[int, float]], heads: Sequence[int], forbidden: float
-    ) -> list[int] | None:
-        """Returns the head to which each robot moves, maximising the sum of gains.
 
-        Parameters
-        ----------
-        gains : for each robot, the gain of every head that it can reach
-        heads : heads, each repeated once per robot that moves there
-        forbidden : the gain of a head that a robot cannot reach: lower than all others together
+def assigned_heads(
+    gains: Sequence[Mapping[int, float]], heads: Sequence[int], forbidden: float
+) -> list[int] | None:
+    """Returns the head to which each robot moves, maximising the sum of gains.
 
-        Returns
-        -------
-        One head per robot; None if there are not as many heads as robots, or if a robot would have
-        to move to a forbidden head.
-        """
-        from scipy.optimize import linear_sum_assignment  # takes half of the time of all imports
+    Parameters
+    ----------
+    gains : for each robot, the gain of every head that it can reach
+    heads : heads, each repeated once per robot that moves there
+    forbidden : the gain of a head that a robot cannot reach: lower than all others together
 
-        if len(heads) != len(gains):
-            return None
-        gain = np.array([[of_robot.get(head, -np.inf) for head in heads] for of_robot in gains])
-        weights = np.where(np.isinf(gain), forbidden, gain)
-        robots, chosen = linear_sum_assignment(weights, maximize=True)
-        if np.isinf(gain[robots, chosen]).any():
-            return None
-        return [heads[k] for k in chosen.tolist()]
+    Returns
+    -------
+    One head per robot; None if there are not as many heads as robots, or if a robot would have
+    to move to a forbidden head.
+    """
+    from scipy.optimize import linear_sum_assignment  # takes half of the time of all imports
+
+    if len(heads) != len(gains):
+        return None
+    gain = np.array([[of_robot.get(head, -np.inf) for head in heads] for of_robot in gains])
+    weights = np.where(np.isinf(gain), forbidden, gain)
+    robots, chosen = linear_sum_assignment(weights, maximize=True)
+    if np.isinf(gain[robots, chosen]).any():
+        return None
+    return [heads[k] for k in chosen.tolist()]
 
 
 def _class_part(

@@ -133,7 +133,7 @@ class Seen:
         return cut if known - self.height(cut) > least else None
 
 
-class _Loose(NamedTuple):
+class LooseViewSum(NamedTuple):
     """A view sum in which a cut can cut off a mixture."""
 
     most: float  # largest possible reduction, px^0.5/m
@@ -150,7 +150,7 @@ def loose_view_sums(
     sizes: tuple[int, ...],
     least: float,
     stop: Stop,
-) -> list[_Loose]:
+) -> list[LooseViewSum]:
     """Returns the view sums with enough to cut off, largest first; raises LimitReached.
 
     Parameters
@@ -176,7 +176,7 @@ def loose_view_sums(
         height = min(*roots, *(mixture.height(cut) for cut in known.get(view_sum, [])))
         most, enough = height - mixture.coupled(sizes), least / float(weights[view_sum])
         if most >= enough:
-            found.append(_Loose(most, enough, view_sum, mixture, height))
+            found.append(LooseViewSum(most, enough, view_sum, mixture, height))
     return sorted(found, key=lambda loose: (-loose.most * weights[loose.view_sum], loose.view_sum))
 
 
@@ -205,7 +205,11 @@ def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[
             found[number] = _merged(found[number], at)
         else:
             del found[min(found, key=lambda k: weight[k])]
-    return {k: (points, _spread(points, seen, k)) for k, (points, _) in found.items()}
+    for number, (points, _) in found.items():
+        of_class = seen.classes == number
+        mass = amounts_at(points, seen.roots[of_class], seen.amounts[of_class])
+        found[number] = points, mass
+    return found
 
 
 def _are_too_many(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> bool:
@@ -250,20 +254,24 @@ def _merged(marginal: _Marginal, at: int) -> _Marginal:
     return np.delete(points, at + 1), np.delete(mass, at + 1)
 
 
-def _spread(points: FloatArray, seen: Seen, number: int) -> FloatArray:
-    """Returns the amounts of a class at breakpoints [K].
+def amounts_at(points: FloatArray, roots: FloatArray, amounts: FloatArray) -> FloatArray:
+    """Returns the amounts of robots at breakpoints [K].
 
-    An amount between two breakpoints is shared between them, as phi is linear there.
+    An amount between two breakpoints, of which 0 is one, too, is shared between them, as phi is
+    linear there.
+
+    Parameters
+    ----------
+    points : [K] breakpoints > 0, increasing
+    roots, amounts : [n] roots, and the amount of each; those above the last breakpoint count as it
     """
-    of_class = seen.classes == number
-    roots, amounts = np.minimum(seen.roots[of_class], points[-1]), seen.amounts[of_class]
+    roots, ends = np.minimum(roots, points[-1]), np.append(0.0, points)
     after = np.searchsorted(points, roots)
-    low = np.where(after > 0, points[after - 1], 0.0)
-    upper = (roots - low) / (points[after] - low)
-    mass: FloatArray = np.bincount(after, amounts * upper, minlength=len(points)).astype(float)
-    inner = after > 0
-    mass += np.bincount(after[inner] - 1, (amounts * (1 - upper))[inner], minlength=len(points))
-    return mass
+    upper = (roots - ends[after]) / (ends[after + 1] - ends[after])
+    mass = np.zeros(len(ends))
+    mass += np.bincount(after + 1, amounts * upper, minlength=len(ends))
+    mass += np.bincount(after, amounts * (1 - upper), minlength=len(ends))
+    return mass[1:]
 
 
 def _potentials(

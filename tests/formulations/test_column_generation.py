@@ -29,6 +29,7 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree import root as root_module
+from cocap_opt.formulations.column_generation.tree.diving import dive
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, Snapshot
@@ -255,9 +256,11 @@ def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
         solution = root.master.solve()
         for column in search.pricer(solution.duals).columns:
             root.master.add(column)
-    root.solution = solution
     search.allow_responses(10)
-    found = [search.local_search.from_mixture(solution.mixture), root.dive()]
+    found = [
+        search.local_search.from_mixture(solution.mixture),
+        dive(search, root.master, solution),
+    ]
     for plan in found:
         assert plan is not None
         verdict = check(problem, search.model.plan(plan.paths))

@@ -77,12 +77,29 @@ def test_a_cut_of_robots_that_are_alike_is_valid_and_cuts(
         assert Cut.valid(3, cut.curves, (robots,)).constant <= cut.constant + 1e-9
 
 
+def uneven() -> tuple[Seen, float]:
+    """Three roots of robots of one class, and the height of the known bounds at them."""
+    roots, amounts = np.array([0.2, 0.5, 1.0]), np.array([0.5, 0.4, 0.6])
+    known = float(min(np.sqrt(amounts @ roots**2), amounts @ roots))
+    return Seen(np.zeros(3, dtype=np.int64), roots, amounts), known
+
+
+@pytest.mark.parametrize(("robots", "breakpoints"), [(12, 3), (64, 3), (128, 2)])
+def test_robots_that_are_alike_have_a_cut_if_a_certificate_may_have_breakpoints(
+    robots: int, breakpoints: int
+) -> None:
+    """One for each root if there may be as many; with fewer, the cut still cuts."""
+    seen, known = uneven()
+    cut = alike_cut(0, seen, 1.0, robots, known, 1e-6, DEFAULTS.alike_cuts)
+    assert cut is not None
+    assert len(cut.curves[0].roots) == breakpoints
+    assert seen.height(cut) < known - 5e-3
+
+
 @pytest.mark.parametrize("robots", [128, 129, 256, 257, 999])
 def test_cuts_have_no_more_breakpoints_than_a_certificate_may(robots: int) -> None:
     """However many robots there are; beyond 256 there is no cut, by either separation."""
-    roots, amounts = np.array([0.2, 0.5, 1.0]), np.array([0.5, 0.4, 0.6])
-    seen = Seen(np.zeros(3, dtype=np.int64), roots, amounts)
-    known = float(min(np.sqrt(amounts @ roots**2), amounts @ roots))
+    seen, known = uneven()
     for cut in (
         alike_cut(0, seen, 1.0, robots, known, 1e-6, DEFAULTS.alike_cuts),
         seen.best_cut(0, np.ones(1), (robots,), known, 1e-6),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cocap_opt.formulations.certificates import Staged, verify
+from cocap_opt.formulations.certificates.format import Stage
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation.parameters import (
@@ -23,7 +24,10 @@ from cocap_opt.formulations.column_generation.step_envelopes.middle_step import 
     MiddleStep,
     explored,
 )
-from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
+from cocap_opt.formulations.column_generation.step_envelopes.path_trials import (
+    EndedTrial,
+    PathTrials,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, certify
@@ -39,7 +43,7 @@ def solved_root() -> Root:
     for column in root.search.alone.columns:
         root.relaxation.master.add(column)
     root.relaxation.solve(root.cutoff, until_cuts=True)
-    root.relaxation.look_for_plans()
+    root.relaxation.round_to_plans()
     return root
 
 
@@ -95,19 +99,21 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     ending = Ending(np.inf)
     replace_trials(monkeypatch, ending)
     fewest = trials._fewest_nodes()
-    assert not trials.after_stages(narrowing, 0, 0)
+    assert not trials.after_stages(Stages(narrowing), 0)
     assert ending.allowed == [fewest]
-    assert not trials.after_stages(narrowing, 1, int(2.5 * fewest / DEFAULTS.trials.times_nodes))
+    assert not trials.after_stages(
+        Stages(narrowing), int(2.5 * fewest / DEFAULTS.trials.times_nodes)
+    )
     assert len(ending.allowed) == 1
-    assert not trials.after_stages(narrowing, 2, 100 * fewest)
+    assert not trials.after_stages(Stages(narrowing), 100 * fewest)
     assert len(ending.allowed) == 2 and ending.allowed[1] > 2 * fewest
     constants = narrowing.constants - 0.5 * narrowing.room_above(narrowing.target) / len(
         narrowing.constants
     )
     narrowing = replace(narrowing, constants=constants)
-    assert not trials.after_stages(narrowing, 3, 100 * fewest)
+    assert not trials.after_stages(Stages(narrowing), 100 * fewest)
     assert len(ending.allowed) == 3
-    assert trials.above is None and trials.nodes == sum(ending.allowed)
+    assert trials.best is None and trials.nodes == sum(ending.allowed)
 
 
 def test_trials_are_short_where_there_is_no_time_to_compile(
@@ -118,7 +124,7 @@ def test_trials_are_short_where_there_is_no_time_to_compile(
     replace_trials(monkeypatch, ending)
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: False)
     trials.search.stop = TimeLimit(1.0)
-    assert not trials.after_stages(narrowing, 0, 0)
+    assert not trials.after_stages(Stages(narrowing), 0)
     assert ending.allowed == [DEFAULTS.trials.fewest_plain_nodes]
 
 
@@ -130,7 +136,8 @@ def test_higher_targets_come_down_until_a_trial_fails(
     ending = Ending(value + 0.4 * (bound - value))
     replace_trials(monkeypatch, ending)
     told: list[float] = []
-    trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.bound))
+    proved = Stages(narrowing, (Stage(),))
+    trials.for_higher_targets(proved, 10, lambda: told.append(trials.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
     less, least = DEFAULTS.trials.less, DEFAULTS.trials.least_less
     ended = [share for share in shares if share >= 0.4 - 1e-9]
@@ -139,9 +146,9 @@ def test_higher_targets_come_down_until_a_trial_fails(
     failed = [ended[-1] - share for share in shares[len(ended) :]]
     assert failed == pytest.approx([less / 2**k for k in range(len(failed))])
     assert failed[-1] == pytest.approx(least)
-    assert trials.stages == 7
+    assert trials.best is not None and trials.best.stages == proved.stages
     last = ending.targets[len(ended) - 1]
-    assert trials.bound == pytest.approx(last, rel=1e-9) and trials.above == last
+    assert trials.bound == pytest.approx(last, rel=1e-9) and trials.best.above == last
     assert told == sorted(told, reverse=True) and told[-1] == trials.bound
     assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
 
@@ -153,8 +160,8 @@ def test_targets_begin_below_what_earlier_trials_have_proved(
     value, bound = trials.search.value, narrowing.bound
     ending = Ending(-np.inf)
     replace_trials(monkeypatch, ending)
-    trials.bound = value + 0.4 * (bound - value)
-    trials.for_higher_targets(narrowing, 0, 10, lambda: None)
+    trials.best = EndedTrial(value + 0.4 * (bound - value), value, 0, ())
+    trials.for_higher_targets(Stages(narrowing), 10, lambda: None)
     shares = [(target - value) / (bound - value) for target in ending.targets]
     assert shares[0] == pytest.approx(0.4 - DEFAULTS.trials.less)
 
@@ -174,9 +181,9 @@ def test_another_step_in_the_middle_is_tried_once_a_trial_fails(
 
     monkeypatch.setattr(path_trials, "explored", failing)
     monkeypatch.setattr(MiddleStep, "choose", choose)
-    trials.for_higher_targets(narrowing, 0, 10**7, lambda: None)
+    trials.for_higher_targets(Stages(narrowing), 10**7, lambda: None)
     assert [*dict.fromkeys(tried)] == [1, 2, 0]
-    assert tried[-2:] == [2, 0] and trials.above is None
+    assert tried[-2:] == [2, 0] and trials.best is None
 
 
 def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
@@ -186,7 +193,7 @@ def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
     value, bound = trials.search.value, narrowing.bound
     ending = Ending(value + 0.3 * (bound - value), doubling=0.08 * (bound - value))
     replace_trials(monkeypatch, ending)
-    trials.for_higher_targets(narrowing, 0, 10, lambda: None)
+    trials.for_higher_targets(Stages(narrowing), 10, lambda: None)
     shares = [(target - value) / (bound - value) for target in ending.targets]
     times = DEFAULTS.trials.aimed_times
     step = 0.08 * np.log2(times)
@@ -208,7 +215,7 @@ def test_trials_end_before_they_are_long_unless_time_is_kept_for_them(
     for to_the_end in (False, True):
         ending = Ending(-np.inf, doubling=0.04 * (bound - value))
         replace_trials(monkeypatch, ending)
-        trials.for_higher_targets(narrowing, 0, 10, lambda: None, to_the_end)
+        trials.for_higher_targets(Stages(narrowing), 10, lambda: None, to_the_end)
         shares.append((ending.targets[-1] - value) / (bound - value))
     assert 1000 * 2 ** ((0.95 - shares[0]) / 0.04) == pytest.approx(most, rel=0.5)
     assert shares[1] == pytest.approx(0.0)
@@ -227,8 +234,8 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
 
     replace_trials(monkeypatch, limited)
     with pytest.raises(LimitReached):
-        trials.for_higher_targets(narrowing, 0, 0, lambda: None)
-    assert trials.above == ending.targets[1]
+        trials.for_higher_targets(Stages(narrowing), 0, lambda: None)
+    assert trials.best is not None and trials.best.above == ending.targets[1]
 
 
 class Countdown(Stop):
@@ -292,7 +299,7 @@ def test_no_stages_follow_paths_that_have_closed_the_gap(
 
     def higher_targets(self: PathTrials, *_: object) -> None:
         told.append("paths")
-        self.bound, self.above = self.search.value, self.search.value
+        self.best = EndedTrial(self.search.value, self.search.value, 0, ())
 
     monkeypatch.setattr(envelopes._Envelopes, "_add_stages", add_stages)
     monkeypatch.setattr(PathTrials, "for_higher_targets", higher_targets)
@@ -382,7 +389,7 @@ def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
         paths.append({path for _, path in self.known.paths})
         search.offer(better)
 
-    monkeypatch.setattr(envelopes._Envelopes, "_pay", finding)
+    monkeypatch.setattr(envelopes._Envelopes, "_add_priced_stages", finding)
     envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
     assert targets[0] < better.value
     assert targets[1] == better.value

@@ -76,13 +76,11 @@ from cocap_opt.formulations.column_generation.step_envelopes.counting import (
 )
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.heights import Heights
-from cocap_opt.formulations.column_generation.step_envelopes.known_states import (
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.local_optima import (
     KERNEL as LOCAL_SEARCH,
 )
-from cocap_opt.formulations.column_generation.step_envelopes.known_states import (
-    Known,
-    _local_optima,
-)
+from cocap_opt.formulations.column_generation.step_envelopes.local_optima import local_optima
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
@@ -433,7 +431,7 @@ def test_searches_take_what_they_are_compiled_for_ahead() -> None:
         for _ in range(5):
             joint = with_ceilings(random_joint_states(rng), rng)
             plain_search._run_compiled(joint, 0.0, 10**6, never)
-            _local_optima(joint, [], BundleParameters())
+            local_optima(joint, [], BundleParameters())
         patch.setattr(move_searches, "PLAIN_NODES", -1)
         patch.setattr(move_searches, "_NODES_AT_ONCE", 500)
         with pytest.raises(LimitReached):
@@ -461,7 +459,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
     joint = random_joint_states(rng)
     every = joint_by_enumeration(joint)
     starts = [list(every[k]) for k in rng.integers(len(every), size=3)] if every else []
-    found = [tuple(team) for team in _local_optima(joint, starts, compiled_).tolist()]
+    found = [tuple(team) for team in local_optima(joint, starts, compiled_).tolist()]
     assert set(found) <= set(every)
     if compiled_ is not None and every:
         assert found
@@ -1045,7 +1043,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
         prices = run(self, *arguments)
         if prices is not None:
             bound = sum(self.constants.values()) + self.rest
-            bound += self.best_paths(prices, self.constants)[0]
+            bound += self.priced.best_paths(prices, self.constants)[0]
             assert bound == pytest.approx(self.best, rel=1e-12)
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
         return prices
@@ -1112,7 +1110,7 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     search = Search(compiled(problem))
     root = Root.of(search, OPTIMALITY)
     root.solve_aggregated()
-    root.relaxation.look_for_plans()
+    root.relaxation.round_to_plans()
     calls = count()
 
     def limited(joint: JointStates, least: float, most_nodes: int, stop: Stop) -> MostProfitable:

@@ -128,7 +128,7 @@ class MoveSearches:
 
     nodes_left: int
     plain: bool = False
-    _times: int = 1  # number of pairs of robots in multiples of PAIRS; at least 1
+    _move_weight: int = 1  # nodes of a move, in multiples of NODES_OF_MOVE
     _plain_nodes: int = 0  # number of nodes of plain searches
 
     def found(
@@ -150,7 +150,7 @@ class MoveSearches:
         LimitReached
             If a limit is reached.
         """
-        self._times = max(math.comb(len(choices.robots), 2) // PAIRS, 1)
+        self._move_weight = max(math.comb(len(choices.robots), 2) // PAIRS, 1)
         tail = 0
         while tail < len(floors) and (self.plain or not compiled_search.is_loaded()):
             at = choices.of_tail(tail)
@@ -176,15 +176,15 @@ class MoveSearches:
             if not may_compile:
                 raise
             return None if compiled_search.takes_over(stop) else self._plain(joint, stop)
-        self._spend(nodes, len(collected))
+        self._spend_on_search(nodes, len(collected))
         self._plain_nodes += nodes
         return collected
 
-    def _spend(self, nodes: int, moves: int) -> None:
+    def _spend_on_search(self, nodes: int, moves: int) -> None:
         """Subtracts the nodes and moves of a search; raises NotEndedError if they exceed the
         limit.
         """
-        self.spend(nodes + NODES_OF_MOVE * self._times * moves)
+        self.spend(nodes + NODES_OF_MOVE * self._move_weight * moves)
 
     def spend(self, nodes: int) -> None:
         """Subtracts used nodes; raises NotEndedError if they exceed the limit."""
@@ -206,12 +206,12 @@ class MoveSearches:
             stop.check()
             begin = tail
             # One more node, since the search may notice only then that the last one is done.
-            nodes = min(self.nodes_left + 1, max(_NODES_AT_ONCE // self._times, 1))
+            nodes = min(self.nodes_left + 1, max(_NODES_AT_ONCE // self._move_weight, 1))
             tail, tails, heads = running.follow(lists, least, (begin, len(floors)), nodes)
             n_found += int(np.count_nonzero(tails == begin))
             if n_found > MOST_FOUND:
                 raise NotEndedError
-            self._spend(running.nodes, len(tails))
+            self._spend_on_search(running.nodes, len(tails))
             if tail > begin:
                 n_found = int(np.count_nonzero(tails == tail))
             if len(tails):

@@ -1,7 +1,8 @@
-"""The relaxation over paths: columns, mixtures, the restricted master problem, pricing.
+"""The relaxation over paths: the restricted master problem, pricing, and the cuts and rows between.
 
-A mixture (`mixture`) weights single-robot paths (`columns`). The master problem (`master`, its
-conic program in `master_program`) finds the best mixture of the known columns, `pricing` finds
-better columns, and `mixture_ascent` finds the first ones, without a master. `alike_cuts` finds
-envelope cuts for many robots of one class.
+`master` finds the best mixture of the known paths, by the conic program of `master_program`, whose
+flow `flow_paths` splits into paths; `pricing` finds better paths. `resource_use` finds the rules
+that a mixture violates and the resource to branch on, `arc_users` the arcs that use a resource.
+For very many robots, `ruled_program` replaces the master, and `alike_cuts` finds envelope cuts for
+many robots of one class.
 """

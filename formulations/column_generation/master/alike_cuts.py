@@ -17,7 +17,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Curve, Cut, multisets
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation.parameters import AlikeCutParameters
-from cocap_opt.formulations.relaxations.separation import Seen, Transport
+from cocap_opt.formulations.relaxations.separation import Seen, Transport, amounts_at
 
 _ROUNDING = 1e-12  # relative to the largest root
 
@@ -45,7 +45,7 @@ def alike_cut(
     if most == 0:
         return None
     points = _breakpoints(seen, largest, most)
-    mass = np.maximum(_shared(seen, points), parameters.least_mass)
+    mass = np.maximum(amounts_at(points, seen.roots, seen.amounts), parameters.least_mass)
     unit = float(points[-1])
     pixels = (points / unit) ** 2
     values = _values(pixels, mass, robots, known / unit, parameters)
@@ -139,17 +139,3 @@ def _breakpoints(seen: Seen, largest: float, most: int) -> FloatArray:
         mass[at] = both[at]
         points, mass = np.delete(points, at + 1), np.delete(mass, at + 1)
     return np.append(points, top)
-
-
-def _shared(seen: Seen, points: FloatArray) -> FloatArray:
-    """Returns the amounts at breakpoints [K]; an amount between two breakpoints is shared between
-    them.
-    """
-    roots = np.minimum(seen.roots, points[-1])
-    ends = np.append(0.0, points)
-    after = np.searchsorted(points, roots)
-    upper = (roots - ends[after]) / (ends[after + 1] - ends[after])
-    mass = np.zeros(len(ends))
-    mass += np.bincount(after + 1, seen.amounts * upper, minlength=len(ends))
-    mass += np.bincount(after, seen.amounts * (1 - upper), minlength=len(ends))
-    return mass[1:]

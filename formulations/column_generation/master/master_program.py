@@ -257,8 +257,6 @@ class MasterProgram:
     def _add_conservation(self, program: _ConicProgram) -> None:
         """Adds the rows of flow conservation: one unit leaves each start, and the flow into a state
         leaves it.
-
-        For robots that choose their start, one unit per robot leaves their set of starts.
         """
         nodes: dict[tuple[int, int, int], int] = {}
         leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self._arcs]
@@ -268,27 +266,42 @@ class MasterProgram:
         ]
         entering = np.array([nodes[node] for node in into], dtype=np.int64)
         units = np.zeros(len(nodes))
-        row_of: dict[tuple[int, int], int] = {}
-        sets: list[int] = []
         for number, robot_class in enumerate(self._model.classes):
-            for k, (starts, robots) in enumerate(robot_class.start_sets):
+            for starts, robots in robot_class.start_sets:
                 if len(starts) == 1:
                     units[nodes[number, 0, int(starts[0])]] += len(robots)
-                else:
-                    row_of[number, k] = len(sets)
-                    sets.append(len(robots))
         name, each = "conservation", np.arange(len(self._arcs))
         program.add_rows(name, units, clarabel.ZeroConeT)
         program.put(name, "flow", np.array(leaving), each, np.ones(len(each)))
         arcs = np.array(inner, dtype=np.int64)
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
         if self._choices:
-            ends = [nodes[choice.class_number, 0, choice.state] for choice in self._choices]
-            which = [row_of[choice[:2]] for choice in self._choices]
-            each = np.arange(len(ends))
-            program.put(name, "choices", np.array(ends), each, -np.ones(len(ends)))
-            program.add_rows("starts", np.array(sets, dtype=np.float64), clarabel.ZeroConeT)
-            program.put("starts", "choices", np.array(which), each, np.ones(len(ends)))
+            self._add_choices(program, nodes)
+
+    def _add_choices(
+        self, program: _ConicProgram, nodes: Mapping[tuple[int, int, int], int]
+    ) -> None:
+        """Adds the rows of robots that choose their start: one unit per robot leaves their set of
+        starts.
+
+        Parameters
+        ----------
+        nodes : row of each class, step and state in "conservation"
+        """
+        sizes = {
+            (number, k): len(robots)
+            for number, robot_class in enumerate(self._model.classes)
+            for k, (starts, robots) in enumerate(robot_class.start_sets)
+            if len(starts) > 1
+        }
+        row_of = {start_set: row for row, start_set in enumerate(sizes)}
+        ends = [nodes[choice.class_number, 0, choice.state] for choice in self._choices]
+        which = [row_of[choice[:2]] for choice in self._choices]
+        each = np.arange(len(ends))
+        program.put("conservation", "choices", np.array(ends), each, -np.ones(len(ends)))
+        units = np.array([*sizes.values()], dtype=np.float64)
+        program.add_rows("starts", units, clarabel.ZeroConeT)
+        program.put("starts", "choices", np.array(which), each, np.ones(len(ends)))
 
     def _add_resources(self, program: _ConicProgram) -> None:
         """Adds rows sign * (flow on the arcs that use a resource) - slack <= limit."""

@@ -1,19 +1,22 @@
 """Incumbents: plans that obey all rules, as one column per robot."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cocap_opt.coordination.team import Team
 from cocap_opt.formulations.certificates.resources import Visit
 from cocap_opt.formulations.column_generation.master.resource_use import ResourceUse
-from cocap_opt.formulations.relaxations.flow import Flow
-from cocap_opt.mixtures.columns import Column
+from cocap_opt.formulations.relaxations.flow import assigned_heads
+from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Plan
 
 _NO_MOVE = -1e3  # lower than any flow along a move
+
+# By class and step, the states of its robots, one for each robot.
+_Heads = defaultdict[tuple[int, int], list[int]]
 
 
 @dataclass(frozen=True)
@@ -72,33 +75,43 @@ def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
     use = ResourceUse.of(model, mixture)
     if not use.has_integral_states:
         return None
-    heads: defaultdict[tuple[int, int], list[int]] = defaultdict(list)  # heads by class and step
+    heads: _Heads = defaultdict(list)
     for resource, amount in use.states.items():
         assert isinstance(resource, Visit)
         number = resource.class_number
         state = model.classes[number].graph.index(resource.state)
         heads[number, resource.t] += [state] * round(amount)
-    flow: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
+    flow: defaultdict[Arc, float] = defaultdict(float)
     for column, amount in mixture.used():
         for arc in column.arcs:
             flow[arc] += amount
-    paths: list[list[int]] = [[] for _ in model.problem.robots]
+    paths: dict[int, Path] = {}
     for number, robot_class in enumerate(model.classes):
-        places = [dict.fromkeys(starts.tolist(), 0.0) for starts in robot_class.starts]
-        starts = Flow.assigned_heads(places, heads[number, 0], _NO_MOVE)
-        if starts is None:
+        of_class = _paths_of_class(model, number, heads, flow)
+        if of_class is None:
             return None
-        for robot, start in zip(robot_class.robots, starts, strict=True):
-            paths[robot].append(start)
-        for t in range(model.problem.horizon):
-            tails = [paths[robot][-1] for robot in robot_class.robots]
-            ends = heads[number, t + 1]
-            ahead = [
-                {b: flow[number, t, a, b] for b in ends if (number, t, a, b) in flow} for a in tails
-            ]
-            chosen = Flow.assigned_heads(ahead, ends, _NO_MOVE)
-            if chosen is None:
-                return None
-            for robot, head in zip(robot_class.robots, chosen, strict=True):
-                paths[robot].append(head)
-    return [tuple(path) for path in paths]
+        paths |= zip(robot_class.robots, of_class, strict=True)
+    return [paths[robot] for robot in range(len(model.problem.robots))]
+
+
+def _paths_of_class(
+    model: Model, number: int, heads: _Heads, flow: Mapping[Arc, float]
+) -> list[Path] | None:
+    """Returns the paths of the robots of a class; None if they cannot move from head to head.
+
+    Parameters
+    ----------
+    flow : amount of the mixture along each arc
+    """
+    starts = [dict.fromkeys(starts.tolist(), 0.0) for starts in model.classes[number].starts]
+    at = assigned_heads(starts, heads[number, 0], _NO_MOVE)
+    along = []
+    for t in range(model.problem.horizon):
+        if at is None:
+            return None
+        along.append(at)
+        ends = heads[number, t + 1]
+        arcs = [{end: Arc(number, t, tail, end) for end in ends} for tail in at]
+        ahead = [{end: flow[arc] for end, arc in each.items() if arc in flow} for each in arcs]
+        at = assigned_heads(ahead, ends, _NO_MOVE)
+    return None if at is None else list(zip(*along, at, strict=True))

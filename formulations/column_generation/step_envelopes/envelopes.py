@@ -35,7 +35,7 @@ from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
 from cocap_opt.formulations.certificates.format import StepConstant
-from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
+from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
@@ -48,6 +48,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.known_states import
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
+from cocap_opt.formulations.column_generation.step_envelopes.priced_states import PricedStates
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.step_envelopes.step_searches import StepSearches
 from cocap_opt.formulations.relaxations.duals import Duals
@@ -178,10 +179,7 @@ class _Envelopes:
         """Explores the paths of plans above ever lower targets; raises LimitReached."""
         self._raise_target()
         if self.bound > cutoff():
-            self.trials.for_higher_targets(
-                self.narrowing, len(self.proved.stages), self.searches.nodes, self.offer,
-                to_the_end,
-            )  # fmt: skip
+            self.trials.for_higher_targets(self.proved, self.searches.nodes, self.offer, to_the_end)
 
     def _add_stages(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close states or lower the bound; raises LimitReached."""
@@ -192,29 +190,42 @@ class _Envelopes:
             if open_ <= 0:
                 return
             if not (self._is_small() or self._can_be_listed()):
-                break
+                return
             if self._is_small():
-                self._lower()
+                self._lower_constants()
                 if self.narrowing.pricing.bound <= cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
             is_wide = listed and self.lengths.widening >= self._parameters.wide
-            self._pay(cutoff)
+            self._add_priced_stages(cutoff)
             if listed and self.try_paths():
                 return
             if self._has_better_plan():
                 continue
             closed = (before - self.narrowing.pricing.bound) / open_
-            may_grow = listed and self.lengths.can_grow
-            if listed and closed < self._parameters.least_listed:
-                self.lists_stall = closed < self._parameters.stalled
-                self.lengths.grow()
-            if listed and self._is_small():
-                continue  # the next round prices all states
-            if is_wide and closed < self._parameters.least_wide:
-                break
-            if closed < self._parameters.least_round and not may_grow:
-                break
+            if not self._is_worth_another(closed, listed, is_wide):
+                return
+
+    def _is_worth_another(self, closed: float, listed: bool, is_wide: bool) -> bool:
+        """Returns True if another round is worthwhile; makes lists longer if they closed little.
+
+        Parameters
+        ----------
+        closed : share of the gap that the last round has closed
+        listed : True if only the states on lists had prices
+        is_wide : True if these lists were wide
+        """
+        if not listed:
+            return closed >= self._parameters.least_round
+        may_grow = self.lengths.can_grow
+        if closed < self._parameters.least_listed:
+            self.lists_stall = closed < self._parameters.stalled
+            self.lengths.grow()
+        if self._is_small():
+            return True  # the next round prices all states
+        if is_wide and closed < self._parameters.least_wide:
+            return False
+        return may_grow or closed >= self._parameters.least_round
 
     def _has_better_plan(self) -> bool:
         """Returns True if a plan is clearly above the target of the stages."""
@@ -243,9 +254,7 @@ class _Envelopes:
 
     def try_paths(self) -> bool:
         """Explores all remaining paths of better plans; returns True if that has ended."""
-        has_ended = self.trials.after_stages(
-            self.narrowing, len(self.proved.stages), self.searches.nodes
-        )
+        has_ended = self.trials.after_stages(self.proved, self.searches.nodes)
         if has_ended:
             self.offer()
         return has_ended
@@ -257,8 +266,7 @@ class _Envelopes:
 
     def file(self) -> CertificateFile:
         """Returns the certificate of the stages so far, or of the trial of paths."""
-        model, trials = self.search.model, self.trials
-        is_tried = trials.bound < self.narrowing.pricing.bound
+        model = self.search.model
         return CertificateFile(
             scene=model.problem.name,
             digest=problem_digest(model.problem),
@@ -266,14 +274,16 @@ class _Envelopes:
             coverage_version=COVERAGE_VERSION,
             classes="single" if model.is_disaggregated else "alike",
             bound=self.bound,
-            certificate=Staged(
-                self.duals.certificate(model),
-                self.narrowing.target,
-                self.proved.stages[: trials.stages if is_tried else None],
-                trials.above if is_tried else None,
-                (trials.from_step or None) if is_tried else None,
-            ),
+            certificate=self._certificate(),
         )
+
+    def _certificate(self) -> Staged:
+        """Returns the stages so far, or those before the best trial of paths and that trial."""
+        multipliers, target = self.duals.certificate(self.search.model), self.narrowing.target
+        trial = self.trials.best
+        if trial is None or trial.bound >= self.narrowing.pricing.bound:
+            return Staged(multipliers, target, self.proved.stages)
+        return Staged(multipliers, target, trial.stages, trial.above, trial.from_step or None)
 
     def _is_small(self) -> bool:
         """Returns True if all states get their own prices, since searches of steps may then end."""
@@ -297,7 +307,7 @@ class _Envelopes:
         robots = len(self.search.model.problem.robots)
         return is_there() and robots <= self._parameters.most_listed_robots
 
-    def _lower(self) -> None:
+    def _lower_constants(self) -> None:
         """Lowers the constants at the current prices, at steps for which that takes few nodes."""
         constants: list[StepConstant] = []
         try:
@@ -319,18 +329,15 @@ class _Envelopes:
         """Reports the bound proved so far."""
         self.search.report(self.search.snapshot(self.bound))
 
-    def _pay(self, cutoff: Callable[[], float]) -> None:
+    def _add_priced_stages(self, cutoff: Callable[[], float]) -> None:
         """Finds better prices and their constants, and adds them as a stage."""
-        joints, ceilings = self._joints(cutoff)
-        bundle = PriceBundle(
-            self.narrowing, self.known, joints, ceilings, self.search.stop,
-            self.search.parameters.bundle,
-        )  # fmt: skip
+        priced = self._priced(cutoff)
+        bundle = PriceBundle(priced, self.known, self.search.parameters.bundle)
         for _ in range(self._parameters.most_corrections):
             prices = bundle.run(cutoff, self.report)
             if bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None or (bundle.has_lists and self._is_stalled(bundle.best, cutoff)):
+            if prices is None or (priced.has_lists and self._is_stalled(bundle.best, cutoff)):
                 return
             heights = Heights(bundle, prices, self.proved, self.searches, self.lengths, self._keep)
             # If no search has ended, nothing is known that could correct the bundle.
@@ -357,7 +364,7 @@ class _Envelopes:
         """
         before = self.search.value
         self.search.allow_responses(self.responses)
-        self.search.look_for_plans(mixture_of_flow(self.search.model, flow))
+        self.search.round_to_plans(mixture_of_flow(self.search.model, flow))
         self.search.recombine(self.narrowing)
         self.responses = (
             self._parameters.responses
@@ -365,18 +372,15 @@ class _Envelopes:
             else max(self.responses // 2, 1)
         )
 
-    def _joints(
-        self, cutoff: Callable[[], float]
-    ) -> tuple[dict[int, JointStates], dict[int, float]]:
-        """Returns the joint states with prices, and ceilings at steps where only some states have
-        prices.
-        """
-        narrowing = self.narrowing
+    def _priced(self, cutoff: Callable[[], float]) -> PricedStates:
+        """Returns the states that get prices, with ceilings at steps where only some have."""
+        narrowing, stop = self.narrowing, self.search.stop
         if self._is_small():
-            return {t: narrowing.joint_states(t) for t in self.steps}, {}
+            joints = {t: narrowing.joint_states(t) for t in self.steps}
+            return PricedStates(narrowing, joints, {}, stop)
         most = self.lengths.slack(narrowing.pricing.bound - cutoff(), self._n_listed)
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
-        return joints, {t: narrowing.ceiling(t) for t in self.steps}
+        return PricedStates(narrowing, joints, {t: narrowing.ceiling(t) for t in self.steps}, stop)
 
     def _n_listed(self, most: float) -> int:
         """Returns the number of states of all steps up to a slack."""

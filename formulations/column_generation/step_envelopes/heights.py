@@ -19,6 +19,7 @@ from cocap_opt.formulations.certificates.format import Stage, StepConstant
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
+from cocap_opt.formulations.column_generation.step_envelopes.priced_states import PricedStates
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.step_envelopes.step_searches import StepSearches
 
@@ -54,6 +55,10 @@ class Heights:
         self._parameters = self.searches.parameters
 
     @property
+    def _priced(self) -> PricedStates:
+        return self.bundle.priced
+
+    @property
     def _narrowing(self) -> Narrowing:
         return self.proved.narrowing
 
@@ -71,11 +76,11 @@ class Heights:
         LimitReached
             If a limit is reached.
         """
-        left = sorted(self.bundle.joints, key=lambda t: len(self.bundle.joints[t].states))
+        left = sorted(self._priced.joints, key=self._n_states)
         for most, patience in self._limits_of_nodes():
             left = self._left_after(left, most, patience)
         for t in left:
-            self.lengths.note(t, len(self.bundle.joints[t].states), None)
+            self.lengths.note(t, self._n_states(t), None)
         if self.waiting:
             total = self._total()
             if total < self._narrowing.bound:
@@ -83,6 +88,10 @@ class Heights:
             elif not self.adopted:
                 self.bundle.correct(total)
         return bool(self.adopted)
+
+    def _n_states(self, t: int) -> int:
+        """Returns the number of states that have prices at a step."""
+        return len(self._priced.joints[t].states)
 
     def _limits_of_nodes(self) -> Iterable[tuple[int, float]]:
         """Yields the number of nodes that searches may use, first few and then more, up to the
@@ -120,17 +129,17 @@ class Heights:
             False if the search does not end within the given nodes.
         """
         self.keep(self.proved)
-        joint, paid = self.bundle.joints[t], self.prices[self.bundle.span(t)]
+        joint, price = self._priced.joints[t], self.prices[self._priced.spans[t]]
         if self.adopted:
-            joint, paid = self._still_left(joint, paid)
-        joint = _repriced(joint, paid, self._narrowing.ceiling(t))
+            joint, price = self._still_left(joint, price)
+        joint = _repriced(joint, price, self._narrowing.ceiling(t))
         least = self.searches.known.highest(joint)
-        if self.bundle.has_lists:
+        if self._priced.has_lists:
             least = max(least, self.bundle.constants[t])
         found = self.searches.highest(joint, least, most_nodes)
         if found is None:
             return False
-        self.lengths.note(t, len(self.bundle.joints[t].states), found.nodes)
+        self.lengths.note(t, self._n_states(t), found.nodes)
         if found.positions and not self.adopted:
             self.bundle.remember(t, found.positions)
         self.waiting[t] = found.profit
@@ -154,18 +163,18 @@ class Heights:
 
     def _total(self) -> float:
         """Returns the bound with new prices at the steps that have a height."""
-        bundle, known = self.bundle, self.adopted | self.waiting
-        chosen = bundle.centre.copy()
+        priced, known = self._priced, self.adopted | self.waiting
+        chosen = priced.initial.copy()
         for t in known:
-            chosen[bundle.span(t)] = self.prices[bundle.span(t)]
+            chosen[priced.spans[t]] = self.prices[priced.spans[t]]
         constants = self._narrowing.constants
-        total = exact_sum(known.get(t, float(constants[t])) for t in bundle.joints)
-        return total + bundle.rest + bundle.best_paths(chosen, known)[0]
+        total = exact_sum(known.get(t, float(constants[t])) for t in priced.joints)
+        return total + self.bundle.rest + priced.best_paths(chosen, known)[0]
 
     def _add(self) -> None:
         """Adds a stage with the new prices of all steps with waiting heights."""
-        bundle, waiting = self.bundle, self.waiting
-        written = (bundle.written(t, self.prices[bundle.span(t)], waiting[t]) for t in waiting)
+        priced, waiting = self._priced, self.waiting
+        written = (priced.written(t, self.prices[priced.spans[t]], waiting[t]) for t in waiting)
         constants = tuple(StepConstant(t, height) for t, height in waiting.items())
         self.proved = self.proved.then(Stage(tuple(chain.from_iterable(written)), constants))
         self.adopted |= waiting

@@ -11,13 +11,25 @@ Large trials begin at a step in the middle (`middle_step`).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from cocap_opt.formulations.certificates.format import Stage
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, may_be_used
 from cocap_opt.formulations.column_generation.parameters import TrialParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.recombination import searches_are_fast
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep, explored
+from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
+
+
+class EndedTrial(NamedTuple):
+    """A trial that has ended, and what it proves."""
+
+    bound: float  # on all plans
+    above: float  # J above which all plans have been explored
+    from_step: int  # step from which paths have been explored; 0: the start
+    stages: tuple[Stage, ...]  # stages before the trial
 
 
 @dataclass
@@ -26,19 +38,13 @@ class PathTrials:
 
     Attributes
     ----------
-    bound : lowest bound on all plans that a trial has proved; infinite before any has ended
-    above : J above which that trial has explored all plans
-    from_step : step from which it has explored paths; 0: the start
-    stages : number of stages at that time
+    best : the trial that has proved the lowest bound; None before any has ended
     nodes : total nodes of all trials
     is_on : False: make no trials, only stages
     """
 
     search: Search
-    bound: float = math.inf
-    above: float | None = None
-    from_step: int = 0
-    stages: int = 0
+    best: EndedTrial | None = None
     nodes: int = 0
     is_on: bool = True
     _failed_room: float = math.inf
@@ -48,15 +54,20 @@ class PathTrials:
         """Begins with paths from the start."""
         self._middle = MiddleStep(self.search.parameters.middle)
 
-    def after_stages(self, narrowing: Narrowing, stages: int, nodes: int) -> bool:
+    @property
+    def bound(self) -> float:
+        """The lowest bound on all plans that a trial has proved; infinite before any has ended."""
+        return math.inf if self.best is None else self.best.bound
+
+    def after_stages(self, proved: Stages, nodes: int) -> bool:
         """Explores all better plans if that seems worthwhile; returns True if the trial has ended.
 
         Parameters
         ----------
-        narrowing : after the stages
-        stages : number of stages
+        proved : the stages
         nodes : number of nodes of their searches
         """
+        narrowing = proved.narrowing
         allowed = max(int(self._times_nodes() * nodes) - self.nodes, self._fewest_nodes())
         allowed = min(allowed, self._parameters.most_nodes)
         room = narrowing.room_above(self.search.value)
@@ -64,15 +75,14 @@ class PathTrials:
         if not is_easier and allowed < self._parameters.more_nodes * self._failed_nodes:
             return False
         from_step = self._middle_step(narrowing, allowed)
-        if self._has_ended(narrowing, from_step, 0.0, allowed, stages):
+        if self._has_ended(proved, from_step, 0.0, allowed):
             return True
         self._failed_room, self._failed_nodes = room, allowed
         return False
 
     def for_higher_targets(
         self,
-        narrowing: Narrowing,
-        stages: int,
+        proved: Stages,
         nodes: int,
         report: Callable[[], None],
         to_the_end: bool = False,
@@ -84,10 +94,11 @@ class PathTrials:
 
         Parameters
         ----------
-        narrowing, stages, nodes : as in `after_stages`
+        proved, nodes : as in `after_stages`
         report : called to report the bound that has been proved
         to_the_end : False: stop before trials become long in comparison with the stages
         """
+        narrowing = proved.narrowing
         of_stages = self._parameters.times_stages * max(nodes, self._fewest_nodes())
         most_expected = math.inf if to_the_end else of_stages
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
@@ -95,7 +106,7 @@ class PathTrials:
         targets = _Targets(self._parameters, self._share(narrowing), self._parameters.less)
         while targets.explored > 0:
             before, most_nodes = self.nodes, min(allowed, self._parameters.most_nodes)
-            if self._has_ended(narrowing, from_step, targets.next, most_nodes, stages):
+            if self._has_ended(proved, from_step, targets.next, most_nodes):
                 report()
                 taken = self.nodes - before
                 allowed = max(allowed, self._parameters.next_times * taken)
@@ -131,9 +142,7 @@ class PathTrials:
             self.nodes += self._middle.nodes - before
         return self._middle.from_step
 
-    def _has_ended(
-        self, narrowing: Narrowing, from_step: int, share: float, most_nodes: int, stages: int
-    ) -> bool:
+    def _has_ended(self, proved: Stages, from_step: int, share: float, most_nodes: int) -> bool:
         """Explores the plans above a target; returns False if there are too many.
 
         Parameters
@@ -143,7 +152,7 @@ class PathTrials:
         """
         if not self.is_possible:
             return False
-        value = self.search.value
+        narrowing, value = proved.narrowing, self.search.value
         target = value + share * max(narrowing.bound - value, 0.0)
         try:
             found = explored(narrowing.above(target), from_step, most_nodes, self.search.stop)
@@ -156,7 +165,7 @@ class PathTrials:
             self.search.offer(Incumbent.along(narrowing.model, found.paths))
         bound = found.pricing.bound
         if bound < self.bound:
-            self.bound, self.above, self.stages, self.from_step = bound, target, stages, from_step
+            self.best = EndedTrial(bound, target, from_step, proved.stages)
         return True
 
     @property

@@ -3,37 +3,26 @@
 The restricted master (`master`) and pricing (`pricing`) alternate. Every iteration's multipliers
 form a certificate; conflict rows and envelope cuts are added when a mixture violates them; every
 mixture is a source of plans (`local_search`).
-
-Diving makes a plan by fixing, round after round, what a mixture has nearly decided. The states with
-the largest fractional use must be used by one more robot; the master is solved and priced again
-under these decisions, until the mixture is integral or nothing remains to be decided. The result is
-rounded and improved.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Decision
-from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master
 from cocap_opt.formulations.column_generation.master.master_program import Solution
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.master.resource_use import (
-    ResourceUse,
     roots_seen,
     violated_rows,
 )
 from cocap_opt.formulations.column_generation.parameters import RelaxationParameters
-from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
 from cocap_opt.formulations.result import certify
 from cocap_opt.mixtures.columns import Column
-from cocap_opt.mixtures.mixture import Mixture
-from cocap_opt.stop import LimitReached
 
 _LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with larger shares are kept
 
@@ -48,7 +37,7 @@ class Relaxation:
     solution : the last mixture
     is_stuck : True if the last call of `solve` ended because of the solver's accuracy
     cuts_end : True if searching for more cuts is not worthwhile
-    has_searched : True if plans have been searched for where the prices suggest
+    has_searched_by_prices : True if plans have been searched for where the prices suggest
     """
 
     search: Search
@@ -61,7 +50,7 @@ class Relaxation:
     cut_rounds: int = 0
     cuts_end: bool = False
     raises: int = 0  # how often the penalty has been raised
-    has_searched: bool = False
+    has_searched_by_prices: bool = False
 
     def solve(
         self,
@@ -169,18 +158,18 @@ class Relaxation:
         Skipped once prices have led to plans: on 18 scenes it then found no better plan.
         """
         search, rounds = self.search, self.cut_rounds
-        if self.has_searched:
+        if self.has_searched_by_prices:
             return
         if search.allowance.left < self._parameters.least_responses * len(
             search.model.problem.robots
         ):
             return
         if rounds & (rounds - 1) == 0:
-            self.look_for_plans()
+            self.round_to_plans()
         else:
             search.perturb()
 
-    def look_for_plans(self) -> None:
+    def round_to_plans(self) -> None:
         """Offers the plans that local search makes from the last mixture, and recombinations of all
         plans.
 
@@ -191,10 +180,10 @@ class Relaxation:
         """
         if self.solution is None:
             return
-        self.search.look_for_plans(self.solution.mixture)
+        self.search.round_to_plans(self.solution.mixture)
         self._recombine()
 
-    def search_for_plans(self, *, is_quick: bool = False) -> None:
+    def search_by_prices(self, *, is_quick: bool = False) -> None:
         """Offers the plans that the prices suggest, and recombinations; raises LimitReached.
 
         Parameters
@@ -204,10 +193,10 @@ class Relaxation:
         if self.solution is None:
             return
         if self.search.incumbent is None:
-            self.look_for_plans()  # finds a first plan, from which to search
+            self.round_to_plans()  # finds a first plan, from which to search
         most_in_vain = self._parameters.few_in_vain if is_quick else None
-        self.search.search_for_plans(self.solution.mixture, self.best.duals, most_in_vain)
-        self.has_searched = True
+        self.search.search_by_prices(self.solution.mixture, self.best.duals, most_in_vain)
+        self.has_searched_by_prices = True
         if not is_quick:
             self._recombine()
 
@@ -269,81 +258,3 @@ class Relaxation:
                 self.master.cuts.append(cut)
                 found = True
         return found
-
-    # -- diving --------------------------------------------------------------------------
-
-    def dive(self) -> Incumbent | None:
-        """Returns a plan to which the last mixture leads; None if it has conflicts or is
-        stopped.
-        """
-        search, master, solution = self.search, self.master, self.solution
-        if solution is None:
-            return None
-        search.allow_responses(search.parameters.tree.dive_responses)
-        try:
-            master, solution = self._dived(master, solution)
-        except LimitReached:
-            return None
-        found = search.local_search.from_integral(solution.mixture)
-        if found is not None:
-            return found
-        return search.local_search.from_mixture(solution.mixture, search.incumbent)
-
-    def _dived(self, master: Master, solution: Solution) -> tuple[Master, Solution]:
-        """Returns the master and its solution after as many decisions as can be made.
-
-        Raises
-        ------
-        LimitReached
-            If the stopping criterion is reached first.
-        """
-        search, decisions, taken = self.search, master.decisions, set[Resource]()
-        for _ in range(search.parameters.tree.most_dive_rounds):
-            search.stop.check()
-            new = self._nearly_decided(solution.mixture, taken)
-            if not new:
-                break
-            taken |= set(new)
-            decisions = (*decisions, *(Decision(r, "at least", k) for r, k in new.items()))
-            columns = (*solution.mixture.columns, *master.columns)
-            rows, cuts = master.rows, master.cuts
-            master = Master(search.model, master.penalty, decisions)
-            master.add_all(columns, rows, cuts)
-            solution = master.solve(search.stop)
-            for _ in range(search.parameters.tree.dive_pricings):
-                priced = search.pricer(solution.duals, decisions)
-                if not sum(master.add(column) for column in priced.columns):
-                    break
-                solution = master.solve(search.stop)
-        search.stop.check()
-        return master, solution
-
-    def _nearly_decided(self, mixture: Mixture, taken: set[Resource]) -> dict[Resource, int]:
-        """Returns states that one more robot must use, with the number of robots that must then use
-        each.
-
-        A robot's states at neighbouring steps determine each other, so states at a few steps are
-        decided at a time.
-        """
-        model, parameters = self.search.model, self.search.parameters.tree
-        tolerance = parameters.dive_tolerance
-        open_ = {
-            resource: amount
-            for resource, amount in ResourceUse.of(model, mixture).states.items()
-            if resource not in taken and amount - math.floor(amount + tolerance) > tolerance
-        }
-        ranked = sorted(open_, key=lambda r: (-(open_[r] % 1), r.t, repr(r)))
-        robots, horizon = len(model.problem.robots), model.problem.horizon
-        least = max(1, round(parameters.dive_share * robots * horizon))
-        chosen: dict[Resource, int] = {}
-        steps: set[int] = set()
-        for resource in ranked:
-            fraction = open_[resource] % 1
-            enough = len(chosen) >= least or resource.t in steps
-            if fraction < parameters.dive_nearly and enough:
-                continue
-            if fraction < 0.5 and chosen:
-                break
-            steps.add(resource.t)
-            chosen[resource] = math.floor(open_[resource] + tolerance) + 1
-        return chosen

@@ -83,9 +83,9 @@ class Root:
         self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
         self._try_step_envelopes(self._parameters.few_joint_states)
         # In a small scene the best plan is found quickly; further search would be in vain.
-        self._search_for_plans(is_quick=True)
+        self._search_by_prices(is_quick=True)
         if not self._try_paths():
-            self._search_for_plans()
+            self._search_by_prices()
         return self._try_paths()
 
     def _ascend(self, enough: float) -> Mixture:
@@ -123,7 +123,7 @@ class Root:
         search.columns += sum(
             master.add(column) for column, _ in mixture.used(self._parameters.least_amount)
         )
-        search.look_for_plans(mixture)
+        search.round_to_plans(mixture)
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)
@@ -158,7 +158,7 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self._is_closed() or self._try_paths():
             return
-        self._search_for_plans()
+        self._search_by_prices()
         self._try_step_envelopes()
         if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
             return
@@ -178,10 +178,10 @@ class Root:
             aggregated.search.offer_spare(self.relaxation.certificate("column-generation"))
         self.relaxation = aggregated
 
-    def _search_for_plans(self, *, is_quick: bool = False) -> None:
+    def _search_by_prices(self, *, is_quick: bool = False) -> None:
         """Searches for plans where the current prices suggest, unless the root is closed."""
         if not self.relaxation.is_stuck and not self._is_closed():
-            self.relaxation.search_for_plans(is_quick=is_quick)
+            self.relaxation.search_by_prices(is_quick=is_quick)
 
     def _try_step_envelopes(self, most_joint: float = np.inf) -> None:
         """Tries to lower the bound by step envelopes, unless too many joint states remain."""

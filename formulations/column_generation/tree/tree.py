@@ -15,6 +15,7 @@ from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.master.resource_use import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree.diving import dive
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.mixtures.columns import Column
@@ -132,13 +133,13 @@ class Tree:
 
     def look_for_plans(self, relaxation: Relaxation) -> None:
         """Offers plans made from a node's mixture; dives at nodes 1, 2, 4, 8, .."""
-        if relaxation.solution is None:
+        solution, search = relaxation.solution, self.search
+        if solution is None:
             return
-        mixture, search = relaxation.solution.mixture, self.search
-        search.offer(search.local_search.from_integral(mixture))
-        relaxation.look_for_plans()
+        search.offer(search.local_search.from_integral(solution.mixture))
+        relaxation.round_to_plans()
         if self._solved & (self._solved - 1) == 0:
-            search.offer(relaxation.dive())
+            search.offer(dive(search, relaxation.master, solution))
 
     def branch(self, node: _Node, relaxation: Relaxation) -> None:
         """Creates the two children of a node if a resource is used fractionally."""
