@@ -1089,18 +1089,38 @@ def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
         stages_of(search, search.alone.duals)
 
 
-@examples(20)
-@given(any_meeting, st.booleans())
-def test_stages_may_be_made_step_by_step(problem: Problem, listed: bool) -> None:
-    """A stage for each height that lowers the bound: what is claimed is verified and true."""
+def step_by_step(problem: Problem, listed: bool) -> Search:
+    """A search that makes a stage for each height that lowers the bound."""
     each = {"nodes_of_stage": 0, "least_of_stage": 0.0}
     parts = replace(ONLY_LISTS, **each) if listed else EnvelopeParameters(**each)
     search = Search(compiled(problem), parameters=Parameters(envelopes=parts))
     search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
     stages_of(search, search.alone.duals)
+    return search
+
+
+@examples(20)
+@given(any_meeting, st.booleans())
+def test_stages_may_be_made_step_by_step(problem: Problem, listed: bool) -> None:
+    """What is claimed is verified and true, if anything is."""
+    search = step_by_step(problem, listed)
     if search.spare is not None:
         pricing = verify(problem, search.spare, model=search.model)
         assert optimum(problem).value <= pricing.bound == search.spare.proved
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
+@pytest.mark.parametrize("listed", [False, True])
+def test_stages_made_step_by_step_lower_the_bound(listed: bool) -> None:
+    """In a scene whose multipliers leave a gap; of lists, prices of states off them are raised."""
+    problem = load_scene("bottleneck", 0).replace(horizon=4)
+    search = step_by_step(problem, listed)
+    assert search.spare is not None
+    pricing = verify(problem, search.spare, model=search.model)
+    assert search.value <= pricing.bound == search.spare.proved < search.alone.bound
+    stages = search.spare.certificate.stages
+    assert any(part.others for stage in stages for part in stage.prices) == listed
 
 
 @pytest.mark.slow
