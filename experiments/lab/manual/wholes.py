@@ -10,7 +10,8 @@ _NUMBER = r"[+-]?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?"
 _UNIT = r"(?:%|ms|s|mm|cm|m|km|GB|MB|KB|px|m/s|px/m2|h|x(?! \d))(?![\w/^-])"
 _WHOLE = re.compile(
     rf"(\({_NUMBER} to {_NUMBER}\)|\b\d{{4}}-\d\d-\d\d\b|(?<![\w.-])"
-    rf"(?:{_NUMBER} of {_NUMBER}\b|{_NUMBER} ± {_NUMBER}|(?:< )?{_NUMBER} {_UNIT}|< {_NUMBER}\b))"
+    rf"(?:{_NUMBER} of {_NUMBER}\b|{_NUMBER} ± {_NUMBER}|(?:< )?{_NUMBER} {_UNIT}(?: \*)?"
+    rf"|< {_NUMBER}\b))"
 )
 
 
