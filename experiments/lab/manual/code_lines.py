@@ -18,8 +18,11 @@ _TAG = re.compile(r"<[^>]*>")
 _OUTPUT = ("text", "none", "default")  # languages of what programs print
 _GAP = re.compile(r"(?<=\S) {2,}(?=\S)")  # between two columns
 _TEXT = re.compile(r"(<[^>]*>)")  # splits HTML into text and tags
-_VALUE = r"[\w./][\w./,:+-]{0,15}(?![\w./,:+-])"  # of an option, if it is short
-_OPTION = re.compile(rf"(?<![\w-])--?[a-z][\w-]*(?: {_VALUE})?")
+_OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*")
+_VALUED = re.compile(  # an option with its short value, which may be coloured
+    r'(<span class="option">[^<]*)</span>(<span class="w"> </span>)'
+    r'((?:<span class="mi?">)?[\w./][\w./,:+-]{0,15}(?:</span>)?)(?=\s|<span class="w">|$)'
+)
 _HANGING = 2  # characters by which the style sheet indents the rest of a line
 _INLINE = re.compile(r'<span class="pre">(?=-)')  # an option in inline code
 
@@ -56,7 +59,7 @@ def _kept_whole(line: str) -> str:
         _OPTION.sub(r'<span class="option">\g<0></span>', part).replace("(", "(<wbr>")
         for part in parts[::2]
     ]
-    return "".join(parts)
+    return _VALUED.sub(r"\1\2\3</span>", "".join(parts))
 
 
 def _plain(code: str) -> str:
