@@ -13,6 +13,7 @@ import cocap_opt
 from cocap_opt.experiments.lab.manual.code_lines import with_lines
 from cocap_opt.experiments.lab.manual.contents import llms_in_full, llms_in_short, with_menu
 from cocap_opt.experiments.lab.manual.marks import on_the_site
+from cocap_opt.experiments.lab.manual.wholes import with_wholes
 from cocap_opt.experiments.lab.studies.browser.files import write_check
 from cocap_opt.experiments.lab.studies.drawings import with_players, write_players
 from cocap_opt.player.player_proof import CHECK_PAGE
@@ -38,6 +39,7 @@ html_sourcelink_suffix = ""  # _sources/page.md, which llms.txt names
 html_theme_options = {"navigation_with_keys": True}
 
 _OUTSIDE = re.compile(r"\]\((?=\.\./[A-Z]+\.md\))")  # links to files beside this folder
+_PROSE = (nodes.paragraph, nodes.strong, nodes.emphasis)  # text that may be divided
 _STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 
 
@@ -59,6 +61,18 @@ def _prepare(app: Sphinx, page: str, content: list[str]) -> None:
     if app.env.doc2path(page).suffix != ".ipynb":
         text = on_the_site(with_menu(content[0]) if page == "index" else content[0])
         content[0] = _OUTSIDE.sub("](path:", text)
+
+
+def _keep_wholes(app: Sphinx, page: nodes.document, name: str) -> None:
+    """Keeps numbers with their units, and the like: each in an element that is never divided."""
+    for text in [*page.findall(nodes.Text)]:
+        pieces = [*with_wholes(text.astext())]
+        if isinstance(text.parent, _PROSE) and any(is_whole for _, is_whole in pieces):
+            parts = [
+                nodes.inline("", piece, classes=["whole"]) if is_whole else nodes.Text(piece)
+                for piece, is_whole in pieces
+            ]
+            text.parent.replace(text, parts)
 
 
 def _add_check(
@@ -111,5 +125,6 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
     app.connect("source-read", _prepare)
+    app.connect("doctree-resolved", _keep_wholes)
     for change in (_keep_stops, _divide_code, _add_check, _add_players):
         app.connect("html-page-context", change)

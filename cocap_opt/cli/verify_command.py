@@ -36,7 +36,7 @@ from cocap_opt.output.printing import Record, line_width, print_texts
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.run.explained import Explained
 from cocap_opt.run.explained_tables import explained_tables
-from cocap_opt.run.explained_words import explained_sentences, in_few_sentences
+from cocap_opt.run.explained_words import explained_sentences, in_three_sentences
 from cocap_opt.run.forecast import warn_of_checking
 from cocap_opt.run.judged import Judged, finite
 from cocap_opt.run.opinions import Opinions, require_small
@@ -62,7 +62,7 @@ def _verify(
     free: Free = False,
     explain: Annotated[
         bool,
-        FLAG(name="--explain", help="explain in a few sentences where the gap comes from"),
+        FLAG(name="--explain", help="explain in three sentences where the gap comes from"),
     ] = False,
     all_terms: Annotated[
         bool,
@@ -145,7 +145,7 @@ def _verify(
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None
     if explained and not json:
-        print_texts([], [*in_few_sentences(explained), ""])
+        print_texts([], [*in_three_sentences(explained), ""])
     print_result(answer if json else answer | claims.by_person(verified), json, verbose)
     if explained and not json and not explained.is_closed:
         more = ["For all sentences, and tables that add up to the gap, add --all."]

@@ -77,8 +77,8 @@ def terminal(least: int = 0) -> Console:
 
 
 def counted(number: int, noun: str) -> str:
-    """Returns a number with its noun, e.g. "1 row" or "2 rows"."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    """Returns a number with its noun, e.g. "1 row" or "2,000 rows"."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def rounded(amount: float) -> str:

@@ -50,28 +50,30 @@ def explained_sentences(explained: Explained) -> list[str]:
     return [*map(_sentence, told)]
 
 
-def in_few_sentences(explained: Explained) -> list[str]:
-    """Returns the gap, its largest part and term, and the largest gain by replanning a single
-    drone.
+def in_three_sentences(explained: Explained) -> list[str]:
+    """Returns the gap with its largest part, its largest term, and the largest gain by replanning a
+    single drone.
 
-    For a proved optimum there is one sentence: that there is no gap.
+    If no single term is large, the second sentence is left out. For a proved optimum there is one
+    sentence: that there is no gap.
     """
     if explained.is_closed:
         return [*map(_sentence, _told_gap(explained))]
-    costliest_term = next(iter(_broken(explained) or _costly(explained)), None)
+    gap, off = "; ".join(_told_gap(explained)), _told_off(explained)
     name, amount = max(explained.parts().items(), key=lambda part: part[1])
-    off = _told_off(explained)
-    largest = [f'the largest part of it is "{name}", {_amount(explained, amount)}']
+    largest = f'the largest part of it is "{name}", {_amount(explained, amount)}'
+    term = next(iter(_broken(explained) or _costly(explained)), None)
     if off:  # a part may then be larger than the gap
         back = _amount(explained, explained.taken_off)
         adds = f"{_ADDING.get(name, name)} add {_amount(explained, amount)}"
-        largest = [f"{adds}; stages and path search take back {back}"]
-    if costliest_term is not None:
-        largest.append(f"the largest single term: {_told(explained, costliest_term)}")
+        largest = f"{adds}, and stages and path search take back {back}"
     if explained.is_blurred:
-        largest = [off]
-    told = [*_told_gap(explained), *largest, next(iter(_told_replans(explained)))]
-    return [*map(_sentence, told)]
+        told = [gap, off]
+    elif term is None:
+        told = [f"{gap}; {largest}"]
+    else:
+        told = [f"{gap}; {largest}", f"the largest single term: {_told(explained, term)}"]
+    return [*map(_sentence, [*told, next(iter(_told_replans(explained)))])]
 
 
 def _sentence(words: str) -> str:

@@ -48,10 +48,11 @@ def test_output_in_columns_stays_as_it_is() -> None:
 
 
 def test_options_are_whole() -> None:
-    """A line is folded neither within an option nor between its dashes; minus stays minus."""
-    code = 'show plan.json<span class="w"> </span>--steps 1,4 -o x-1 --a-b'
+    """A line is folded neither within an option nor before its short value; minus stays minus."""
+    gap = '<span class="w"> </span>'
+    code = f'show plan.json{gap}--steps{gap}<span class="m">1</span>{gap}-o{gap}x-1.json{gap}--a-b'
     found = with_lines(block("sh", code))
-    for name in ("--steps", "-o", "--a-b"):
+    for name in (f'--steps{gap}<span class="m">1</span>', f"-o{gap}x-1.json", "--a-b"):
         assert f'<span class="option">{name}</span>' in found
     assert found.count('class="option"') == 3
     inline = '<code><span class="pre">--start-set</span> <span class="pre">FILE</span></code>'

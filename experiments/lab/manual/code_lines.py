@@ -2,7 +2,8 @@
 
 The style sheet folds lines that are too long, above all on phones, and indents the rest below the
 beginning of the line; if the line is a label and a sentence, below the sentence. Names of options
-are never divided. Output in three or more columns is not folded, as its columns would be lost.
+are never divided, nor separated from short values. Output in three or more columns is not folded,
+as its columns would be lost.
 """
 
 import re
@@ -18,6 +19,10 @@ _OUTPUT = ("text", "none", "default")  # languages of what programs print
 _GAP = re.compile(r"(?<=\S) {2,}(?=\S)")  # between two columns
 _TEXT = re.compile(r"(<[^>]*>)")  # splits HTML into text and tags
 _OPTION = re.compile(r"(?<![\w-])--?[a-z][\w-]*")
+_VALUED = re.compile(  # an option with its short value, which may be coloured
+    r'(<span class="option">[^<]*)</span>(<span class="w"> </span>)'
+    r'((?:<span class="mi?">)?[\w./][\w./,:+-]{0,15}(?:</span>)?)(?=\s|<span class="w">|$)'
+)
 _HANGING = 2  # characters by which the style sheet indents the rest of a line
 _INLINE = re.compile(r'<span class="pre">(?=-)')  # an option in inline code
 
@@ -45,13 +50,16 @@ def _line(line: str, is_output: bool) -> str:
 
 
 def _kept_whole(line: str) -> str:
-    """Returns a line that is never folded within an option, but may be after an opening bracket."""
+    """Returns a line that is never folded within an option or before its value.
+
+    It may be folded after an opening bracket.
+    """
     parts = _TEXT.split(line)  # text, tag, text, ..
     parts[::2] = [
         _OPTION.sub(r'<span class="option">\g<0></span>', part).replace("(", "(<wbr>")
         for part in parts[::2]
     ]
-    return "".join(parts)
+    return _VALUED.sub(r"\1\2\3</span>", "".join(parts))
 
 
 def _plain(code: str) -> str:

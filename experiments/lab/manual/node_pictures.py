@@ -23,7 +23,8 @@ from cocap_opt.problem import (
 
 COLOURS = pictures.DRONE_COLOURS
 _CELL = 1.0  # inches
-_LOW, _HIGH = 0.42, 0.32  # inches, below and above the map
+_LOW, _HIGH = 0.08, 0.32  # inches, below and above the map
+_BANNED = 0.34  # inches, below a map with a closed move
 _DISC = 0.105  # cells, radius; a cell has room for four side by side
 _ASIDE, _ALONG = 0.2, 0.235  # cells, distances of discs in a cell: of two drones, of two steps
 _BESIDE, _PERSON = 3.15, 4.45  # cells, x of the words beside the map, and of the person
@@ -34,9 +35,10 @@ def node_picture(n: int) -> Figure:
     """Draws one node of the doorway's tree."""
     problem, node = doorway(), doorway_tree()[n]
     depth = problem.height_map.shape[1]
-    height = depth * _CELL + _LOW + _HIGH
+    low = _BANNED if any(len(ban.cells) > 1 for ban in node.closed) else _LOW
+    height = depth * _CELL + low + _HIGH
     figure, ax = new_canvas(WIDTH, height)
-    ax.set(xlim=(-0.05, WIDTH / _CELL - 0.05), ylim=(-_LOW / _CELL, depth + _HIGH / _CELL))
+    ax.set(xlim=(-0.05, WIDTH / _CELL - 0.05), ylim=(-low / _CELL, depth + _HIGH / _CELL))
     draw_cells(ax, problem)
     _draw_person_beyond(ax, problem)
     _draw_paths(ax, node.plan)

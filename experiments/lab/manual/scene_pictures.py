@@ -56,8 +56,8 @@ def draw_root() -> Figure:
 
 def draw_trap() -> Figure:
     """Draws two plans of the scene in which planning one drone after another takes a wrong view."""
-    figure, ax = new_canvas(WIDTH, 3.2)
-    unit, panel = WIDTH / 13.4, 1.6  # inches, of a metre, and of each plan from above
+    figure, ax = new_canvas(WIDTH, 2.8)
+    unit, panel = WIDTH / 13.4, 1.48  # inches, of a metre, and of each plan from above
     for k, (words, planner) in enumerate((("planned in turn", "sequential"), ("best", "joint"))):
         result = worked.planned(worked.trap(), planner)
         assert result.plan is not None

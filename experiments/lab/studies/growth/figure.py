@@ -22,6 +22,7 @@ from cocap_opt.pictures.style import (
     AMBER,
     BLUE,
     FADED,
+    GREY,
     LABEL,
     RED,
     TITLE,
@@ -140,10 +141,16 @@ def _draw_law(
 
 
 def _write_laws(ax: Axes, laws: Sequence[_Law]) -> None:
-    """Writes power laws above an axes, each in the colour of its line."""
+    """Writes power laws above an axes, each with a dash in the colour of its line.
+
+    The words are grey, as amber ones are too pale to read on white.
+    """
     for k, (words, colour) in enumerate(laws):
-        ax.annotate(words, (1 - 0.35 * k, 1.02), xycoords="axes fraction", color=colour,
-                    ha="right", va="bottom", fontsize=LABEL)  # fmt: skip
+        right = 1 - 0.42 * k
+        ax.annotate(words, (right, 1.02), xycoords="axes fraction", color=GREY, ha="right",
+                    va="bottom", fontsize=LABEL)  # fmt: skip
+        ax.plot([right - 0.35, right - 0.26], [1.065] * 2, color=colour, lw=1, ls="--",
+                transform=ax.transAxes, clip_on=False)  # fmt: skip
 
 
 def _set_sizes(ax: Axes, points: Sequence[GrowthPoint]) -> None:

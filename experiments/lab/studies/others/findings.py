@@ -22,7 +22,7 @@ ON_GREEDY_PERSPECTIVES = (
 ON_HUGHES = (
     "Hughes et al.: their planners also get 0.02 for keeping the heading and 0.01 for keeping the "
     "cell, which our reward does not include. They have no rule against collisions, so bound and "
-    "planners here have none either; the column collide counts how often two drones share a cell.",
+    "planners here have none either, and drones that share a cell are not in conflict.",
     "Their formation flies between the cells and starts in formation, not where the others start.",
     "In their published scene cluster the first two frames of ppa_evaluation.csv come from another "
     "version of their program.",

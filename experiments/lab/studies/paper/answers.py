@@ -210,16 +210,16 @@ class SceneAnswers:
         log_ratio = Mean.of([math.log(a / b) for a, b in pairs.values() if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
         theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
-        reach = "" if math.isnan(low) else f" ({low:.2g} to {high:.2g})"
+        reach = "" if math.isnan(low) else f" ({_two_digits(low)} to {_two_digits(high)})"
         verdict = ClaimAnswer.above(log_ratio, 0.0)
         return ClaimAnswer(
             f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, the coverage of all "
             f"states included, and {ours[1]:.3f} s with view search (medians). The former takes "
-            f"{ratio:.2g}{reach} times as long as the latter (geometric mean); the paper "
+            f"{_two_digits(ratio)}{reach} times as long as the latter (geometric mean); the paper "
             f"reports a factor of {theirs:,.0f}.{self._cut_short()} "
             f"{ClaimAnswer.judged(verdict, log_ratio.size, 'view search is the faster one')}",
             verdict,
-            f"{ratio:.2g}{reach}",
+            f"{_two_digits(ratio)}{reach}",
         )
 
     def _cut_short(self) -> str:
@@ -385,6 +385,11 @@ def _whole_seconds(row: GapRow) -> float | None:
 
 def _text(found: Mean) -> str:
     return found.text(2, " %")
+
+
+def _two_digits(ratio: float) -> str:
+    """Returns a ratio with two digits, a last zero included."""
+    return f"{ratio:#.2g}".rstrip(".")
 
 
 def _mean(values: Sequence[float], digits: int) -> str:

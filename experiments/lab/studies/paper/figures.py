@@ -210,7 +210,7 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
     """
     frame = _around(problem, encounter, plans.values())
     width, depth = frame.size
-    figure = new_figure(WIDTH, 1.5 + (WIDTH - 0.6) / len(plans) * depth / width)
+    figure = new_figure(WIDTH, 1.28 + (WIDTH - 0.6) / len(plans) * depth / width)
     panels = figure.subplots(1, len(plans), sharex=True, sharey=True)
     for ax, (name, plan) in zip(np.ravel(panels), plans.items(), strict=True):
         draw_plan(ax, problem, plan, encounter.step, frame)

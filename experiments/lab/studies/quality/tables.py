@@ -200,13 +200,18 @@ def _ratios(steps: Sequence[PersonStep]) -> Record:
     """Returns the columns of the tables of accuracy."""
     return {
         "person-steps": len(steps),
-        "predicted": f"{np.median([step.predicted for step in steps]):.3g} mm",
+        "predicted": _millimetres(float(np.median([step.predicted for step in steps]))),
         "measured / predicted": _told(_spread(s.measured / s.predicted for s in steps)),
         "measured / reported": _told(_spread(s.measured / s.middle for s in steps)),
         "library / least squares": _told(_spread(s.library / s.measured for s in steps)),
         "with pose errors": _told(_spread(s.measured_posed / s.predicted_posed for s in steps)),
         "joints kept": f"{100 * fmean(step.kept for step in steps):.0f} %",
     }
+
+
+def _millimetres(length: float) -> str:
+    """Returns a length with three digits, without an exponent."""
+    return f"{float(f'{length:.3g}'):,g} mm"
 
 
 def _spread(ratios: Iterable[float]) -> tuple[float, float, float]:

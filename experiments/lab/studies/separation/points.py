@@ -74,7 +74,7 @@ class SeparationPoint(NamedTuple):
 
 def between(least: float, most: float) -> str:
     """Returns a range of percentages in words, or one percentage if both ends are equal."""
-    return f"{most:.2f}" if most - least < 0.005 else f"{least:.2f}..{most:.2f}"
+    return f"{most:.2f}" if most - least < 0.005 else f"{least:.2f} to {most:.2f}"
 
 
 def _seconds(seconds: float, limit: str) -> str:

@@ -274,8 +274,8 @@ def tripods_in_markdown() -> str:
             "ours, apart": f"{100 * row.ours_apart:.0f} %",
             "its score": f"{row.theirs_score:.1f}",
             "its score of our cameras": f"{row.ours_score:.1f}",
-            "its s": f"{row.theirs_seconds:.1f}",
-            "our s": f"{row.ours_seconds:.1f}",
+            "its time": f"{row.theirs_seconds:.1f} s",
+            "our time": f"{row.ours_seconds:.1f} s",
         }
         for row in stored_placements()
     ])  # fmt: skip
