@@ -21,6 +21,7 @@ from cocap_opt.problem.motion import MOST_MOVED
 from cocap_opt.referee import check
 from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.options import UsageError
+from cocap_opt.scenarios.built_in import places
 from cocap_opt.stop import Interrupt
 
 _METHOD = "column-generation"
@@ -100,7 +101,12 @@ def _unlimited(path: Path, seed: int) -> Problem:
     from cocap_opt.scenarios.recipe import read, without_limits  # its readers take long to import
 
     if path.suffix.lower() != ".toml":
-        raise UsageError(f"SCENE: must be a recipe, a .toml file, not {path}")
+        hint = (
+            f"; `cocap-opt recipe {path} -o FOLDER` copies its recipe"
+            if str(path) in places.SCENES
+            else ""
+        )
+        raise UsageError(f"SCENE: must be a recipe, a .toml file, not {path}{hint}")
     try:
         with without_warnings("cocap_opt.scenarios"):
             return read(path, seed, without_limits)

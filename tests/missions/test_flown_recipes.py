@@ -179,3 +179,4 @@ def test_the_price_of_limits_is_certified(
     assert [row["moves of recipe"] for row in run.json["drones"]] == [9, 9]
     assert "is below the best by at most" in run.json["notes"][0]
     assert Run(capsys, "limits", "corridor").code == 2
+    assert "`cocap-opt recipe delft -o FOLDER`" in Run(capsys, "limits", "delft").err
