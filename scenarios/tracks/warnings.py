@@ -23,6 +23,7 @@ _FASTEST = 12.0  # m/s, of people between two rows
 _BLUR = 1.0  # m, possible error of a position
 _FEW = 0.1  # of all moves; if more are too fast, the cause is not a few wrong rows
 _CLOCKS = 0.01  # relative difference that the clocks of frames and of times may have
+_COUNTDOWN = 3  # fewest moves that suggest a clock that counts down
 _MOMENTS = 20  # evenly spread moments at which distances between people are measured
 _MOST = 500  # people per moment whose distances are measured
 
@@ -75,6 +76,7 @@ def track_warnings(table: TrackTable) -> Iterator[str]:
         yield f"median speed {speed:.4g} m/s: {asked}"
     yield from _about_heights(table, heights)
     yield from _about_stamps(table)
+    yield from _about_countdown(table)
     if not single:
         yield from _about_room(table)
 
@@ -106,7 +108,9 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
     if len(below):
         yield (
             f"z is below 0 for {len(below)} of {len(heights)} people, {heights[below[0]]:.3g} m "
-            f"for id {names[below[0]]}: does z point downwards? They get the height of the shape"
+            f"for id {names[below[0]]}: does z point downwards? They get the height of the shape; "
+            "if x points north and y east, as in PX4 and AirSim, the scene is mirrored: swap x "
+            "and y in columns"
         )
     odd = known[~_within(heights[known], HEIGHTS)]
     if len(odd):
@@ -132,6 +136,24 @@ def _about_stamps(table: TrackTable) -> Iterator[str]:
         yield (
             f"the column frame lasts {by_frames:.4g} s at fps = {table.rate:g}, the column time "
             f"{by_times:.4g} s: frames are used; without fps, times are"
+        )
+
+
+def _about_countdown(table: TrackTable) -> Iterator[str]:
+    """Yields a warning if times decrease down the file, as on the clock of a game.
+
+    Dates cannot count down: such a file merely has its latest rows first.
+    """
+    if table.clock is not None or table.rate is not None:
+        return
+    persons = np.unique(table.ids, return_inverse=True)[1]
+    order = np.argsort(persons, kind="stable")
+    same = np.diff(persons[order]) == 0
+    steps = np.diff(table.times[order])[same]
+    if len(steps) >= _COUNTDOWN and (steps < 0).all():
+        yield (
+            "times decrease from row to row: are they the time that is left, as on the clock of a "
+            "game? Then people walk backwards here; write the time since the beginning"
         )
 
 
