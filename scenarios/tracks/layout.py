@@ -42,6 +42,8 @@ _TIME_UNIT_OF_COMMENT = re.compile(
     re.IGNORECASE,
 )
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
+_EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
+_OTHER_COMMENT = re.compile(r"\s*(?:%+|//+)\s*")
 _FRAME_RATE = re.compile(
     rf"\b(?:frame[\s_-]?rate|{_PER_SECOND})\s*[:=]\s*([-+]?[\d.]+(?:,\d+|e[-+]?\d+)?)",
     re.IGNORECASE,
@@ -82,9 +84,10 @@ _ROLES = {
 }
 _AXES = {"x", "y"}, {"latitude", "longitude"}  # a file uses one of these pairs
 
+_RADIANS = {"rad", "radian", "radians"}
 _REFUSED = {
     "px", "pixel", "pixels", "inch", "inches", "yd", "yard", "yards", "dm", "km", "deg", "degree",
-    "degrees",
+    "degrees", *_RADIANS,
 }  # fmt: skip
 
 _TIMES = {
@@ -140,6 +143,8 @@ class TextLayout(NamedTuple):
         below: list[str] = []
         for line, raw in enumerate(io.StringIO(text), start=1):
             content, _, comment = raw.partition("#")
+            if header is None and _EXCEL.fullmatch(content.strip()):
+                continue
             if not content.strip():
                 comments.append(comment.strip(" \t\n#"))
                 continue
@@ -152,7 +157,7 @@ class TextLayout(NamedTuple):
                 below = _units_of(content, fields, header, line)
                 continue
             if header is None and not is_row:
-                header = fields
+                header = _bare_header(content, separator)
                 continue
             return cls(comments, header, below, line, fields, separator)
         raise ProblemError("must contain at least one row of numbers")
@@ -229,6 +234,11 @@ class TextLayout(NamedTuple):
             if "," in rate:
                 raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
         return {float(rate) for rate in rates if is_number(rate)}
+
+
+def _bare_header(line: str, separator: str | None) -> list[str]:
+    """Returns the names in a header, which may begin like a comment of MATLAB or C."""
+    return fields_of(_OTHER_COMMENT.sub("", line), separator)
 
 
 def fields_of(line: str, delimiter: str | None) -> list[str]:
@@ -376,6 +386,14 @@ def places_of(names: Sequence[str], field: str) -> Places:
     for axis in _AXES[metres]:  # columns that are not used or not both present
         places.pop(axis, None)
     return places
+
+
+def require_degrees(names: Sequence[str], places: Places) -> None:
+    """Raises a ProblemError if a name states another unit of latitudes or longitudes."""
+    for role in ("latitude", "longitude"):
+        unit = Name.of(names[places[role]]).unit
+        if unit in _RADIANS or unit in PER_METRE:
+            raise ProblemError(f"{role}: must be in degrees, not in {unit}: convert the column")
 
 
 def require_ids(names: Sequence[str], field: str) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
@@ -33,6 +33,7 @@ from cocap_opt.scenarios.tracks.layout import (
     fields_of,
     is_number,
     places_of,
+    require_degrees,
     require_ids,
     require_values,
 )
@@ -110,6 +111,8 @@ def _of_layout(
 
     require_numbers(values, where)
     if is_in_degrees:
+        require_degrees(names, places)
+        _require_signs(text, layout, names, values)
         points = projection.metres(values.pop("latitude"), values.pop("longitude"))
         values["x"], values["y"] = PER_METRE[unit] * points.T
     if form.columns is None and layout.names_nothing():
@@ -144,7 +147,7 @@ def _found(path: Path, values: Values) -> IntArray:
     no row has a position, all are returned, so that the first one is reported.
     """
     axes = [values[role] for role in ("x", "y", "latitude", "longitude") if role in values]
-    lost = np.isnan(axes).all(axis=0)
+    lost: BoolArray = np.asarray(np.isnan(axes).all(axis=0))
     if not lost.any() or lost.all():
         return np.arange(len(lost))
     log.warning(
@@ -153,6 +156,20 @@ def _found(path: Path, values: Values) -> IntArray:
         path, lost.sum(), len(lost),
     )  # fmt: skip
     return np.flatnonzero(~lost)
+
+
+def _require_signs(text: str, layout: TextLayout, names: Sequence[str], values: Values) -> None:
+    """Raises a ProblemError if letters in a column, not signs, mean south or west."""
+    for role, letters in {"latitude": ("N", "S"), "longitude": ("E", "W")}.items():
+        for place, field in enumerate(layout.row):
+            if field.upper() not in letters or (values[role] < 0).any():
+                continue
+            found = _column_of(text, layout, place, len(names))
+            if any(word.upper() == letters[1] for _, word in found):
+                raise ProblemError(
+                    f"{names[place]}: must be left out, as degrees to the south and west must have "
+                    f"a minus sign: write {role} as a negative number where it is {letters[1]}"
+                )
 
 
 def _values(

@@ -102,6 +102,51 @@ def test_a_file_of_one_person_needs_no_ids(
         tracks(tmp_path, "time,x,y\n0,0,0\n0,1,0\n")
 
 
+@pytest.mark.parametrize(
+    "header",
+    ["% id time x y", "// id time x y", "%% id time x y", "# id time x y", "sep=;\nid;time;x;y"],
+)
+def test_a_header_may_begin_like_a_comment(tmp_path: Path, header: str) -> None:
+    """Of MATLAB, C and Python; and Excel's line that names the separator is no header."""
+    separator = ";" if ";" in header else " "
+    rows = "".join(separator.join(row) + "\n" for row in ("1000", "1110"))
+    [track] = tracks(tmp_path, f"{header}\n{rows}")
+    assert (track.id, track.points.tolist()) == (1, [[0, 0], [1, 0]])
+
+
+def test_repeated_rows_are_one_row(tmp_path: Path) -> None:
+    """The same person at the same place at the same moment; at another place it is an error."""
+    text = "id,time,x,y\n1,0,0,0\n1,1,1,0\n1,1,1,0\n2,1,1,0\n1,2,2,0\n"
+    first, _ = tracks(tmp_path, text)
+    assert first.times.tolist() == [0, 1, 2]
+    with pytest.raises(ProblemError, match="line 7: must not be a second row for id 1 at 2 s"):
+        tracks(tmp_path, text + "1,2,2,1\n")
+
+
+@pytest.mark.parametrize(
+    ("names", "row", "said"),
+    [
+        ("latitude [rad],longitude [rad]", "0.91,0.22", "must be in degrees, not in rad"),
+        ("lat_rad,lon_rad", "0.91,0.22", "must be in degrees, not in rad"),
+        ("lat,lon", "524000000,130600000", "write decimal degrees"),
+        ("lat,lon", "5224.001,01303.6", "write decimal degrees"),
+        ("lat,NS,lon,EW", "52.4,N,13.06,W", "EW: must be left out"),
+        ("lat,NS,lon,EW", "52.4,s,13.06,E", "NS: must be left out"),
+        # what is right asks only for the place
+        ("lat,NS,lon,EW", "52.4,N,13.06,E", "need .earth."),
+        ("lat,NS,lon,EW", "52.4,N,-13.06,W", "need .earth."),
+        ("lat_deg,lon_deg", "52.4,13.06", "need .earth."),
+        ("Latitude (\N{DEGREE SIGN}),Longitude (\N{DEGREE SIGN})", "52.4,13.06", "need .earth."),
+    ],
+)
+def test_degrees_are_decimal_and_have_signs(
+    tmp_path: Path, names: str, row: str, said: str
+) -> None:
+    """Radians, minutes, parts of 1e7 and letters for the hemisphere would be other places."""
+    with pytest.raises(ProblemError, match=said):
+        tracks(tmp_path, f"id,time,{names}\n1,0,{row}\n1,1,{row}\n", unit=None)
+
+
 # -- missing positions and times ----------------------------------------------------------------
 
 
