@@ -224,6 +224,27 @@ def test_axes_that_point_down_are_doubted(tmp_path: Path, caplog: pytest.LogCapt
     assert "swap x and y in columns" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        (["0,1.7,0", "0,1.72,2"], "does y point upwards"),
+        (["5,0,9", "5.5,0.1,4"], "does y point upwards"),
+        (["0,0,1.2", "1,0,1.2"], "people are 1.2 m tall (median): is it the height of a tag"),
+        (["0,0,0.88", "1,2,0.88"], "people are 0.88 m tall"),
+        (["0,0,1.7", "0,2,1.7"], ""),
+        (["0,0,1.4", "1,0,1.7"], ""),
+        (["0,0,0", "1,0,0"], ""),
+    ],
+)
+def test_another_meaning_of_z_is_doubted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, points: list[str], said: str
+) -> None:
+    """Engines whose y points upwards, tags on belts, and pawns whose place is their middle."""
+    rows = "".join(f"1,{t},{point}\n" for t, point in enumerate(points))
+    tracks(tmp_path, f"id,time,x,y,z\n{rows}")
+    assert said in caplog.text if said else not caplog.text
+
+
 # -- kinds of files --------------------------------------------------------------------------
 
 
