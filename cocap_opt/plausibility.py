@@ -52,7 +52,7 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
     ]
     found += [
         f"meshes[{k}] is entirely below the ground: its top is at "
-        f"{mesh.corners[..., 2].max():.4g} m"
+        f"{mesh.corners[..., 2].max():.4g} m; is another axis up in its file?"
         for k, mesh in enumerate(problem.meshes)
         if _below_ground(problem, mesh)
     ]

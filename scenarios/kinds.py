@@ -80,6 +80,24 @@ _PICKLE = Kind("a Python pickle", f"it is never opened, as it may run code: {_PE
 _PCAP = Kind("a network capture (PCAP)", _PEOPLE)
 _FBX = Kind("an FBX", _TO_MESH)
 _USD = Kind("USD", _TO_MESH)
+_CALIBRATION = Kind(
+    "a camera calibration", "write its numbers in [[drones]] of a recipe: camera = { width = 1920, "
+    "height = 1080, focal = 1400 }, in px with focal = fx; lens distortion and an off-centre "
+    "principal point are not modelled"
+)  # fmt: skip
+_TO_GRID = (
+    "write it as an .asc for [map], with cellsize = resolution, xllcorner and yllcorner = its "
+    "origin (whose yaw must be 0), and in each cell the height of the wall in m, or 0 where it is "
+    "free"
+)
+_ROS_MAP = Kind("a map of ROS", f"it has no heights: {_TO_GRID}")
+_PGM = Kind("a PGM image, such as a map of ROS", f"it has no heights: {_TO_GRID}")
+_GAZEBO = Kind("a world or model of Gazebo or ROS", "convert its meshes with Blender to .glb, for "
+               "[[mesh]] of a recipe")  # fmt: skip
+_ROWS_OF_FRAMES = Kind(
+    "football data with a frame on each line (TRACAB, FIFA EPTS)",
+    f"read it with kloppy, and {_PEOPLE}, in metres",
+)
 _VTK = Kind("a VTK file", "convert it with meshio or ParaView to .ply, for [[mesh]]")
 
 Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or at a position
@@ -171,6 +189,9 @@ _TEXTS: Marks = {  # beginnings of texts, long enough that no other text begins 
                                  "scipy.io.loadmat"),
     b"{\\rtf": Kind("rich text", "save it as plain text in UTF-8"),
     b"%PDF": Kind("a PDF", "it contains no heights or positions: ask for the underlying data"),
+    b"Pix4D camera calibration file": _CALIBRATION,
+    b"# Camera list with one line": _CALIBRATION,  # of COLMAP
+    b"# Octomap OcTree": Kind("an octree of OctoMap", f"export its cells as a mesh, {_MESH}"),
     b"DSAA\n": _SURFER,
     b"DSAA\r": _SURFER,
     b"# .PCD": Kind("a point cloud (PCD)", f"rasterise it with {_RASTERISE}"),
@@ -199,6 +220,11 @@ _ROOTS = {  # roots of XML, by name without a prefix, in lower case
     "collada": Kind("COLLADA", _TO_MESH),
     "x3d": Kind("X3D", _TO_MESH),
     "vtkfile": _VTK,
+    "calibration": _CALIBRATION,  # of Agisoft
+    "opencv_storage": _CALIBRATION,
+    "sdf": _GAZEBO,
+    "robot": _GAZEBO,
+    "vrtdataset": Kind("a virtual raster of GDAL", _TO_MAP),
     "osm": Kind("OpenStreetMap XML", "convert its polygons with osmtogeojson, for [[walls]]"),
     "citymodel": Kind("CityGML", "convert it with citygml-tools to-cityjson and cjio to .obj, for "
                       "[[mesh]]"),
@@ -231,7 +257,27 @@ _DXF = re.compile(rb"\s*(?:999\s.*\s)?0\s+SECTION\s")
 _MESH_WORDS = re.compile(
     rb"\s*(?:(?P<off>(?:ST)?C?N?OFF(?: BINARY)?)\s|(?P<stl>solid\b[^\n]*\s+facet\b))"
 )
-_GRID = re.compile(rb"\s*ncols\s+\d", re.IGNORECASE)
+_GRID = re.compile(
+    rb"\s*(?:ncols\s+\d"
+    rb"|(?:(?:nrows|[xy]ll(?:corner|center)|cellsize|nodata_value)[ \t]+[-+.\d]\S*\s+)+ncols\s)",
+    re.IGNORECASE,
+)
+_GRASS = re.compile(rb"\s*(?:(?:north|south|east|west|rows|cols):\s*\S+\s+){6}", re.IGNORECASE)
+_PGM_HEADER = re.compile(rb"P[25]\s+(?:#[^\n]*\s+)*\d+\s+\d+\s+\d+\s")
+_FRAME_A_LINE = re.compile(rb"\d+:(?:-?[\d.]+,){2,}[-\d.,]+;")
+_METRICA = re.compile(rb",,,\s*(?:Home|Away)\s*,", re.IGNORECASE)
+_SPLINES = re.compile(rb"\s*\d+\s*-\s*the number of splines", re.IGNORECASE)
+_COLMAP = re.compile(
+    rb"(?:#[^\n]*\n)*\d+ (?:SIMPLE_PINHOLE|PINHOLE|SIMPLE_RADIAL|RADIAL|OPENCV|OPENCV_FISHEYE|"
+    rb"FULL_OPENCV|FOV|SIMPLE_RADIAL_FISHEYE|RADIAL_FISHEYE|THIN_PRISM_FISHEYE) \d+ \d+ "
+)
+# calibrations of OpenCV, ROS, Kalibr and Pose2Sim
+_LENS = re.compile(
+    rb"!!opencv-matrix|^camera_matrix:|^distortion_model:|^\s+camera_model:|"
+    rb"^(?:distortions|matrix)\s*=\s*\[(?s:.*)^(?:distortions|matrix)\s*=\s*\[",
+    re.MULTILINE,
+)
+_ROS_IMAGE = re.compile(rb"^image:(?s:.*)^resolution:|^resolution:(?s:.*)^image:", re.MULTILINE)
 
 
 def kind_of(path: Path) -> Kind | None:
@@ -288,6 +334,8 @@ def _by_bytes(begin: bytes) -> Kind | None:
             return _closer(kind, begin)
     if begin[:1] < b"\t" and begin[1:2] == b"P":  # the number of its parameter block, then 80
         return Kind("C3D, motion capture", f"{_PEOPLE}, from one marker per person, as by ezc3d")
+    if _PGM_HEADER.match(begin):
+        return _PGM
     if begin[:2] == b"BM" and begin[14:18] in (b"\x28\0\0\0", b"\x7c\0\0\0", b"\x6c\0\0\0"):
         return Kind("a BMP", _PICTURE)
     return None
@@ -342,6 +390,20 @@ def _by_words(begin: bytes) -> Kind | None:
         return Kind("a DXF drawing", _WALLS)
     if _GRID.match(text):
         return ESRI_ASCII
+    if _GRASS.match(text):
+        return Kind("an ASCII grid of GRASS", "export it with r.out.gdal to .tif, for [map] of a "
+                    "recipe")  # fmt: skip
+    if _FRAME_A_LINE.match(text):
+        return _ROWS_OF_FRAMES
+    if _METRICA.match(text):
+        return Kind("football data of Metrica Sports", "its positions are shares of the pitch: "
+                    f"multiply them by its length and width, and {_PEOPLE}")  # fmt: skip
+    if _SPLINES.match(text):
+        return Kind("splines of UCY (.vsp), in pixels", f"apply the homography, and {_PEOPLE}")
+    if _COLMAP.match(text) or _LENS.search(text):
+        return _CALIBRATION
+    if _ROS_IMAGE.search(text):
+        return _ROS_MAP
     if re.search(rb"^HFDTE", text, re.MULTILINE):
         return Kind("IGC, a glider's log", _GPSBABEL)
     if re.search(rb"^endheader\s*$", text, re.MULTILINE | re.IGNORECASE):

@@ -96,7 +96,7 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str
     reader = csv.DictReader(read_text(path).splitlines(), skipinitialspace=True)
     rows = []
     try:
-        names = list(reader.fieldnames or ())
+        reader.fieldnames = names = [name.strip() for name in reader.fieldnames or ()]
         if not set(columns) <= set(names):
             found = ", ".join(names) or "nothing"
             raise ProblemError(f"header: must name the columns {', '.join(columns)}, not {found}")

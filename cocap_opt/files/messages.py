@@ -18,7 +18,19 @@ _UNKNOWN_WORD = re.compile(r"Invalid (?:enum )?value (.*)")
 _WRONG = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?([^`]*)`?)?")
 _UNKNOWN_FIELD = re.compile(r"Object contains unknown field `(.*)`")
 _MISSING_FIELD = re.compile(r"Object missing required field `(.*)`")
-_OTHER_NAMES = {"heights": "layers", "height": "layers", "altitudes": "layers"}  # for fields
+_OTHER_NAMES = {  # for fields
+    "heights": "layers", "height": "layers", "altitudes": "layers",
+    **dict.fromkeys(("fx", "fy", "f", "focal_length", "focal_px"), "focal"),
+    "image_width": "width", "image_height": "height", "hfov": "fov", "vfov": "fov_vertical",
+    "dfov": "fov_diagonal",
+}  # fmt: skip
+_CENTRED = "; leave it out: the principal point is in the middle of the image"
+_STRAIGHT = "; leave it out: the lens has no distortion, as in undistorted images"
+_LEFT_OUT = {  # fields of cameras that have no counterpart
+    **dict.fromkeys(("cx", "cy", "principal_point", "ppx", "ppy"), _CENTRED),
+    **dict.fromkeys(("distortion", "distortions", "dist_coeffs", "distortion_coefficients", "k1",
+                     "k2", "p1", "p2"), _STRAIGHT),
+}  # fmt: skip
 _FEW_FIELDS = 8  # up to this number, the fields of a required object are named
 _PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
 _LONGEST = 40  # letters of a value that a message quotes
@@ -188,6 +200,8 @@ def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
         known = _fields(inspect.type_info(kind), path)
         other = _OTHER_NAMES.get(field[1], "")
         question = f"; did you mean {other}?" if other in known else meant(field[1], known)
+        if "focal" in known:
+            question = _LEFT_OUT.get(field[1], question)
         return f"must have no unknown field `{field[1]}`" + (
             f"{question}; known are {', '.join(known)}" if known else ""
         )

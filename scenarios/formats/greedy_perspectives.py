@@ -387,7 +387,7 @@ def _start_rows(path: Path, robots: int) -> list[tuple[int, dict[str, str]]]:
     if len(rows) % robots or not rows:
         raise ProblemError(
             f"must contain sets of {robots} rows, a row per robot of the scene, not {len(rows)} "
-            "rows"
+            "rows; --option start-set=yaml takes the start poses of the scene's own file"
         )
     return rows
 

@@ -138,6 +138,7 @@ class _Solution(msgspec.Struct):
                 f"elements: must be the robots 1..{len(robots)}, each once, not "
                 f"{', '.join(map(str, robots[:8]))}"
             )
+        self.elements.sort(key=lambda element: element[0])  # solutions may list them in any order
 
     @property
     def is_on_grid(self) -> bool:

@@ -18,6 +18,7 @@ such an order (`near` is None), the first rows become robots and the following o
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 import math
+import os
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
@@ -291,8 +292,11 @@ def _read_trips(path: Path) -> tuple[BoolArray, list[_Trip]]:
         _require(len(rows) > 0, "rows", "must be at least one")
         names = {fields[1] for _, fields in rows}
         _require(len(names) == 1, "map", f"must be the same in all rows, not {len(names)} maps")
-    # Some scenarios name the map by its path in the benchmark's own folders.
-    free = _read_map(path.parent / Path(names.pop()).name)
+    # Some scenarios name the map by its path in the benchmark's own folders, or on Windows.
+    map_file = path.parent / names.pop().replace("\\", "/").rpartition("/")[2]
+    if not os.path.lexists(map_file):
+        raise ProblemError(f"{map_file}: no such file; the map must be beside {path.name}")
+    free = _read_map(map_file)
     with naming(path):
         return free, [_trip(fields, f"line {line}", free.shape) for line, fields in rows]
 
@@ -309,16 +313,28 @@ def _read_map(path: Path) -> BoolArray:
     with naming(path):
         lines = read_text(path).rstrip().splitlines()
         _require(len(lines) > 4, "header", "must be 'type octile', 'height', 'width', 'map', rows")
-        kind, height, width, end = (line.split() for line in lines[:4])
-        _require(kind == ["type", "octile"], "line 1", "must be 'type octile'")
-        rows, columns = _size(height, "line 2", "height"), _size(width, "line 3", "width")
+        kind, *sizes, end = (line.split() for line in lines[:4])
+        # other programs write "tile"; which moves are allowed matters only to their own planners
+        _require(kind in (["type", "octile"], ["type", "tile"]), "line 1", "must be 'type octile'")
+        keys = ["width", "height"] if sizes[0][:1] == ["width"] else ["height", "width"]
+        size = {
+            key: _size(fields, f"line {line}", key)
+            for line, (fields, key) in enumerate(zip(sizes, keys, strict=True), start=2)
+        }
+        rows, columns = size["height"], size["width"]
         _require(end == ["map"], "line 4", "must be 'map'")
         grid = lines[4:]
         _require(len(grid) == rows, "height", f"must be the number of rows {len(grid)}, not {rows}")
         for line, row in enumerate(grid, start=5):
             _require(len(row) == columns, f"line {line}", f"must have {columns} characters")
             known = set(row) <= set(FREE + BLOCKED)
-            _require(known, f"line {line}", f"must contain only the characters {FREE}{BLOCKED}")
+            _require(
+                known,
+                f"line {line}",
+                f"must contain only the characters {FREE} (free) and {BLOCKED} (blocked), not "
+                f"{''.join(sorted(set(row) - set(FREE + BLOCKED)))[:10]!r}; replace these by . or "
+                "@",
+            )
         return np.array([[terrain in FREE for terrain in row] for row in grid]).T
 
 

@@ -2,7 +2,9 @@
 
 Sources: the tags of OpenStreetMap, https://wiki.openstreetmap.org/wiki/Simple_3D_Buildings (heights
 are in metres unless they have another unit, and count from the ground), and the properties of OSM
-Buildings, https://osmbuildings.org/documentation/data/.
+Buildings, https://osmbuildings.org/documentation/data/; the properties of Overture Maps,
+https://docs.overturemaps.org/schema/reference/buildings/building/, and of CityGML. Microsoft's
+footprints, https://github.com/microsoft/GlobalMLBuildingFootprints, have -1 for unknown heights.
 """
 
 import math
@@ -17,12 +19,14 @@ from cocap_opt.scenarios.earth.lengths import stated_length
 
 STOREY = 3.0  # m; the value that Simple 3D Buildings proposes if only storeys are known
 
-_TOP = "height", "buildingheight", "estheight"
-_STOREYS = "buildinglevels", "levels"
+_TOP = "height", "buildingheight", "estheight", "measuredheight"
+_STOREYS = "buildinglevels", "levels", "numfloors"
 _ROOF, _ROOF_STOREYS = "roofheight", "rooflevels"
 _BOTTOM = "minheight", "buildingminheight"
-_BOTTOM_STOREYS = "buildingminlevel", "minlevel"
+_BOTTOM_STOREYS = "buildingminlevel", "minlevel", "minfloor"
 _KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS)
+
+_UNKNOWN = -1, "-1", "-1.0"  # as a height
 
 _LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 _FEET_AND_INCHES = re.compile(r"(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?")
@@ -86,7 +90,7 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
     found: dict[str, _Given] = {}
     for name, value in _flat(properties, field):
         key = re.sub(r"[\s_:\-]", "", name).casefold()
-        if key not in _KNOWN or value in (None, ""):
+        if key not in _KNOWN or value in (None, "") or (key in _TOP and value in _UNKNOWN):
             continue
         if key in found and not _is_same(found[key][1], value):
             first, other = found[key]

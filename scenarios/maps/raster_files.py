@@ -5,9 +5,12 @@ They become a `Raster` with the file's own cells, and with holes where the file 
 
 Source of the format of ESRI ASCII grids (`.asc`): ESRI, "Esri ASCII raster format", ArcGIS
 documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost row
-first. As in GDAL, `dx` and `dy` are accepted for cells that are not square.
+first. As in GDAL, `dx` and `dy` are accepted for cells that are not square, and a comma in a number
+is a decimal comma.
 """
 
+import logging
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -24,19 +27,24 @@ from cocap_opt.scenarios.earth.units import (
     require_true,
     units_of,
 )
-from cocap_opt.scenarios.kinds import ESRI_ASCII, TIFF, require
+from cocap_opt.scenarios.kinds import ESRI_ASCII, TIFF, kind_of, require
 from cocap_opt.scenarios.maps import geotiff
 from cocap_opt.scenarios.maps.raster import Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
 from cocap_opt.scenarios.text import integer, naming, number, plain_number, xml_root
 from cocap_opt.text import unread
 
+log = logging.getLogger(__name__)
+
 KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
     "nodata_value",
 )  # fmt: skip
+_CONVERTED = "with gdal_translate to .tif"
 CHUNK = 1 << 20  # bytes; a file is never kept in memory as text
 LONGEST = 200  # bytes, longest line of the header
+
+_DECIMAL_COMMA = re.compile(rb"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 _PLAIN = {"Scale": 1, "Offset": 0}  # GDAL's fields for heights without scale and offset
 _MOST_BESIDE = 1 << 20  # bytes of a file beside a grid; WKT has a few thousand
@@ -93,7 +101,8 @@ def _read(
     path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
 ) -> Raster:
     require(path, (TIFF, ESRI_ASCII))
-    match path.suffix.lower():
+    is_grid = kind_of(path) is ESRI_ASCII  # such files are also called .txt, .grd and .agr
+    match ".asc" if is_grid else path.suffix.lower():
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
@@ -107,7 +116,10 @@ def _read(
             return raster._replace(crs=crs)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window, unit)
-    raise ProblemError("must be named .asc, .tif or .tiff")
+    raise ProblemError(
+        "must be an ESRI ASCII grid (.asc) or a GeoTIFF (.tif); convert other grids, such as "
+        f".xyz, .bil, .flt and .hgt, {_CONVERTED}, and scattered points with gdal_grid"
+    )
 
 
 def _read_esri_ascii(
@@ -136,7 +148,7 @@ def _read_header(file: BinaryIO) -> Header:
         start = file.tell()
         text = file.readline(LONGEST)
         fields = text.decode("utf-8-sig", errors="replace").split()
-        if not text or (fields and _is_number(fields[0])):
+        if not text or (fields and (_is_number(fields[0]) or not fields[0][0].isalpha())):
             file.seek(start)
             return header
         if fields:
@@ -153,7 +165,8 @@ def _entry(fields: list[str], line: int) -> tuple[str, str]:
             f"line {line}: must be a value after one of {', '.join(KEYS)}, "
             f"not {' '.join(fields)[:40]!r}"
         )
-    return key, fields[1]
+    value = fields[1]
+    return key, value.replace(",", ".") if _DECIMAL_COMMA.fullmatch(value.encode()) else value
 
 
 def _is_number(text: str | bytes) -> bool:
@@ -270,13 +283,16 @@ def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) ->
 
 def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
     """Yields the numbers of the rest of a file in blocks; messages need the `width` of a row."""
-    done, tail = 0, b""
+    done, tail, has_commas = 0, b"", False
     while chunk := file.read(CHUNK):
         words = (tail + chunk).split()
         tail = b"" if chunk[-1:].isspace() else words.pop()
         yield _numbers(words, done, width)
         done += len(words)
+        has_commas = has_commas or b"," in chunk
     yield _numbers(tail.split(), done, width)
+    if has_commas:
+        log.warning("%s: numbers have decimal commas: 12,5 is read as 12.5", file.name)
 
 
 def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
@@ -285,6 +301,8 @@ def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
             raise ValueError
         return np.fromiter(map(float, words), np.float64, len(words))
     except ValueError as error:
+        if any(map(_DECIMAL_COMMA.fullmatch, words)) and not any(b"." in word for word in words):
+            return _numbers([word.replace(b",", b".") for word in words], done, width)
         k = next(k for k, word in enumerate(words) if b"_" in word or not _is_number(word))
         row, column = divmod(done + k, width)
         raise ProblemError(

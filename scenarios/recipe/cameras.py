@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -9,7 +10,7 @@ from msgspec import Meta
 
 from cocap_opt.data import MOST_PIXELS, ProblemError
 from cocap_opt.problem import Camera
-from cocap_opt.scenarios.hardware import camera_called, film_of
+from cocap_opt.scenarios.hardware import CAMERAS, camera_called, film_of
 from cocap_opt.scenarios.tables import Length, Table
 from cocap_opt.scenarios.text import naming
 
@@ -18,6 +19,9 @@ log = logging.getLogger(__name__)
 ASSUMED = "greedy-perspectives"  # camera of drones whose table names none
 # mm, diagonal of the film frame to which 35 mm equivalent focal lengths refer
 FILM_35MM = math.hypot(36.0, 24.0)
+
+# the end of the name of a calibration's file
+_FILE = re.compile(r"\.(?:ya?ml|toml|txt|xml|json|cam|csv|opt|cal)$", re.IGNORECASE)
 
 _Pixels = Annotated[int, Meta(ge=1, le=MOST_PIXELS)]
 _Angle = Annotated[float, Meta(gt=0, lt=180)]  # degrees
@@ -149,6 +153,11 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
     if isinstance(given, CameraTable):
         with naming("camera"):
             return given.camera(radians)
+    if given is not None and given not in CAMERAS and _FILE.search(given):
+        raise ProblemError(
+            f"camera: must be a name or numbers, not the file {given!r:.60}: write its numbers, "
+            "such as { width = 1920, height = 1080, focal = 1400 } in px, with focal = fx"
+        )
     numbers = "; or numbers, such as { width = 3840, height = 2160, fov = 65 }"
     return camera_called(ASSUMED if given is None else given, numbers).replace(tilts=radians)
 

@@ -20,7 +20,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -121,9 +121,8 @@ class Track(NamedTuple):
             form.require_allowed()
             kind = kind_of(path)
             read = READERS.get(kind) if kind else None
-            table = (read or READERS.get(path.suffix.lower(), read_text_table))(
-                path, form, projection
-            )
+            reader = read or READERS.get(path.suffix.lower(), read_text_table)
+            table = _without_repeats(reader(path, form, projection))
             tracks = _tracks(table, gap)
         for warning in track_warnings(table):
             log.warning("%s: %s", path, warning)
@@ -281,6 +280,30 @@ def _tracks(table: TrackTable, gap: float | None) -> list[Track]:
     _require_distinct(table, order)
     parts = np.split(order, np.flatnonzero(np.diff(person[order])) + 1)
     return [_track(table, name, rows, gap) for name, rows in zip(ids.tolist(), parts, strict=True)]
+
+
+def _without_repeats(table: TrackTable) -> TrackTable:
+    """Returns the table without rows that repeat an earlier one, as in logs and joined tables."""
+    persons = np.unique(table.ids, return_inverse=True)[1]
+    order = np.lexsort((table.times, persons))
+    rows = np.column_stack([persons, table.times, table.points])[order]
+    repeats = np.append(False, (rows[1:] == rows[:-1]).all(axis=1))
+    if not repeats.any():
+        return table
+    kept = np.sort(order[~repeats])
+
+    def of_kept(column: Any) -> Any:
+        return None if column is None else column[kept]
+
+    return table._replace(
+        ids=table.ids[kept],
+        times=table.times[kept],
+        points=table.points[kept],
+        heights=of_kept(table.heights),
+        segments=of_kept(table.segments),
+        stamps=of_kept(table.stamps),
+        where=lambda row: table.where(int(kept[row])),
+    )
 
 
 def _require_distinct(table: TrackTable, order: IntArray) -> None:

@@ -18,6 +18,14 @@ _ORDER = ("id", "frame", "x", "y", "z")  # if nothing names the columns; z may b
 
 _ANNOTATIONS = 10  # values in a row of annotations.txt; the last one is a word
 
+# What files with this many values in a row may be.
+_KNOWN_ORDERS = {
+    8: 'set columns in [[tracks]], ["frame", "id", "x", "-", "y", "-", "-", "-"] for obsmat.txt of '
+    'ETH, ["time", "id", "x", "y", "z", "-", "-", "-"] for ATC, with "-" for unused ones',
+    _ANNOTATIONS: "if it is of the MOT Challenge, with boxes in pixels, write the place where each "
+    'person stands in m; else set columns in [[tracks]], with "-" for unused ones',
+}
+
 _UNIT = (
     r"(mm|cm|m|(?:centi|milli)?met(?:re|er)s?"
     r"|(?:(?:us|american|international|survey)[\s_-]*){0,2}(?:ft|foot|feet)|ft[\s_-]*us"
@@ -34,6 +42,8 @@ _TIME_UNIT_OF_COMMENT = re.compile(
     re.IGNORECASE,
 )
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
+_EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
+_OTHER_COMMENT = re.compile(r"\s*(?:%+|//+)\s*")
 _FRAME_RATE = re.compile(
     rf"\b(?:frame[\s_-]?rate|{_PER_SECOND})\s*[:=]\s*([-+]?[\d.]+(?:,\d+|e[-+]?\d+)?)",
     re.IGNORECASE,
@@ -56,10 +66,29 @@ _SPELLINGS = {
     "latitude": "lat latitude",
     "longitude": "lon lng long longitude",
 }
-_ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
+# Names that count only if no column has one of the above for the same role.
+_RARER = {
+    "id": "tag tagid player playerid name deviceid subject subjectid participant participantid",
+    "frame": "frameno frameindex frameidx framenum",
+    "time": "simtime elapsed elapsedtime",
+    "x": "xcenter centerx xcentre centrex xest xpos xposition xcoord coordx xcoordinate xloc "
+    "locationx easting eastings utmeasting",
+    "y": "ycenter centery ycentre centrey yest ypos yposition ycoord coordy ycoordinate yloc "
+    "locationy northing northings utmnorthing",
+}
+_ROLES = {
+    word: role
+    for names in (_RARER, _SPELLINGS)
+    for role, words in names.items()
+    for word in words.split()
+}
 _AXES = {"x", "y"}, {"latitude", "longitude"}  # a file uses one of these pairs
 
-_REFUSED = {"px", "pixel", "pixels", "inch", "inches", "yd", "yard", "yards", "dm", "km"}
+_RADIANS = {"rad", "radian", "radians"}
+_REFUSED = {
+    "px", "pixel", "pixels", "inch", "inches", "yd", "yard", "yards", "dm", "km", "deg", "degree",
+    "degrees", *_RADIANS,
+}  # fmt: skip
 
 _TIMES = {
     "s": "s sec secs second seconds",
@@ -75,7 +104,8 @@ _NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}
 # entries below a header that mean "no unit"
 _NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}
 # Matches "x/m", "x [m]" and "x (US survey feet)"; any word but an axis counts as a unit.
-_UNIT_OF_NAME = re.compile(r"(.*?)\s*[/\[(]\s*(([^\W_]+)[^\])]*)")
+_UNIT_OF_NAME = re.compile(r"(.*?)\s*[/\[(]\s*(([^\W_]+|\N{DEGREE SIGN})[^\])]*)")
+_BRACKET = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 _IN_BRACKETS = re.compile(r"[\[(]\s*(.*?)\s*[\])]")
 
 # Columns of a table of boxes in an image besides x and y, spelt as above.
@@ -83,6 +113,7 @@ _BOX = r"(?:bb|bbox|box|boundingbox|rect)?"
 _WIDTH, _HEIGHT = re.compile(rf"{_BOX}(?:w|width)"), re.compile(rf"{_BOX}(?:h|height)")
 _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x1", "y1", "x2",
             "y2", "bbleft", "bbtop", "bboxleft", "bboxtop"}  # fmt: skip
+_NUMBERED = re.compile(r"[xy]_?\d+")  # x1, y1, x2, y2, .. may also be a pair for each person
 _EDGES = 2  # edges of a box that the columns must name to be recognised as corners
 
 Places = dict[str, int]  # role -> place in a row
@@ -112,6 +143,8 @@ class TextLayout(NamedTuple):
         below: list[str] = []
         for line, raw in enumerate(io.StringIO(text), start=1):
             content, _, comment = raw.partition("#")
+            if header is None and _EXCEL.fullmatch(content.strip()):
+                continue
             if not content.strip():
                 comments.append(comment.strip(" \t\n#"))
                 continue
@@ -124,7 +157,7 @@ class TextLayout(NamedTuple):
                 below = _units_of(content, fields, header, line)
                 continue
             if header is None and not is_row:
-                header = fields
+                header = _bare_header(content, separator)
                 continue
             return cls(comments, header, below, line, fields, separator)
         raise ProblemError("must contain at least one row of numbers")
@@ -144,7 +177,8 @@ class TextLayout(NamedTuple):
             )
         if named is None and count not in (len(_ORDER) - 1, len(_ORDER)):
             raise ProblemError(
-                f"columns: must be given, as the file has no header and rows of {count} values"
+                f"columns: must be given, as the file has no header and rows of {count} values; "
+                + _KNOWN_ORDERS.get(count, 'set columns in [[tracks]], with "-" for unused ones')
             )
         return [*(named or _ORDER)[:count], *["-"] * (count - len(named or _ORDER))]
 
@@ -200,6 +234,11 @@ class TextLayout(NamedTuple):
             if "," in rate:
                 raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
         return {float(rate) for rate in rates if is_number(rate)}
+
+
+def _bare_header(line: str, separator: str | None) -> list[str]:
+    """Returns the names in a header, which may begin like a comment of MATLAB or C."""
+    return fields_of(_OTHER_COMMENT.sub("", line), separator)
 
 
 def fields_of(line: str, delimiter: str | None) -> list[str]:
@@ -333,19 +372,60 @@ def places_of(names: Sequence[str], field: str) -> Places:
         role = Name.of(name).role
         if role == "time" and len(plain) == 1 < len(times) and name not in plain:
             continue  # the same moments in another form
+        if role is None:
+            continue
         if role in places:
-            raise ProblemError(f"{field}: must name one column {role}, not two")
-        if role is not None:
-            places[role] = place
+            if _is_rare(name, role):
+                continue
+            if not _is_rare(names[places[role]], role):
+                raise ProblemError(f"{field}: must name one column {role}, not two")
+        places[role] = place
     metres, degrees = (axes <= places.keys() for axes in _AXES)
-    if "id" not in places or not (metres or degrees) or not places.keys() & {"frame", "time"}:
-        raise ProblemError(
-            f"{field}: must name the columns id, frame or time, and x and y or latitude and "
-            f"longitude, not {', '.join(names)}{_about_corners(names)}"
-        )
+    if not (metres or degrees) or not places.keys() & {"frame", "time"}:
+        raise ProblemError(_about_missing(names, field, places))
     for axis in _AXES[metres]:  # columns that are not used or not both present
         places.pop(axis, None)
     return places
+
+
+def require_degrees(names: Sequence[str], places: Places) -> None:
+    """Raises a ProblemError if a name states another unit of latitudes or longitudes."""
+    for role in ("latitude", "longitude"):
+        unit = Name.of(names[places[role]]).unit
+        if unit in _RADIANS or unit in PER_METRE:
+            raise ProblemError(f"{role}: must be in degrees, not in {unit}: convert the column")
+
+
+def require_ids(names: Sequence[str], field: str) -> None:
+    """Raises a ProblemError, naming the columns, if none has the ids of people."""
+    places = {role: place for place, name in enumerate(names) if (role := Name.of(name).role)}
+    if "id" not in places:
+        raise ProblemError(_about_missing(names, field, places))
+
+
+def _is_rare(name: str, role: str) -> bool:
+    """Returns True if a name counts only if no other column has the role."""
+    return _spelt(_bare(name)) in _RARER.get(role, "").split()
+
+
+def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
+    """Returns a message about missing columns, with the columns to set in a recipe."""
+    words = (
+        f"{field}: must name the columns id, frame or time, and x and y or latitude and "
+        f"longitude, not {', '.join(names)}{_about_corners(names)}"
+    )
+    if field == "columns" or not places:
+        return words
+    axes = _AXES[not places.keys() & {"x", "y"} and bool(places.keys() & _AXES[1])]
+    wanted = ["id", *([] if places.keys() & {"frame", "time"} else ["time"]), *sorted(axes)]
+    missing = [role for role in wanted if role not in places]
+    used = {place: role for role, place in places.items()}
+    listed = ", ".join(f'"{used.get(place, "-")}"' for place in range(len(names)))
+    return (
+        f"{words}; if it has {' and '.join(missing)} under another name, set columns = [{listed}] "
+        f"in [[tracks]] with {' and '.join(missing)} in the right "
+        f"place{'s' if len(missing) > 1 else ''}"
+    )
 
 
 def _is_plain_time(name: str) -> bool:
@@ -389,9 +469,12 @@ def _about_corners(names: Sequence[str]) -> str:
     edges = [name for name in names if _spelt(_bare(name)) in _CORNERS]
     if len(edges) < _EDGES:
         return ""
+    listed = ", ".join(edges)
+    if all(_NUMBERED.fullmatch(_spelt(_bare(name))) for name in edges):
+        return f"; if {listed} are places of several people, write a row for each person and moment"
     return (
-        f"; {', '.join(edges)} are edges of boxes: write the place where each person stands as x "
-        "and y, in metres"
+        f"; {listed} are edges of boxes: write the place where each person stands as x and y, in "
+        "metres"
     )
 
 
@@ -403,7 +486,9 @@ def _bare(name: str) -> str:
 def _parts(name: str) -> tuple[str, str | None]:
     """Returns a name without its unit, and the short name of the unit or else the original word."""
     if found := _UNIT_OF_NAME.match(name):
-        return found[1], _unit(found[2], first=found[3])
+        # "z (height) [mm]" has the unit in the second bracket
+        known = [unit for text in _BRACKET.findall(name) if (unit := _known(text))]
+        return found[1], known[0] if known else _unit(found[2], first=found[3])
     word, _, unit = name.rpartition("_")
     short = unit.lower() if unit.lower() in _REFUSED else _known(unit)
     return (word, short) if word and short else (name, None)

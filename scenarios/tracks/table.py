@@ -113,6 +113,14 @@ _EXAMPLES = {
 }
 
 
+_IN_DEGREES = "; write decimal degrees, not minutes or parts of 1e7"
+_ADVICE = {
+    "frame": "; is it a time? Name it time in columns",
+    "latitude": _IN_DEGREES,
+    "longitude": _IN_DEGREES,
+}
+
+
 def require_numbers(values: Values, where: Callable[[int], str]) -> None:
     """Raises a ProblemError unless numbers are finite and in range, and ids and frames whole."""
     for role, column in values.items():
@@ -126,7 +134,7 @@ def require_numbers(values: Values, where: Callable[[int], str]) -> None:
             kind = "a whole number" if whole else "a number"
             raise ProblemError(
                 f"{where(row)}, {role}: must be {kind} within +-{plain(most)}, not {column[row]:g}"
-                + ("; is it a time? Name it time in columns" if role == "frame" else "")
+                + _ADVICE.get(role, "")
             )
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
@@ -33,13 +33,18 @@ from cocap_opt.scenarios.tracks.layout import (
     fields_of,
     is_number,
     places_of,
+    require_degrees,
+    require_ids,
     require_values,
 )
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers, settled
 from cocap_opt.scenarios.tracks.times import (
+    A_CLOCK,
     A_DATE,
     Epoch,
+    is_clock,
     is_date,
+    times_of_clock,
     times_of_dates,
     times_of_numbers,
 )
@@ -50,6 +55,8 @@ HEADS = 0.9, 2.5  # m, allowed median of a column called height; a name such as 
 # smallest factor by which distances in the wrong order of columns exceed those in the right one
 _FAR_CLEARER = 10.0
 _FASTEST = 12.0  # m/s, of people
+_AXES = {"x", "y", "latitude", "longitude"}
+_MISSING = {"", "na", "n/a", "null", "none", "-"}  # besides nan, which is a number
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
 
@@ -66,13 +73,15 @@ def read_text_table(path: Path, form: Form, projection: MapProjection) -> TrackT
     layout = TextLayout.of(text, form.delimiter)
     names = layout.names(form.columns)
     with _in_guessed_order(form.columns is None and layout.names_nothing()):
-        return _of_layout(text, layout, names, form, projection)
+        return _of_layout(path, text, layout, names, form, projection)
 
 
 def _of_layout(
-    text: str, layout: TextLayout, names: Sequence[str], form: Form, projection: MapProjection
-) -> TrackTable:
-    places = places_of(names, "columns" if form.columns else "header")
+    path: Path, text: str, layout: TextLayout, names: Sequence[str], form: Form,
+    projection: MapProjection,
+) -> TrackTable:  # fmt: skip
+    field = "columns" if form.columns else "header"
+    places = places_of(names, field)
     is_in_degrees = "latitude" in places
     default = "m" if is_in_degrees and not form.unit else form.unit
     unit = settled("unit", layout.units(names), default)
@@ -87,13 +96,23 @@ def _of_layout(
         places.pop("time", None)
     if "time" in places and is_date(layout.row[places["time"]]):
         form.require_left_out("dates", "time_unit")
+    if "time" in places and is_clock(layout.row[places["time"]]):
+        form.require_left_out("times of day", "time_unit")
     values, words, clock = _values(text, layout, places, len(names), time_unit)
+    if "id" not in places:
+        words = _one_person(path, values, names, field)
+    kept = _found(path, values)
+    values = {role: column[kept] for role, column in values.items()}
+    words = words if words is None else words[kept]
+    stamps = stamps if stamps is None else stamps[kept]
 
     def where(row: int) -> str:
-        return f"line {next(islice(_row_lines(text, layout), row, None))[0]}"
+        return f"line {next(islice(_row_lines(text, layout), int(kept[row]), None))[0]}"
 
     require_numbers(values, where)
     if is_in_degrees:
+        require_degrees(names, places)
+        _require_signs(text, layout, names, values)
         points = projection.metres(values.pop("latitude"), values.pop("longitude"))
         values["x"], values["y"] = PER_METRE[unit] * points.T
     if form.columns is None and layout.names_nothing():
@@ -102,6 +121,55 @@ def _of_layout(
     if "z" in places and names[places["z"]].strip().lower().startswith("height"):
         _require_heads(table, names)
     return table
+
+
+def _one_person(path: Path, values: Values, names: Sequence[str], field: str) -> NDArray[np.str_]:
+    """Returns the ids of rows without ids, which are the rows of one person, called like the file.
+
+    Raises
+    ------
+    ProblemError
+        If two rows have the same moment, so that several people must be in the file.
+    """
+    moments = values.get("time", values.get("frame", np.zeros(0)))
+    if len(np.unique(moments)) < len(moments):
+        require_ids(names, field)
+    log.warning(
+        "%s: no column is called id, so all rows are read as one person, %s", path, path.stem
+    )
+    return np.full(len(moments), path.stem)
+
+
+def _found(path: Path, values: Values) -> IntArray:
+    """Returns the numbers of the rows that have a position.
+
+    Cameras and tags lose people, and many programs write such moments as rows without numbers. If
+    no row has a position, all are returned, so that the first one is reported.
+    """
+    axes = [values[role] for role in ("x", "y", "latitude", "longitude") if role in values]
+    lost: BoolArray = np.asarray(np.isnan(axes).all(axis=0))
+    if not lost.any() or lost.all():
+        return np.arange(len(lost))
+    log.warning(
+        "%s: %d of %d rows have no position and are left out; people are assumed to walk straight "
+        "across short gaps, and to be absent during gaps longer than `gap`",
+        path, lost.sum(), len(lost),
+    )  # fmt: skip
+    return np.flatnonzero(~lost)
+
+
+def _require_signs(text: str, layout: TextLayout, names: Sequence[str], values: Values) -> None:
+    """Raises a ProblemError if letters in a column, not signs, mean south or west."""
+    for role, letters in {"latitude": ("N", "S"), "longitude": ("E", "W")}.items():
+        for place, field in enumerate(layout.row):
+            if field.upper() not in letters or (values[role] < 0).any():
+                continue
+            found = _column_of(text, layout, place, len(names))
+            if any(word.upper() == letters[1] for _, word in found):
+                raise ProblemError(
+                    f"{names[place]}: must be left out, as degrees to the south and west must have "
+                    f"a minus sign: write {role} as a negative number where it is {letters[1]}"
+                )
 
 
 def _values(
@@ -114,13 +182,16 @@ def _values(
     def texts() -> Iterator[tuple[int, str]]:
         return _column_of(text, layout, places["time"], count)
 
-    if is_date(layout.row[places["time"]]):
-        seconds, clock = times_of_dates(texts())
+    first = layout.row[places["time"]]
+    if is_date(first) or is_clock(first):
+        seconds, clock = (
+            times_of_dates(texts()) if is_date(first) else (times_of_clock(texts()), None)
+        )
         others = {role: place for role, place in places.items() if role != "time"}
         values, words = _numbers_of(text, layout, others, count)
     else:
         values, words = _numbers_of(text, layout, places, count)
-        ids = values["id"] if words is None else None
+        ids = values.get("id")
         seconds, clock = times_of_numbers(values["time"], ids, time_unit, texts)
     return values | {"time": seconds}, words, clock
 
@@ -172,7 +243,7 @@ def _numbers_of(
     text: str, layout: TextLayout, places: Places, count: int
 ) -> tuple[Values, NDArray[np.str_] | None]:
     """Returns the numbers of columns, by their places, and the ids if they are words."""
-    words = not is_number(layout.row[places["id"]])
+    words = "id" in places and not is_number(layout.row[places["id"]])
     if not words:
         try:
             # This is a hundred times faster than the loop, but reads only plain numbers.
@@ -217,11 +288,13 @@ def _rows(text: str, layout: TextLayout, count: int) -> Iterator[tuple[int, list
 def _number(text: str, line: int, role: str) -> float:
     if is_number(text):
         return float(text)
+    if role in _AXES and text.lower() in _MISSING:
+        return math.nan
     if _DECIMAL_COMMA.fullmatch(text):
         raise ProblemError(
             f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
         )
-    allowed = f"seconds, or {A_DATE}" if role == "time" else "a number"
+    allowed = f"seconds, {A_CLOCK}, or {A_DATE}" if role == "time" else "a number"
     raise ProblemError(f"line {line}, {role}: must be {allowed}, not {text[:40]!r}")
 
 

@@ -17,7 +17,10 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.tables import PER_SECOND
 
 A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
+A_CLOCK = "a time of day such as 10:00:00.25"
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
+_CLOCK = re.compile(r"(\d{1,3}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
+_HALF_A_DAY = 43_200.0  # s
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEARS = 1678, 2261  # years whose nanoseconds since 1970 fit into an int64
 SINCE_1970 = 1e8  # s; later times can only be times since 1970
@@ -69,6 +72,36 @@ def moment_of(text: str) -> datetime:
     if not is_date(text):
         raise ValueError(text)
     return datetime.fromisoformat(text)
+
+
+def is_clock(text: str) -> bool:
+    """Returns True if a field is hours, minutes and seconds, without a date."""
+    return _CLOCK.fullmatch(text) is not None
+
+
+def times_of_clock(rows: Iterable[tuple[int, str]]) -> FloatArray:
+    """Returns the seconds [n] of times of day, each given with its line number.
+
+    Raises
+    ------
+    ProblemError
+        If one is not hours, minutes and seconds, or they may pass midnight.
+    """
+    seconds: list[float] = []
+    for line, text in rows:
+        found = _CLOCK.fullmatch(text)
+        if found is None:
+            raise ProblemError(
+                f"line {line}, time: must be {A_CLOCK}, as in the first row, not {text[:40]!r}"
+            )
+        hours, minutes, rest = found.groups()
+        seconds.append(3600 * int(hours) + 60 * int(minutes) + float(rest.replace(",", ".")))
+    if max(seconds) - min(seconds) > _HALF_A_DAY:
+        raise ProblemError(
+            "time: must be within 12 hours; if the times of day pass midnight, write dates with "
+            "them"
+        )
+    return np.array(seconds)
 
 
 def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:

@@ -23,6 +23,9 @@ _FASTEST = 12.0  # m/s, of people between two rows
 _BLUR = 1.0  # m, possible error of a position
 _FEW = 0.1  # of all moves; if more are too fast, the cause is not a few wrong rows
 _CLOCKS = 0.01  # relative difference that the clocks of frames and of times may have
+_LOW = 1.3  # m; adults are taller
+_WAY, _BOB = 1.0, 0.3  # m, way of a person on the ground, and up and down of a head
+_COUNTDOWN = 3  # fewest moves that suggest a clock that counts down
 _MOMENTS = 20  # evenly spread moments at which distances between people are measured
 _MOST = 500  # people per moment whose distances are measured
 
@@ -73,8 +76,16 @@ def track_warnings(table: TrackTable) -> Iterator[str]:
         clock = "are the times right" if table.rate is None else f"is fps = {table.rate:g} right"
         asked = f"is {unit_of}, or {clock}?" if unit_of else f"{clock}?"
         yield f"median speed {speed:.4g} m/s: {asked}"
-    yield from _about_heights(table, heights)
+    if _is_y_up(table):
+        yield (
+            "z varies while y stays: does y point upwards, as in Unity? Then exchange y and z in "
+            "columns; if the axes are right-handed, as in OpenGL, change the sign of z, too"
+        )
+    else:
+        yield from _about_heights(table, heights)
+        yield from _about_low_heads(heights)
     yield from _about_stamps(table)
+    yield from _about_countdown(table)
     if not single:
         yield from _about_room(table)
 
@@ -106,7 +117,9 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
     if len(below):
         yield (
             f"z is below 0 for {len(below)} of {len(heights)} people, {heights[below[0]]:.3g} m "
-            f"for id {names[below[0]]}: does z point downwards? They get the height of the shape"
+            f"for id {names[below[0]]}: does z point downwards? They get the height of the shape; "
+            "if x points north and y east, as in PX4 and AirSim, the scene is mirrored: swap x "
+            "and y in columns"
         )
     odd = known[~_within(heights[known], HEIGHTS)]
     if len(odd):
@@ -123,6 +136,28 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
         )
 
 
+def _about_low_heads(heights: FloatArray) -> Iterator[str]:
+    """Yields a warning if z is plausible for a tag on the body or for its middle, not for heads."""
+    known = heights[heights >= HEIGHTS[0]]
+    if len(known) and np.median(known) < _LOW:
+        yield (
+            f"by z, people are {np.median(known):.3g} m tall (median): is it the height of a tag "
+            "or of the middle of the body? Then leave z out of columns"
+        )
+
+
+def _is_y_up(table: TrackTable) -> bool:
+    """Returns True if everybody who moves along z keeps to one y, as where y is the height."""
+    if table.heights is None:
+        return False
+    order = np.argsort(table.ids, kind="stable")
+    starts = np.flatnonzero(table.ids[order][1:] != table.ids[order][:-1]) + 1
+    people = np.split(np.column_stack([table.points[:, 1], table.heights])[order], starts)
+    ranges = np.array([np.ptp(rows, axis=0) for rows in people])
+    moving = ranges[:, 1] > _WAY
+    return bool(moving.any() and (ranges[moving, 0] < _BOB).all())
+
+
 def _about_stamps(table: TrackTable) -> Iterator[str]:
     """Yields a warning if frames and times of a file disagree on its duration."""
     if table.stamps is None or table.rate is None:
@@ -132,6 +167,24 @@ def _about_stamps(table: TrackTable) -> Iterator[str]:
         yield (
             f"the column frame lasts {by_frames:.4g} s at fps = {table.rate:g}, the column time "
             f"{by_times:.4g} s: frames are used; without fps, times are"
+        )
+
+
+def _about_countdown(table: TrackTable) -> Iterator[str]:
+    """Yields a warning if times decrease down the file, as on the clock of a game.
+
+    Dates cannot count down: such a file merely has its latest rows first.
+    """
+    if table.clock is not None or table.rate is not None:
+        return
+    persons = np.unique(table.ids, return_inverse=True)[1]
+    order = np.argsort(persons, kind="stable")
+    same = np.diff(persons[order]) == 0
+    steps = np.diff(table.times[order])[same]
+    if len(steps) >= _COUNTDOWN and (steps < 0).all():
+        yield (
+            "times decrease from row to row: are they the time that is left, as on the clock of a "
+            "game? Then people walk backwards here; write the time since the beginning"
         )
 
 

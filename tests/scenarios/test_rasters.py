@@ -169,7 +169,7 @@ def test_spellings_of_one_grid(grid: Callable[[str], Path], text: str) -> None:
             HEADER + "1 2\n3 4\n5 6",
             "ncols and nrows: must be 2 and 3, the number of values in a row ",
         ),
-        (HEADER + "1 2 3,5\n4 5 6", "row 1, column 3 .* must be a number, not '3,5'"),
+        (HEADER + "1 2 3,5,1\n4 5 6", "row 1, column 3 .* must be a number, not '3,5,1'"),
         (HEADER + "1 2 3.5\n4 five 6", "row 2, column 2 .* must be a number, not 'five'"),
         (HEADER + "1 2 3.5\n4 1_0 6", "row 2, column 2 .* must be a number, not '1_0'"),
         (HEADER + "1_0 2 3.5\n4 1 6", "row 1, column 1 .* must be a number, not '1_0'"),
@@ -480,7 +480,7 @@ def test_files_that_are_none(tmp_path: Path, name: str) -> None:
 
 def test_names_of_other_formats(tmp_path: Path) -> None:
     """A name says the format; others are refused with the names that are allowed."""
-    refused(tmp_path / "map.png", r"must be named .asc, .tif or .tiff")
+    refused(tmp_path / "map.png", r"must be an ESRI ASCII grid \(.asc\) or a GeoTIFF \(.tif\)")
 
 
 def test_without_rasterio(tiff: Write, monkeypatch: pytest.MonkeyPatch) -> None:

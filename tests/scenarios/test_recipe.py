@@ -1237,7 +1237,10 @@ def test_vertices_that_no_triangle_has_are_no_part_of_a_mesh() -> None:
     mesh = Mesh(vertices=corners, triangles=np.array([[0, 1, 2]]))
     problem = load_scene("bridge", 0)
     found = warnings(problem.replace(meshes=(*problem.meshes, mesh)))
-    assert "meshes[1] is entirely below the ground: its top is at 0 m" in found
+    below = (
+        "meshes[1] is entirely below the ground: its top is at 0 m; is another axis up in its file?"
+    )
+    assert below in found
     assert not any("high: is its unit" in warning for warning in found)
 
 

@@ -213,7 +213,7 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1 0 1 2\n1.5 1 1 2\n", {}, "line 2, id: must be a whole number"),
         ("1 0 1 2\n1 0.5 1 2\n", {}, "line 2, frame: must be a whole number"),
         ("Bob,0,1,2\nBob,1,1,inf\n", {}, "line 2, y: must be a number within"),
-        ("id frame x y\n1 3 1 2\n2 3 1 2\n#\n1 3 1 2\n", {}, "line 5: must not be a second row"),
+        ("id frame x y\n1 3 1 2\n2 3 1 2\n#\n1 3 1 3\n", {}, "line 5: must not be a second row"),
         ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, and x and y"),
         ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
         ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
