@@ -25,6 +25,8 @@ from cocap_opt.text import pair
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 APART, EARTH = 100.0, 6_371_008.8  # m, distance between compared points; radius of the Earth
 WEB_MERCATOR = 3857  # EPSG
+_COLOURS = {"palette", "red", "green", "blue", "alpha", "hue", "saturation", "lightness", "cyan",
+            "magenta", "yellow", "black"}  # fmt: skip
 FULL, STEEP = 255, 50  # the largest byte, and by how much it may exceed all other heights
 CACHE = 64  # MB; by default, GDAL uses a share of all memory
 
@@ -130,6 +132,12 @@ def _band(dataset: Any, band: int | None) -> int:
     kind = dataset.dtypes[band - 1]
     if kind.startswith("complex"):
         raise ProblemError(f"band {band}: must contain real numbers, not {kind}")
+    meaning = dataset.colorinterp[band - 1].name
+    if meaning in _COLOURS:
+        raise ProblemError(
+            f"band {band}: must contain heights, but the file says that it contains colours "
+            f"({meaning}); if they are heights, state it with gdal_edit.py -colorinterp_{band} gray"
+        )
     return band
 
 

@@ -354,6 +354,37 @@ def test_tiff_bands(tiff: Write) -> None:
         refused(path, r"band: must be within 1\.\.2", band=band)
 
 
+@pytest.mark.parametrize(
+    ("photometric", "rows", "word"), [("palette", ROWS, "palette"), ("rgb", [ROWS] * 3, "green")]
+)
+def test_colours_are_no_heights(
+    tiff: Write, photometric: str, rows: list[Any], word: str
+) -> None:
+    """Of a palette or an image, whatever their numbers."""
+
+    def change(dataset: Any) -> None:
+        if word == "palette":
+            dataset.write_colormap(1, {k: (k, 0, 0, 255) for k in range(256)})
+
+    path = tiff(rows, dtype="uint8", photometric=photometric, change=change)
+    band = len(rows) - 1 if word == "green" else 1
+    refused(path, f"band {band}: must contain heights, but .* colours \\({word}\\)", band=band)
+
+
+@pytest.mark.parametrize("name", ["map.prj", "MAP.TIF.PRJ", "map.qpj"])
+def test_the_projection_beside_a_tiff_counts_if_it_has_none(tiff: Write, name: str) -> None:
+    """With a world file it is often written so."""
+    feet = 'PROJCS["NAD83",GEOGCS["GCS",UNIT["Degree",0.017]],UNIT["Foot_US",0.3048006096012192]]'
+    path = tiff()
+    beside = path.with_name(name)
+    beside.write_text(feet)
+    refused(path, rf"{name}: must be a projection in metres, not in Foot_US")
+    beside.write_text("EPSG:25830")
+    assert read_raster(path).crs == "EPSG:25830"
+    beside.write_text(feet)
+    assert read_raster(tiff(crs="EPSG:25830")).crs == "EPSG:25830"
+
+
 def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
     """A band that a text grid cannot have is refused."""
     path = grid(HEADER + NUMBERS)
