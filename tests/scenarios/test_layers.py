@@ -132,9 +132,9 @@ def test_nothing_on_earth_is_so_tall(tmp_path: Path, value: float) -> None:
     file = f'file = "{grid(tmp_path / "trees.asc", trees)}"'
     ground = f'heights = "absolute"\nground = "{grid(tmp_path / "g.asc", np.zeros((12, 9)))}"'
     words = f"heights: must be at most 1000 m above the ground, but the highest is {value:g} m"
-    for base, layers in ((file, ()), (f"{file}\n{ground}", ()), ("size = [12, 9]", (file,))):
+    for base, files in ((file, ()), (f"{file}\n{ground}", ()), ("size = [12, 9]", (file,))):
         with pytest.raises(ProblemError, match=words):
-            scene(tmp_path, *layers, base=base)
+            scene(tmp_path, *files, base=base)
 
 
 def test_crowns_leave_room_below(tmp_path: Path) -> None:

@@ -357,9 +357,7 @@ def test_tiff_bands(tiff: Write) -> None:
 @pytest.mark.parametrize(
     ("photometric", "rows", "word"), [("palette", ROWS, "palette"), ("rgb", [ROWS] * 3, "green")]
 )
-def test_colours_are_no_heights(
-    tiff: Write, photometric: str, rows: list[Any], word: str
-) -> None:
+def test_colours_are_no_heights(tiff: Write, photometric: str, rows: list[Any], word: str) -> None:
     """Of a palette or an image, whatever their numbers."""
 
     def change(dataset: Any) -> None:

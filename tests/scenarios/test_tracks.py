@@ -278,18 +278,27 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         # A comment says the same wherever it stands, as in files that were joined.
         (HEADED + "# unit: cm\n", {}, "unit: must be cm, as the file states, not m"),
         (HEADED + "1,2,1,4 # framerate: 25\n", {}, "fps: must be 25.0, as the file states, not 1"),
-        ("# framerate: 8\n" + HEADED + "# framerate: 16\n1,2,1,4\n", {"fps": None},
-         "fps: must be one, but the file states 16.0 and 8.0"),
+        (
+            "# framerate: 8\n" + HEADED + "# framerate: 16\n1,2,1,4\n",
+            {"fps": None},
+            "fps: must be one, but the file states 16.0 and 8.0",
+        ),
         (HEADED + "# frame id x y\n2,1,1,4\n", {}, "columns: must be the same for all rows, id, "),
         *(
             (f"# framerate: {rate}\n" + HEADED, {"fps": None}, f"fps: must be a number of {words}")
             for rate in ("30000/1001", "1/16", "16.2.3", "15-16", "16x2")
             for words in (f"frames per second, but a comment states {rate!r}",)
         ),
-        ("scene," + HEADED.replace("\n1,", "\nA,1,") + "B,1,9,1,2\n", {},
-         "scene: must be the same in all rows, as ids count anew in each, but is 'A' and 'B'; "),
-        ("recordingId," + HEADED.replace("\n1,", "\n4,1,") + "5,1,9,1,2\n", {},
-         "recordingId: must be the same in all rows"),
+        (
+            "scene," + HEADED.replace("\n1,", "\nA,1,") + "B,1,9,1,2\n",
+            {},
+            "scene: must be the same in all rows, as ids count anew in each, but is 'A' and 'B'; ",
+        ),
+        (
+            "recordingId," + HEADED.replace("\n1,", "\n4,1,") + "5,1,9,1,2\n",
+            {},
+            "recordingId: must be the same in all rows",
+        ),
         ("\ud800", {}, "must be a text file"),
     ],
 )
@@ -306,7 +315,7 @@ def test_what_is_not_allowed_is_said(
 
 
 @pytest.mark.parametrize(
-    "rate", ["16", "16.", "16.00 fps", "16fps", "16 Hz", "16Hz,", "16/s", "1.6e1", "16)", "16, 2 px"]
+    "rate", ["16", "16.", "16.0 fps", "16fps", "16 Hz", "16Hz,", "16/s", "1.6e1", "16)", "16, 2 px"]
 )
 def test_spellings_of_a_frame_rate(tmp_path: Path, rate: str) -> None:
     """With a unit, and with whatever follows it in a sentence."""
