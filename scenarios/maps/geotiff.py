@@ -51,10 +51,19 @@ def read(
                 return _read(dataset, band, nodata, window, unit)
     except NotGeoreferencedWarning as error:
         raise _no_geotransform() from error
-    except (RasterioError, CRSError, UnicodeError) as error:
+    except Exception as error:
+        # GDAL's own errors have no public base class; any call may raise them.
+        is_known = isinstance(error, RasterioError | CRSError | UnicodeError)
+        if isinstance(error, ProblemError) or not (is_known or _is_of_gdal(error)):
+            raise
         raise ProblemError(
             "cannot be read as GeoTIFF: it is damaged, cut off, or compressed in an unknown way"
         ) from error
+
+
+def _is_of_gdal(error: Exception) -> bool:
+    """Returns True for the errors of GDAL that rasterio passes on."""
+    return type(error).__module__.partition(".")[0] == "rasterio"
 
 
 @contextmanager
