@@ -16,7 +16,7 @@ from others import data
 from strategies import examples
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.maps import raster, raster_files
+from cocap_opt.scenarios.maps import geotiff, raster, raster_files
 from cocap_opt.scenarios.maps.raster import Grid, Raster
 from cocap_opt.scenarios.maps.raster_files import read_raster
 from cocap_opt.world.workspace import HeightMap
@@ -483,6 +483,27 @@ def test_truncated_tiff(
     refused(path, "cannot be read as GeoTIFF: it is damaged, cut off")
     assert capfd.readouterr() == ("", "")
     assert not caplog.records
+
+
+def test_what_gdal_raises_later_is_told_in_a_line(
+    tiff: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of some damaged keys it only says so at a later call; errors of our own are none of these."""
+    path = tiff()
+    errors = pytest.importorskip("rasterio._err")
+
+    def raising(error: Exception) -> Callable[..., int]:
+        def band(*_: Any) -> int:
+            raise error
+
+        return band
+
+    late = errors.CPLE_AppDefinedError(3, 1, "Key GeogCitationGeoKey has offset=22")
+    monkeypatch.setattr(geotiff, "_band", raising(late))
+    refused(path, "cannot be read as GeoTIFF: it is damaged")
+    monkeypatch.setattr(geotiff, "_band", raising(KeyError("ours")))
+    with pytest.raises(KeyError, match="ours"):
+        read_raster(path)
 
 
 def test_tiff_with_text_of_another_encoding(tiff: Write) -> None:
