@@ -1,16 +1,13 @@
 """The checker that is proved in Coq: its proof has no hole, its program refuses what is false."""
 
-import contextlib
 import json
 import math
 import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from fractions import Fraction
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +18,7 @@ from damaged_files import document
 from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import SHARE, drawn_meetings, drawn_problems, examples
+from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
 from cocap_opt.experiments.lab.studies.verified import WITHOUT_PATHS
@@ -41,7 +38,7 @@ AXIOMS = {"sig_not_dec", "sig_forall_dec", "functional_extensionality_dep"}  # o
 MISSING = [name for name in ("coqc", "ocamlfind") if shutil.which(name) is None]
 
 pytestmark = [
-    pytest.mark.slow(seconds=30),
+    pytest.mark.long(seconds=30),  # proving and building alone
     pytest.mark.skipif(bool(MISSING), reason=f"{' and '.join(MISSING)} not installed"),
 ]
 
@@ -56,44 +53,14 @@ Ask = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(scope="module")
-def built(
-    tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config
-) -> tuple[Path, str]:
-    """The program, and what building it printed.
-
-    The main suite keeps both in pytest's cache, by the digest of sources and compilers. The second
-    suite proves and builds everything anew.
-    """
-    folder, printed = tmp_path_factory.mktemp("coq"), "printed.txt"
-    kept = None if SHARE >= 1 else _kept(pytestconfig)
-    if kept is not None and kept.exists():
-        shutil.copytree(kept, folder, dirs_exist_ok=True)
-        return folder / PROGRAM, (folder / printed).read_text()
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The program, and what building it printed."""
+    folder = tmp_path_factory.mktemp("coq")
     done = subprocess.run(
         [FOLDER / "build.sh", folder], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    (folder / printed).write_text(done.stdout)
-    if kept is not None:
-        whole = Path(tempfile.mkdtemp(dir=kept.parent))
-        for path in (folder / PROGRAM, folder / printed, *folder.glob("*.ml*")):
-            shutil.copy(path, whole)
-        with contextlib.suppress(OSError):  # another worker was first
-            whole.rename(kept)
     return folder / PROGRAM, done.stdout
-
-
-def _kept(config: pytest.Config) -> Path | None:
-    """The folder for what is built of these sources; None if pytest has no cache."""
-    if not config.pluginmanager.has_plugin("cacheprovider") or config.cache is None:
-        return None
-    made_of = sha256()
-    for path in sorted(FOLDER.iterdir()):
-        if path.suffix in (".v", ".ml", ".sh"):
-            made_of.update(f"{path.name} {len(path.read_bytes())}\n".encode() + path.read_bytes())
-    for command in (["coqc", "--version"], ["ocamlfind", "list"]):
-        made_of.update(subprocess.run(command, capture_output=True, check=True).stdout)
-    return config.cache.mkdir("coq") / made_of.hexdigest()
 
 
 @pytest.fixture(scope="module")
@@ -327,9 +294,7 @@ def test_cuts_of_many_drones_are_checked(ask: Ask) -> None:
 
 
 # Step envelopes have several stages here, and paths of all drones prove as much without them.
-staged_scenes = pytest.mark.parametrize(
-    "name", ["corridor-tight", pytest.param("bottleneck", marks=pytest.mark.long)]
-)
+staged_scenes = pytest.mark.parametrize("name", ["corridor-tight", "bottleneck"])
 
 
 @staged_scenes

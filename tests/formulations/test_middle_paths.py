@@ -23,7 +23,7 @@ from cocap_opt.formulations.certificates.staged import (
     move_searches,
     price_staged,
 )
-from cocap_opt.formulations.certificates.staged.team_moves import sorting_keys
+from cocap_opt.formulations.certificates.staged.reached import sorting_keys
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Problem
 from cocap_opt.referee import check

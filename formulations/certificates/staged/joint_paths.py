@@ -22,12 +22,9 @@ from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.reached import Reached
 from cocap_opt.formulations.certificates.staged.search import NotEndedError
-from cocap_opt.formulations.certificates.staged.team_moves import (
-    MOST_CHOICES,
-    Reached,
-    Team,
-)
+from cocap_opt.formulations.certificates.staged.team_moves import MOST_CHOICES, Team
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
@@ -81,7 +78,7 @@ def best_plan(
     numbers = tuple(len(step.values) for step in reached)
     # Rows may charge nobody, so a path that is followed to its end may be worth less than the
     # target.
-    if not (reached[-1].values > team.matters).any():
+    if not (reached[-1].values > team.others.threshold).any():
         return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
     return BestPlan(narrowing, float(reached[-1].values[0]), _paths(reached), nodes, numbers)
 

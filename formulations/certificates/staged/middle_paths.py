@@ -25,7 +25,8 @@ from cocap_opt.formulations.certificates.staged.joint_paths import (
 )
 from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
-from cocap_opt.formulations.certificates.staged.team_moves import Reached, Team
+from cocap_opt.formulations.certificates.staged.reached import Reached, in_order, merged
+from cocap_opt.formulations.certificates.staged.team_moves import Team
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
@@ -56,20 +57,21 @@ def best_plan_through(
     if not may_begin_later(narrowing.model):
         raise ValueError("joint paths: may not begin at a later step if starts are free")
     team, searches = Team(narrowing), MoveSearches(most_nodes, plain)
+    threshold = team.others.threshold
     in_middle, worth = team.all_that_count(middle, searches, stop)
     onward = _Onward(team, in_middle)
     for t in range(middle + 1, narrowing.model.problem.horizon + 1):
         onward.add(team.listed(team.moves_after(t, onward.last, searches, stop)))
     gains = onward.gains
-    kept = np.flatnonzero(in_middle.values + gains[0] > team.matters)
+    kept = np.flatnonzero(in_middle.values + gains[0] > threshold)
     back = [Reached((worth + gains[0])[kept], in_middle.placed[kept], kept)]
     for t in range(middle - 1, -1, -1):
         back.append(team.best(team.listed(team.moves_before(t, back[-1], searches, stop))))
     nodes = most_nodes - searches.nodes_left
     numbers = tuple(len(step.values) for step in (*back[::-1], *onward.steps[1:]))
     starts = _starts(narrowing.model)
-    begins = (team.in_order(back[-1].placed) == team.in_order(starts)).all(axis=1)
-    able = np.flatnonzero(begins & (back[-1].values > team.matters))
+    begins = in_order(team.numbers, back[-1].placed) == in_order(team.numbers, starts)
+    able = np.flatnonzero(begins.all(axis=1) & (back[-1].values > threshold))
     if not len(able):
         return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
     best = int(able[0])  # the best comes first
@@ -121,7 +123,7 @@ class _Onward:
         """Adds the moves to the next step."""
         before = self.last
         values, placed, tails = Reached.joined(parts)
-        reached, heads = self._team.merged(parts)
+        reached, heads = merged(self._team.numbers, parts)
         self.steps.append(reached)
         self.moves.append(_Moves(tails, heads, placed, values - before.values[tails]))
 

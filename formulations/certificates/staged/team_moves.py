@@ -7,11 +7,10 @@ state is continued, where robots of one class are exchangeable.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.move_searches import (
@@ -20,6 +19,8 @@ from cocap_opt.formulations.certificates.staged.move_searches import (
     Neighbours,
 )
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.other_steps import OtherSteps
+from cocap_opt.formulations.certificates.staged.reached import Reached, merged
 from cocap_opt.formulations.certificates.staged.search import NotEndedError
 from cocap_opt.stop import Stop
 
@@ -29,34 +30,6 @@ _AT_ONCE = 50_000  # joint states whose pixels are added up at once
 
 # The most [n] that robots of a class can collect at steps not yet explored, given their states [n].
 Potential = Callable[[int, IntArray], FloatArray]
-
-
-class Reached(NamedTuple):
-    """The joint states that are reached at a step, and the best way to each of them.
-
-    Attributes
-    ----------
-    values : [L] J, worth of the steps explored so far; onward from a step in the middle, also the
-        most that the steps before it can be worth
-    placed : [L, R] number of each robot's state
-    before : [L] number of the joint state from which it is reached: one of the previous step, or,
-        if paths are explored backwards, of the next step
-    """
-
-    values: FloatArray
-    placed: IntArray
-    before: IntArray
-
-    @classmethod
-    def empty(cls, robots: int) -> Self:
-        """Returns an empty set of joint states for a number of robots."""
-        nothing = np.zeros((0, robots), dtype=np.int64)
-        return cls(np.zeros(0), nothing, np.zeros(0, dtype=np.int64))
-
-    @classmethod
-    def joined(cls, parts: Iterable[Self]) -> Self:
-        """Returns the joint states of all parts, in their order; there must be at least one."""
-        return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 class _Direction(NamedTuple):
@@ -83,7 +56,7 @@ class Team:
     Attributes
     ----------
     numbers : [R] class of each robot
-    matters : J that a path has to exceed to be followed, including rounding
+    others : what the steps before and after a step can be worth
     """
 
     def __init__(self, narrowing: Narrowing) -> None:
@@ -91,7 +64,7 @@ class Team:
         self._narrowing, self._model = narrowing, model
         class_of = {robot: n for n, robots in enumerate(model.classes) for robot in robots.robots}
         self.numbers = np.array([class_of[robot] for robot in range(len(class_of))])
-        self.matters = narrowing.target - 2 * narrowing.rounding
+        self.others = OtherSteps(narrowing)
 
     # -- from step to step --------------------------------------------------------------------
 
@@ -108,9 +81,9 @@ class Team:
         reached, waiting = Reached.empty(len(self.numbers)), list[Reached]()
         for part in self.moves_after(t, before, searches, stop):
             waiting.append(part)
-            if _n_placed(waiting) > MOST_PLACED:
+            if _are_too_many(waiting):
                 reached, waiting = self.best([reached, *waiting]), []
-                if _n_placed([reached]) > MOST_PLACED:
+                if _are_too_many([reached]):
                     raise NotEndedError
         return self.best([reached, *waiting])
 
@@ -123,8 +96,8 @@ class Team:
         """
         classes = range(len(self._model.classes))
         direction = _Direction(
-            [self._heads(number, t) for number in classes], partial(self._future, t),
-            self._rest_after(t),
+            [self._heads(number, t) for number in classes], partial(self.others.future, t),
+            self.others.rest_after(t),
         )  # fmt: skip
         return self._moves(t, before, direction, searches, stop)
 
@@ -142,8 +115,8 @@ class Team:
         """
         classes = range(len(self._model.classes))
         direction = _Direction(
-            [self._tails(number, t) for number in classes], partial(self._past, t),
-            self._rest_before(t), is_forward=False,
+            [self._tails(number, t) for number in classes], partial(self.others.past, t),
+            self.others.rest_before(t), is_forward=False,
         )  # fmt: skip
         return self._moves(t, later, direction, searches, stop)
 
@@ -159,7 +132,7 @@ class Team:
             raise NotEndedError
         numbers = self.numbers[choices.robots].tolist()
         joint = self._apart(numbers, t, choices.states, direction.potential)
-        floors = self.matters - direction.rest - origin.values
+        floors = self.others.threshold - direction.rest - origin.values
         for rows, heads in searches.found(joint, choices, floors, stop):
             placed = np.empty_like(heads)
             placed[:, choices.robots] = joint.states[heads]
@@ -204,7 +177,7 @@ class Team:
             raise NotEndedError
         numbers = self.numbers[choices.robots].tolist()
         joint = self.apart(numbers, t, choices.states)
-        floors = np.array([self.matters - self._rest_after(t)])
+        floors = np.array([self.others.threshold - self.others.rest_after(t)])
         return self._collected(joint, choices, floors, searches, stop)
 
     def all_that_count(
@@ -223,9 +196,9 @@ class Team:
         found = self._collected(joint, choices, np.array([joint.floor]), searches, stop)
         reached = Reached.joined(found)
         worth = reached.values
-        values = worth + self._rest_before(t)
+        values = worth + self.others.rest_before(t)
         for robot, number in enumerate(self.numbers.tolist()):
-            values += self._past(t, number, reached.placed[:, robot])
+            values += self.others.past(t, number, reached.placed[:, robot])
         return reached._replace(values=values), worth
 
     def _collected(
@@ -249,7 +222,7 @@ class Team:
         found = [Reached.empty(len(self.numbers))]
         for part in parts:
             found.append(part)
-            if _n_placed(found) > MOST_PLACED:
+            if _are_too_many(found):
                 raise NotEndedError
         return found
 
@@ -265,7 +238,7 @@ class Team:
         numbers : class of each robot
         states : for each robot, some of its remaining states at the step
         """
-        return self._apart(numbers, t, states, partial(self._future, t))
+        return self._apart(numbers, t, states, partial(self.others.future, t))
 
     def _apart(
         self, numbers: Sequence[int], t: int, states: Sequence[IntArray], potential: Potential
@@ -281,50 +254,9 @@ class Team:
             self._model, t, states, charge, charge, -np.inf, limits=(limit,), apart=numbers
         )
 
-    # -- what is known of other steps ---------------------------------------------------------
-
-    def _rest_after(self, t: int) -> float:
-        """Returns the J that later constants and rows add to the worth so far and `_future`.
-
-        A plan that has collected F up to step t is worth at most the sum of F, this amount, and the
-        most that all robots can collect after t.
-        """
-        # At the step itself, rows charge at most their multipliers, which this sum contains.
-        return float(self._narrowing.constants[t + 1 :].sum()) + self._rows(t)
-
-    def _rest_before(self, t: int) -> float:
-        """Returns the J that earlier constants and rows, and best paths, add to the worth of the
-        steps from t on and `_past`.
-        """
-        narrowing = self._narrowing
-        return narrowing.bound - float(narrowing.constants[t:].sum()) - self._rows(t)
-
-    def _rows(self, t: int) -> float:
-        """Returns the sum of the multipliers of the rows of a step and of later ones."""
-        rows = self._narrowing.row_multipliers
-        return exact_sum(multiplier for step, multiplier in rows if step >= t)
-
-    def _future(self, t: int, number: int, states: IntArray) -> FloatArray:
-        """Returns the most [n] that robots of a class can collect after a step, in units of J.
-
-        Parameters
-        ----------
-        states : [n] their states at step t
-        """
-        to_go, rewards = self._narrowing.to_go[number], self._narrowing.rewards[number]
-        future: FloatArray = to_go[t, states] - rewards[t, states]
-        return future
-
-    def _past(self, t: int, number: int, states: IntArray) -> FloatArray:
-        """Returns the most [n] that robots of a class can collect before a step, less the value of
-        a best path; parameters are those of `_future`.
-        """
-        # The best path through a state is worth the best path less the state's slack.
-        slack, to_go = self._narrowing.slack[number], self._narrowing.to_go[number]
-        past: FloatArray = -slack[t, states] - to_go[t, states]
-        return past
-
-    # -- many moves together ---------------------------------------------------------------------
+    def best(self, parts: Iterable[Reached]) -> Reached:
+        """Returns the best way to each joint state, best first."""
+        return merged(self.numbers, parts)[0]
 
     def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
         """Returns an array [M], True for moves of the team that have a conflict between the
@@ -346,58 +278,10 @@ class Team:
                 found |= rules.conflict_between(moves, other)
         return found
 
-    def best(self, parts: Iterable[Reached]) -> Reached:
-        """Returns the best way to each joint state, best first."""
-        return self.merged(parts)[0]
 
-    def merged(self, parts: Iterable[Reached]) -> tuple[Reached, IntArray]:
-        """Returns the best way to each joint state, best first; and, for each given way [M], the
-        number of its joint state among them.
-        """
-        values, placed, before = Reached.joined(parts)
-        same = sorting_keys(self.in_order(placed))
-        order = np.lexsort((*sorting_keys(placed), before, -values, *same))
-        is_first = np.zeros(len(order), dtype=np.bool_)
-        is_first[:1] = True
-        for key in same:
-            is_first[1:] |= np.diff(key[order]) != 0
-        kept = order[is_first]
-        best_first = np.argsort(-values[kept], kind="stable")
-        number, rank = np.empty(len(order), dtype=np.int64), np.empty_like(best_first)
-        rank[best_first] = np.arange(len(kept))
-        number[order] = rank[np.cumsum(is_first) - 1]
-        kept = kept[best_first]
-        return Reached(values[kept], placed[kept], before[kept]), number
-
-    def in_order(self, placed: IntArray) -> IntArray:
-        """Returns joint states [L, R] with the states of exchangeable robots in order."""
-        same = placed.copy()
-        for number in range(len(self._model.classes)):
-            alike = self.numbers == number
-            same[:, alike] = np.sort(placed[:, alike], axis=1)
-        return same
-
-
-def sorting_keys(columns: IntArray) -> list[IntArray]:
-    """Returns keys for `np.lexsort` that order rows [L, n] of numbers >= 0, the last column first.
-
-    Several columns form one key, as far as 64 bits suffice: sorting then takes much less time.
-    """
-    keys, most = list[IntArray](), 1
-    for column in columns.T[::-1]:
-        base = int(column.max(initial=0)) + 1
-        if keys and most * base < 2**63:
-            keys[0] = keys[0] * base + column
-            most *= base
-        else:
-            keys.insert(0, column)
-            most = base
-    return keys
-
-
-def _n_placed(parts: Iterable[Reached]) -> int:
-    """Returns the number of states of all robots in some joint states."""
-    return sum(part.placed.size for part in parts)
+def _are_too_many(parts: Iterable[Reached]) -> bool:
+    """Returns True if some joint states, all parts together, take too much memory."""
+    return sum(part.placed.size for part in parts) > MOST_PLACED
 
 
 def _worths(joint: JointStates, chosen: IntArray) -> FloatArray:

@@ -91,32 +91,30 @@ class PathTrials:
         of_stages = self._parameters.times_stages * max(nodes, self._fewest_nodes())
         most_expected = math.inf if to_the_end else of_stages
         allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
-        from_step = self._middle_step(narrowing, allowed)
-        less, nodes_before, failed = self._parameters.less, 0, set[int]()
-        value = self.search.value
-        room = max(narrowing.bound - value, 0.0)
-        # Targets above a bound that is proved already would prove nothing.
-        share = min((self.bound - value) / room, 1.0) if room else 1.0
-        while share > 0:
-            before, lower = self.nodes, max(share - less, 0.0)
-            most_nodes = min(allowed, self._parameters.most_nodes)
-            if self._has_ended(narrowing, from_step, lower, most_nodes, stages):
+        from_step, failed = self._middle_step(narrowing, allowed), set[int]()
+        targets = _Targets(self._parameters, self._share(narrowing), self._parameters.less)
+        while targets.explored > 0:
+            before, most_nodes = self.nodes, min(allowed, self._parameters.most_nodes)
+            if self._has_ended(narrowing, from_step, targets.next, most_nodes, stages):
                 report()
-                nodes_now = self.nodes - before
-                allowed = max(allowed, self._parameters.next_times * nodes_now)
-                times = min(most_expected / max(nodes_now, 1), self._parameters.aimed_times)
-                longer = self._next_less(share - lower, nodes_before, nodes_now, times)
-                if longer < self._parameters.least_less and not to_the_end:
+                taken = self.nodes - before
+                allowed = max(allowed, self._parameters.next_times * taken)
+                if not targets.lower(taken, most_expected) and not to_the_end:
                     return
-                if not failed:
-                    less = max(longer, self._parameters.least_less)
-                share, nodes_before = lower, nodes_now
                 continue
             failed.add(from_step)
-            if less > self._parameters.least_less:
-                less = max(less / 2, self._parameters.least_less)
-            elif (from_step := self._middle_step(narrowing, most_nodes)) in failed:
-                return  # for larger explorations, no other step is better
+            if not targets.halve():
+                from_step = self._middle_step(narrowing, most_nodes)
+                if from_step in failed:
+                    return  # for larger explorations, no other step is better
+
+    def _share(self, narrowing: Narrowing) -> float:
+        """Returns the proved bound's distance from the best plan, as a share of the gap that the
+        stages leave; targets above it would prove nothing.
+        """
+        value = self.search.value
+        room = max(narrowing.bound - value, 0.0)
+        return min((self.bound - value) / room, 1.0) if room else 1.0
 
     def _middle_step(self, narrowing: Narrowing, most_nodes: int) -> int:
         """Returns the step from which a trial explores paths; 0: the start.
@@ -132,21 +130,6 @@ class PathTrials:
             self._middle.choose(narrowing, self.search.value, most_nodes, self.search.stop)
             self.nodes += self._middle.nodes - before
         return self._middle.from_step
-
-    def _next_less(self, less: float, nodes_before: int, nodes_now: int, times: float) -> float:
-        """Returns the reduction of the next target, after a trial that has ended.
-
-        Parameters
-        ----------
-        less : the last reduction of the target
-        nodes_before, nodes_now : nodes of the last two trials, of which the second took more
-        times : wanted size of the next trial, relative to the second
-        """
-        if not 0 < nodes_before < nodes_now:
-            return self._parameters.less
-        # Each reduction multiplies the nodes by about the same factor, or a larger one later on.
-        steps = math.log(times) / math.log(nodes_now / nodes_before)
-        return min(steps * less, self._parameters.most_less)
 
     def _has_ended(
         self, narrowing: Narrowing, from_step: int, share: float, most_nodes: int, stages: int
@@ -196,3 +179,62 @@ class PathTrials:
         """Returns the number of nodes that every trial may use at least."""
         few, plain = self._parameters.fewest_nodes, self._parameters.fewest_plain_nodes
         return few if searches_are_fast(self.search.stop) else plain
+
+
+@dataclass
+class _Targets:
+    """Ever lower targets: each is J of the best plan and a share of the gap that the stages leave.
+
+    Attributes
+    ----------
+    explored : the share above which all plans have been explored
+    less : the next reduction of that share
+    nodes : nodes of the last trial that has ended
+    is_halved : True once a trial has not ended: reductions then grow no more
+    """
+
+    parameters: TrialParameters
+    explored: float
+    less: float
+    nodes: int = 0
+    is_halved: bool = False
+
+    @property
+    def next(self) -> float:
+        """The share of the next target."""
+        return max(self.explored - self.less, 0.0)
+
+    def lower(self, nodes: int, most_expected: float) -> bool:
+        """Lowers the target after a trial that has ended; returns False if the next trial is
+        expected to take too many nodes even for the least reduction.
+
+        Parameters
+        ----------
+        nodes : nodes of the trial
+        most_expected : largest number of nodes that the next trial may be expected to take
+        """
+        times = min(most_expected / max(nodes, 1), self.parameters.aimed_times)
+        less = self._less_for(nodes, times)
+        self.explored, self.nodes = self.next, nodes
+        if not self.is_halved:
+            self.less = max(less, self.parameters.least_less)
+        return less >= self.parameters.least_less
+
+    def halve(self) -> bool:
+        """Halves the reduction after a trial that has not ended; returns False if it was the
+        least.
+        """
+        self.is_halved = True
+        before = self.less
+        self.less = max(before / 2, self.parameters.least_less)
+        return self.less < before
+
+    def _less_for(self, nodes: int, times: float) -> float:
+        """Returns the reduction for which the next trial takes so many times the nodes of this
+        one.
+        """
+        if not 0 < self.nodes < nodes:
+            return self.parameters.less
+        # Each reduction multiplies the nodes by about the same factor, or a larger one later on.
+        steps = math.log(times) / math.log(nodes / self.nodes)
+        return min(steps * (self.explored - self.next), self.parameters.most_less)
