@@ -18,7 +18,7 @@ from cocap_opt.stop import Clock
 from cocap_opt.text import printable
 
 _SECONDS_TO_A_PACE = 1.0  # after which what is left can be told
-_BAR_WIDTH = 40  # characters
+_WIDTH, _BAR_WIDTH = 80, 40  # characters
 # Where standard error is not a terminal: no silence is longer than 5 s, and the first one shorter.
 SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
 
@@ -69,6 +69,7 @@ class Watch:
         that stay, one after two seconds and then one in four.
         """
         console = Console(stderr=True)
+        console.width = console.width or _WIDTH  # COLUMNS may be 0
         watch = cls(task, parts, plain=not console.is_terminal)
         live = Live(console=console, get_renderable=watch.lines, transient=True)
         with live if console.is_terminal else watch._ticking():

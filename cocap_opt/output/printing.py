@@ -66,13 +66,15 @@ class _Output(Console):
 
 def _has_width() -> bool:
     """Returns True if lines have a width: that of a terminal, or the one that COLUMNS sets."""
-    return sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()
+    columns = os.environ.get("COLUMNS", "")
+    return sys.stdout.isatty() or (columns.isdecimal() and int(columns) > 0)
 
 
 def terminal(least: int = 0) -> Console:
     """Returns standard output with at least this width; longer text is folded."""
     console = _Output() if _has_width() else _Output(width=_WIDE)
-    console.width = max(console.width, least)
+    # some programs that start others set COLUMNS to 0, which leaves no room for a letter
+    console.width = max(console.width or _USUAL, least)
     return console
 
 

@@ -33,10 +33,12 @@ better plan visits, and bound each step as a whole: `Staged` and `Search` explai
 import contextlib
 import functools
 import hashlib
+import io
 import itertools
 import json
 import math
 import operator
+import os
 import sys
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -1917,7 +1919,8 @@ Exit codes:
   0  every claim of the files holds
   1  a file is refused: its claim does not hold, it breaks a rule, or it has
      unknown content
-  2  a wrong call, such as a missing file; nothing is checked
+  2  a wrong call, such as a missing file: nothing is checked; or the answer
+     cannot be written
   3  a claim rests on a search that takes too long here: only its multipliers
      are checked; --branches allows a longer one
 
@@ -2054,8 +2057,20 @@ def no_constant(name: str) -> None:
 
 
 def run() -> None:
-    """Runs the command."""
-    sys.exit(main(sys.argv[1:]))
+    """Runs the command; the exit code is only 0 or 1 if the whole answer was written."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be valid text
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        code = main(sys.argv[1:])
+    except KeyboardInterrupt:
+        code = 130
+    except OSError as error:
+        code = 2
+        with contextlib.suppress(OSError):
+            sys.stderr.write(f"standard output: cannot be written: {error.strerror}\n")
+        # What is left in the buffer would fail once more at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -17,11 +17,12 @@ such an order (`near` is None), the first rows become robots and the following o
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
+import logging
 import math
 import os
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,6 +42,9 @@ BLOCKED = "@OTW"
 
 if TYPE_CHECKING:
     from cocap_opt.scenarios.walking import Graph
+
+
+log = logging.getLogger(__name__)
 
 
 class _Trip(NamedTuple):
@@ -95,6 +99,7 @@ OPTIONS = Options(
         "near": _Numbers(f"{NEAR:g}", float, 0),
     }
 )
+_SAME_LENGTH = 0.01  # cells; files round the lengths of paths
 _ATTEMPTS = 10  # attempts to find people near whom drones can start
 # parameters of `read` with another name than their option
 _ARGUMENTS = {"drones": "robots", "people": "actors"}
@@ -152,6 +157,7 @@ def read(
     height_map = HeightMap(heights=np.where(free, 0.0, wall))
     with naming(path):
         starts, walks = cast.placed(_shuffled(trips, seed), free, height_map)
+        _say_lengths(path, trips, walks)
         return Problem(
             name=path.stem,
             height_map=height_map,
@@ -389,6 +395,25 @@ def _distinct_starts(trips: Iterable[_Trip], free: BoolArray) -> Iterator[GridCe
 
 def _walks(trips: Iterable[_Trip], graph: Graph) -> Iterator[list[GridCell]]:
     return (walk for trip in trips if (walk := trip.walk(graph)) is not None)
+
+
+def _say_lengths(path: Path, trips: Iterable[_Trip], walks: Sequence[list[GridCell]]) -> None:
+    """Logs a warning if rows of people state other lengths of shortest paths than the map has.
+
+    A map of another version, or with its axes the other way round, would not be noticed otherwise.
+    """
+    stated = {(trip.start, trip.goal): trip.length for trip in trips}
+    lengths = [
+        (sum(math.dist(*ends) for ends in pairwise(walk)), stated[walk[0], walk[-1]])
+        for walk in walks
+    ]
+    wrong = [(found, told) for found, told in lengths if told and abs(found - told) > _SAME_LENGTH]
+    if wrong:
+        log.warning(
+            "%s: %d of %d rows of people state a shortest path of another length than on the map, "
+            "such as %.6g instead of %.6g: is it the map for which they were made?",
+            path, len(wrong), len(walks), wrong[0][1], wrong[0][0],
+        )  # fmt: skip
 
 
 def _paths(trips: Iterable[_Trip], graph: Graph) -> int:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from cocap_opt.data import LARGEST, ProblemError
+from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.earth.lengths import stated_length
 
 STOREY = 3.0  # m; the value that Simple 3D Buildings proposes if only storeys are known
@@ -24,7 +24,10 @@ _STOREYS = "buildinglevels", "levels", "numfloors"
 _ROOF, _ROOF_STOREYS = "roofheight", "rooflevels"
 _BOTTOM = "minheight", "buildingminheight"
 _BOTTOM_STOREYS = "buildingminlevel", "minlevel", "minfloor"
-_KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS)
+# Units of the heights, and columns that may also count dwellings.
+_UNIT, _MAYBE_UNIT = ("heightunit", "heightunits", "unitofheight", "heightuom"), ("unit", "units")
+_KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS,
+          *_UNIT, *_MAYBE_UNIT)  # fmt: skip
 
 _UNKNOWN = -1, "-1", "-1.0"  # as a height
 
@@ -35,6 +38,7 @@ _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")  # thousands or a decimal comma; 
 _HSTORE = re.compile(r'"([^"]+)"=>"([^"]*)"')
 _FROM_FOOT = re.compile(r"\s*\b(?:above ground(?: level)?|agl)$", re.IGNORECASE)
 _FOOT, _INCH = 0.3048, 0.0254  # m
+TALLEST = 1000.0  # m above the ground; no building or tree is as tall
 
 
 class Extent(NamedTuple):
@@ -65,6 +69,7 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
         If a value is not a length, or the bottom is not below the top; one line.
     """
     given = _known(properties, field)
+    _require_metres(given, field)
     bottom, top = _length(given, _BOTTOM, field, least=0), _length(given, _TOP, field)
     is_counted = False
     if top is None and (storeys := _number(given, _STOREYS, field)) is not None:
@@ -83,6 +88,26 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
             "min_height or comes from the number of lowest storeys"
         )
     return Extent(bottom, top, is_counted)
+
+
+def is_underground(properties: Mapping[str, Any]) -> bool:
+    """Returns True for a structure that OpenStreetMap says is below the ground."""
+    return any(
+        name.casefold() == "location" and value == "underground"
+        for name, value in _flat(properties, "properties")
+    )
+
+
+def _require_metres(given: Mapping[str, _Given], field: str) -> None:
+    """Raises a ProblemError if a property of its own states that heights are not in metres."""
+    for key in (*_UNIT, *_MAYBE_UNIT):
+        name, value = given.get(key, (key, "m"))
+        unit = stated_length(str(value))
+        if (unit is None and key in _UNIT) or (unit is not None and unit.metres != 1):
+            raise ProblemError(
+                f"{field}.{name}: must be m, as plain heights are in metres, not {value!r:.40}; "
+                'write the unit with each height, such as "40 ft"'
+            )
 
 
 def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
@@ -154,7 +179,11 @@ def _length(
         return None
     name, value = found
     metres = _metres(value)
-    if not (metres <= LARGEST and (metres > 0 if least is None else metres >= least)):
+    if metres > TALLEST:
+        raise ProblemError(
+            f"{field}.{name}: must be at most {TALLEST:g} m, not {value!r:.40}; is it in cm or mm?"
+        )
+    if not (metres > 0 if least is None else metres >= least):  # true for nan, too
         above = "above" if least is None else ">="
         raise ProblemError(
             f"{field}.{name}: must be a number of metres {above} 0, or a length such as "
@@ -173,9 +202,11 @@ def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> 
         count = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         count = math.nan
-    if not 0 <= count <= LARGEST:
+    most = TALLEST // STOREY
+    if not 0 <= count <= most:
         raise ProblemError(
-            f"{field}.{name}: must be a number of storeys >= 0, or left out, not {value!r:.40}"
+            f"{field}.{name}: must be a number of storeys from 0 to {most:g}, or left out, not "
+            f"{value!r:.40}"
         )
     return count
 

@@ -61,6 +61,7 @@ _Geometry = (
 
 class _Feature(_Object, tag="Feature"):
     geometry: _Geometry | None = None
+    place: Any = None  # of JSON-FG: the geometry in another system, or of another kind
     properties: dict[str, Any] | None = None
 
 
@@ -96,6 +97,12 @@ def read_geojson(text: str) -> tuple[list[FoundPolygon], Counter[str], Any]:
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(f"GeoJSON: {in_words(error, text, kind)}") from error
     others: Counter[str] = Counter()
+    for field, feature in _features(content):
+        if feature.geometry is None and feature.place is not None:
+            raise ProblemError(
+                f"{field}place: must not be given without a geometry, as in JSON-FG; convert it "
+                "with `ogr2ogr NEW.geojson OLD.json`"
+            )
     polygons = [
         FoundPolygon(polygon, field, feature.properties or {})
         for field, feature in _features(content)

@@ -25,6 +25,8 @@ from cocap_opt.text import pair
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
 APART, EARTH = 100.0, 6_371_008.8  # m, distance between compared points; radius of the Earth
 WEB_MERCATOR = 3857  # EPSG
+_COLOURS = {"palette", "red", "green", "blue", "alpha", "hue", "saturation", "lightness", "cyan",
+            "magenta", "yellow", "black"}  # fmt: skip
 FULL, STEEP = 255, 50  # the largest byte, and by how much it may exceed all other heights
 CACHE = 64  # MB; by default, GDAL uses a share of all memory
 
@@ -49,10 +51,19 @@ def read(
                 return _read(dataset, band, nodata, window, unit)
     except NotGeoreferencedWarning as error:
         raise _no_geotransform() from error
-    except (RasterioError, CRSError, UnicodeError) as error:
+    except Exception as error:
+        # GDAL's own errors have no public base class; any call may raise them.
+        is_known = isinstance(error, RasterioError | CRSError | UnicodeError)
+        if isinstance(error, ProblemError) or not (is_known or _is_of_gdal(error)):
+            raise
         raise ProblemError(
             "cannot be read as GeoTIFF: it is damaged, cut off, or compressed in an unknown way"
         ) from error
+
+
+def _is_of_gdal(error: Exception) -> bool:
+    """Returns True for the errors of GDAL that rasterio passes on."""
+    return type(error).__module__.partition(".")[0] == "rasterio"
 
 
 @contextmanager
@@ -130,6 +141,12 @@ def _band(dataset: Any, band: int | None) -> int:
     kind = dataset.dtypes[band - 1]
     if kind.startswith("complex"):
         raise ProblemError(f"band {band}: must contain real numbers, not {kind}")
+    meaning = dataset.colorinterp[band - 1].name
+    if meaning in _COLOURS:
+        raise ProblemError(
+            f"band {band}: must contain heights, but the file says that it contains colours "
+            f"({meaning}); if they are heights, state it with gdal_edit.py -colorinterp_{band} gray"
+        )
     return band
 
 

@@ -22,7 +22,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WKT, Kind, kind_of_text
-from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent
+from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent, is_underground
 from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
 from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
@@ -211,6 +211,11 @@ def _of_polygons(
         for item, polygon in zip(found, whole, strict=True)
         if polygon is not None and polygon.area > 0
     ]
+    if meaning == "obstacles":
+        deep = [item for item in kept if is_underground(item[0].properties)]
+        if deep:
+            kept = [item for item in kept if item not in deep]
+            notes.append(f"{len(deep)} of {len(found)} polygons are underground, and are left out")
     if not kept:
         raise ProblemError(f"must contain at least one polygon with an area; {'; '.join(notes)}")
     polygons = tuple(polygon for _, polygon in kept)

@@ -15,7 +15,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.earth import same_system, short_name
 from cocap_opt.scenarios.maps.raster import SLIVER, Raster
 from cocap_opt.scenarios.maps.raster_files import read_raster
-from cocap_opt.scenarios.maps.terrain import Terrain
+from cocap_opt.scenarios.maps.terrain import Terrain, refuse_too_tall
 from cocap_opt.scenarios.tables import Length, Size, Table, Unit
 from cocap_opt.scenarios.text import naming, rectangle
 from cocap_opt.world.workspace import HeightMap, Mesh
@@ -75,6 +75,7 @@ class LayerTable(Table):
                 tops = tops + terrain.ground
             above = tops - terrain.ground
             self._say_holes(above)
+            refuse_too_tall(above, "heights")
             stands = above > max(self.lowest, 0.0)  # false for nan, too
             hangs = stands & (above > (np.inf if self.trunks is None else self.trunks))
             solid = np.where(stands & ~hangs, tops, -np.inf)

@@ -115,7 +115,16 @@ def _read(
                     require_true(crs, *raster.origin)
             return raster._replace(crs=crs)
         case ".tif" | ".tiff":
-            return geotiff.read(path, band, nodata, window, unit)
+            raster = geotiff.read(path, band, nodata, window, unit)
+            if raster.crs is not None:
+                return raster
+            # GDAL reads a world file and .aux.xml beside it, but no .prj
+            crs, heights = _beside(path, by_gdal=True) or (None, None)
+            metres_of_heights(heights, unit or "m", path.name)  # rejects another unit
+            if crs:
+                with naming("the reference system beside it"):
+                    require_true(crs, *raster.origin)
+            return raster._replace(crs=crs)
     raise ProblemError(
         "must be an ESRI ASCII grid (.asc) or a GeoTIFF (.tif); convert other grids, such as "
         f".xyz, .bil, .flt and .hgt, {_CONVERTED}, and scattered points with gdal_grid"
@@ -314,10 +323,14 @@ def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
 # -- files beside a grid that state its reference system
 
 
-def _beside(path: Path) -> _Said | None:
+def _beside(path: Path, by_gdal: bool = False) -> _Said | None:
     """Reads the system and units of a grid from `.prj`, `.qpj` and `.aux.xml` beside it, if any.
 
     Their names are the grid's name with another or a second suffix, in upper or lower case.
+
+    Parameters
+    ----------
+    by_gdal : True: without `.aux.xml`, which GDAL has read
 
     Raises
     ------
@@ -325,7 +338,12 @@ def _beside(path: Path) -> _Said | None:
         If a file states that x and y are not in metres, or states a system that is unknown; the
         message names the file.
     """
-    found = [told for other in _files_beside(path) for told in _read_beside(other)]
+    files = [
+        other
+        for other in _files_beside(path)
+        if not (by_gdal and other.suffix.casefold() == ".xml")
+    ]
+    found = [told for other in files for told in _read_beside(other)]
     if not found:
         return None
     units = [heights for _, heights in found if heights is not None]

@@ -10,6 +10,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth import same_system, short_name
+from cocap_opt.scenarios.maps.building_heights import TALLEST
 from cocap_opt.scenarios.maps.raster import Grid, Raster, refuse_too_many
 from cocap_opt.scenarios.maps.raster_files import read_raster
 from cocap_opt.scenarios.tables import (
@@ -120,6 +121,20 @@ def _between(values: FloatArray, parts: int) -> FloatArray:
         high = np.minimum(low + 1, size - 1)
         values = (1 - share) * values.take(low, axis) + share * values.take(high, axis)
     return values
+
+
+def refuse_too_tall(above: FloatArray, field: str) -> None:
+    """Raises a ProblemError if heights above the ground (m; nan: unknown) are of nothing on Earth.
+
+    They are codes for no data such as 9999, or heights above the sea.
+    """
+    highest = float(np.fmax.reduce(above, axis=None, initial=-np.inf))
+    if highest > TALLEST:
+        raise ProblemError(
+            f"{field}: must be at most {TALLEST:g} m above the ground, but the highest is "
+            f'{highest:.9g} m; set nodata if the value means no data, heights = "absolute" if it '
+            "is above the sea, or unit if it is not in metres"
+        )
 
 
 class MapTable(Table):
@@ -239,6 +254,7 @@ class MapTable(Table):
                 'heights = "absolute"',
                 self.file, lowest,
             )  # fmt: skip
+        refuse_too_tall(above, "heights")
         result: FloatArray = np.where(above < self.lowest, 0.0, np.maximum(above, 0.0))
         return result
 

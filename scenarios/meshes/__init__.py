@@ -24,6 +24,7 @@ from cocap_opt.scenarios.meshes.gltf import read_gltf
 from cocap_opt.scenarios.meshes.obj import read_obj
 from cocap_opt.scenarios.meshes.off import read_off
 from cocap_opt.scenarios.meshes.ply import read_ply
+from cocap_opt.scenarios.meshes.stated_units import settled_unit
 from cocap_opt.scenarios.meshes.stl import read_stl
 from cocap_opt.scenarios.tables import PER_METRE, Coordinate, Table, Unit
 from cocap_opt.scenarios.text import naming
@@ -46,7 +47,7 @@ class MeshTable(Table):
     """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str
-    unit: Unit = "m"  # unit of its coordinates
+    unit: Unit | None = None  # of its coordinates; None: as a comment states, otherwise m
     up: Literal["y", "z"] | None = None  # axis that points up; None: y for glTF, z for others
     turn: Coordinate = 0.0  # degrees about its origin, counter-clockwise seen from above
     at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, position of its origin
@@ -66,7 +67,7 @@ class MeshTable(Table):
             if path.suffix.lower() not in FORMATS:
                 raise ProblemError(f"must be named {', '.join(FORMATS)}")
             _, up, _ = FORMATS[path.suffix.lower()]
-            vertices, triangles = read_mesh(path, PER_METRE[self.unit])
+            vertices, triangles = read_mesh(path, self.unit)
             if (self.up or up) == "y":
                 vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
             turn = math.radians(self.turn)
@@ -87,7 +88,7 @@ def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -
     return placed
 
 
-def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]:
+def read_mesh(path: Path, unit: Unit | None = None) -> tuple[FloatArray, IntArray]:
     """Reads the vertices [V, 3] (m) and the triangles [M, 3] of a file.
 
     Vertices at the same place are merged. Triangles with two equal corners, and vertices without
@@ -96,7 +97,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
     Parameters
     ----------
     path : regular file, whose ending names its format
-    per_metre : units of the file per metre
+    unit : of its coordinates; None: as a comment in the file states, otherwise m
 
     Raises
     ------
@@ -107,6 +108,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
         with np.errstate(over="ignore", invalid="ignore"):  # infinite values are rejected below
             read, _, _ = FORMATS[path.suffix.lower()]
             faces = read(path)
+        per_metre = PER_METRE[settled_unit(path, unit)]
     except OSError as error:
         raise ProblemError(unread(error)) from error
     faces = faces._replace(vertices=faces.vertices / per_metre)

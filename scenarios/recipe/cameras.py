@@ -162,6 +162,16 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
     return camera_called(ASSUMED if given is None else given, numbers).replace(tilts=radians)
 
 
+def say_tilts(given: Sequence[Sequence[float]]) -> None:
+    """Logs tilts (degrees) that may be radians, for each table of drones."""
+    for k, tilts in enumerate(given):
+        if any(0 < abs(angle) <= math.pi / 2 for angle in tilts):
+            log.warning(
+                "drones[%d].tilts: %s degrees are almost level: are they radians?",
+                k, ", ".join(f"{angle:g}" for angle in tilts),
+            )  # fmt: skip
+
+
 def say_cameras(given: Sequence[str | CameraTable | None]) -> None:
     """Logs which camera is assumed, and which names mean photos with another aspect ratio than
     video.

@@ -39,7 +39,8 @@ kinds = { grass = "green" } # translates other words of the file into kinds; def
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
-unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; default: the unit that a comment
+                            # in the file states, else m
 up = "y"                    # axis that points up; default: y for glTF, z for other formats
 turn = 90                   # degrees counter-clockwise about its origin; default: 0
 at = [35, 20, 0]            # place of its origin in the scene; default: 0, 0, 0

@@ -16,7 +16,7 @@ from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.takes import PeopleInTakes, in_all_takes, least_chance
 from cocap_opt.scenarios.earth.place import MapProjection, require_likely
 from cocap_opt.scenarios.maps.terrain import Terrain
-from cocap_opt.scenarios.recipe.cameras import say_cameras
+from cocap_opt.scenarios.recipe.cameras import say_cameras, say_tilts
 from cocap_opt.scenarios.recipe.contents import (
     earth_of,
     land_cover_of,
@@ -209,6 +209,7 @@ class _Place(NamedTuple):
         """Logs doubtful entries in the tables of drones."""
         tables = self.recipe.drones
         say_cameras([given.camera for given in tables])
+        say_tilts([given.tilts for given in tables])
         say_moved(tables, self.around.height_map)
 
     def fields(self, team: Sequence[Robot]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ similar tables.
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
@@ -44,10 +45,11 @@ _TIME_UNIT_OF_COMMENT = re.compile(
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
 _EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
 _OTHER_COMMENT = re.compile(r"\s*(?:%+|//+)\s*")
+# The whole word after it, so that 30000/1001 is not read as 30000.
 _FRAME_RATE = re.compile(
-    rf"\b(?:frame[\s_-]?rate|{_PER_SECOND})\s*[:=]\s*([-+]?[\d.]+(?:,\d+|e[-+]?\d+)?)",
-    re.IGNORECASE,
+    rf"\b(?:frame[\s_-]?rate|{_PER_SECOND})\s*[:=]\s*([-+]?[\d.]\S*)", re.IGNORECASE
 )
+_AFTER_RATE = re.compile(r"(?:fps|hz|/s(?:ec)?|frames?.*)?[,;:)\]]*$", re.IGNORECASE)
 _RATE_IN_WORDS = re.compile(rf"(?<![\w.,/])(\d+(?:[.,]\d+)?)\s*{_PER_SECOND}", re.IGNORECASE)
 _OTHER_RATE = re.compile(r"filter|smooth|cut-?off|low-?pass|camera", re.IGNORECASE)
 _PLAIN_NUMBER = re.compile(
@@ -116,6 +118,10 @@ _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x
 _NUMBERED = re.compile(r"[xy]_?\d+")  # x1, y1, x2, y2, .. may also be a pair for each person
 _EDGES = 2  # edges of a box that the columns must name to be recognised as corners
 
+# Columns of numbers of recordings, in each of which ids count anew; spelt as above, without "id".
+_RECORDINGS = {"scene", "recording", "sequence", "seq", "video", "clip", "experiment", "trial",
+               "run", "session", "dataset"}  # fmt: skip
+
 Places = dict[str, int]  # role -> place in a row
 
 
@@ -128,6 +134,7 @@ class TextLayout(NamedTuple):
     first: int  # line of the first row, from 1
     row: list[str]  # fields of the first row
     delimiter: str | None  # None: blanks
+    later: list[str]  # comments after the first row, without #
 
     @classmethod
     def of(cls, text: str, delimiter: str | None) -> "TextLayout":
@@ -159,7 +166,7 @@ class TextLayout(NamedTuple):
             if header is None and not is_row:
                 header = _bare_header(content, separator)
                 continue
-            return cls(comments, header, below, line, fields, separator)
+            return cls(comments, header, below, line, fields, separator, _comments(text, line))
         raise ProblemError("must contain at least one row of numbers")
 
     def names(self, columns: Sequence[str] | None) -> Sequence[str]:
@@ -187,24 +194,39 @@ class TextLayout(NamedTuple):
         return self.header is None and self.names_of_comment() is None
 
     def names_of_comment(self) -> list[str] | None:
-        """Returns the names of columns that a comment states; None if no comment does."""
-        for comment in reversed(self.comments):
-            for delimiter in (self.delimiter, None):
-                names = fields_of(comment, delimiter)
-                if _names_people(names):
-                    return names
-        return None
+        """Returns the names of columns that a comment before the rows states; None if none does."""
+        found = (self._names_in(comment) for comment in reversed(self.comments))
+        return next((names for names in found if names), None)
+
+    def require_one_order(self, names: Sequence[str]) -> None:
+        """Raises a ProblemError if a comment between or below the rows names other columns.
+
+        It begins another table, as in files that were joined.
+        """
+        order = _roles(names)
+        for comment in self.later:
+            other = self._names_in(comment)
+            if other and _roles(other) != order:
+                raise ProblemError(
+                    f"columns: must be the same for all rows, {', '.join(names)}, but a later "
+                    f"comment names {', '.join(other)}; write each table to a file of its own"
+                )
+
+    def _names_in(self, comment: str) -> list[str] | None:
+        """Returns the names of columns that a comment states, or None."""
+        found = (fields_of(comment, delimiter) for delimiter in (self.delimiter, None))
+        return next((names for names in found if _names_people(names)), None)
 
     def units(self, names: Sequence[str]) -> set[str]:
         """Returns the units of length that comments, the header and the names of columns state."""
-        found = [unit for comment in self.comments for unit in _UNIT_OF_COMMENT.findall(comment)]
+        found = [unit for comment in self._all for unit in _UNIT_OF_COMMENT.findall(comment)]
         found += _units_of_length(names, self.below)
         found += _units_of_length(self.header or (), ())  # `columns` may have renamed them
         return {_require_known_unit(unit) for unit in sorted(found)}
 
     def time_units(self, names: Sequence[str], place: int) -> set[str]:
         """Returns the units of time that comments, the header and the column's name state."""
-        said = [word for text in self.comments for word in _TIME_UNIT_OF_COMMENT.findall(text)]
+        said = [word for text in self._all for word in _TIME_UNIT_OF_COMMENT.findall(text)]
         stated = [word for word in said if word.lower() in _TIME_UNITS]
         stated += self.below[place : place + 1]
         header = self.header or ()
@@ -223,17 +245,36 @@ class TextLayout(NamedTuple):
         """Returns the rates that comments state by name or, if none does, in words, such as 10
         frames per second.
         """
-        named = [rate for comment in self.comments for rate in _FRAME_RATE.findall(comment)]
-        rates = named or [
+        named = [rate for comment in self._all for rate in _FRAME_RATE.findall(comment)]
+        rates = [_AFTER_RATE.sub("", rate) for rate in named] or [
             rate
-            for comment in self.comments
+            for comment in self._all
             if not _OTHER_RATE.search(comment)
             for rate in _RATE_IN_WORDS.findall(comment)
         ]
         for rate in rates:
-            if "," in rate:
+            if re.fullmatch(r"[-+]?\d*,\d+", rate):
                 raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
-        return {float(rate) for rate in rates if is_number(rate)}
+            if not is_number(rate):
+                raise ProblemError(
+                    f"fps: must be a number of frames per second, but a comment states "
+                    f"{rate[:40]!r}: write it as a number such as 29.97"
+                )
+        return {float(rate) for rate in rates}
+
+    @property
+    def _all(self) -> list[str]:
+        """The comments of the whole file: what one states holds for all rows."""
+        return [*self.comments, *self.later]
+
+
+def _comments(text: str, first: int) -> list[str]:
+    """Returns the different comments from a line on, without #."""
+    if "#" not in text:
+        return []
+    rest = islice(io.StringIO(text), first - 1, None)
+    found = (raw.partition("#")[2].strip(" \t\n#") for raw in rest if "#" in raw)
+    return list(dict.fromkeys(comment for comment in found if comment))
 
 
 def _bare_header(line: str, separator: str | None) -> list[str]:
@@ -426,6 +467,17 @@ def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
         f"in [[tracks]] with {' and '.join(missing)} in the right "
         f"place{'s' if len(missing) > 1 else ''}"
     )
+
+
+def recording_of(names: Sequence[str]) -> int | None:
+    """Returns the place of the column that numbers recordings; None without such a column."""
+    found = (k for k, name in enumerate(names) if _spelt(name).removesuffix("id") in _RECORDINGS)
+    return next(found, None)
+
+
+def _roles(names: Sequence[str]) -> list[str]:
+    """Returns the roles of the columns that are used, in order."""
+    return [role for name in names if (role := Name.of(name).role)]
 
 
 def _is_plain_time(name: str) -> bool:

@@ -33,6 +33,7 @@ from cocap_opt.scenarios.tracks.layout import (
     fields_of,
     is_number,
     places_of,
+    recording_of,
     require_degrees,
     require_ids,
     require_values,
@@ -110,6 +111,8 @@ def _of_layout(
         return f"line {next(islice(_row_lines(text, layout), int(kept[row]), None))[0]}"
 
     require_numbers(values, where)
+    layout.require_one_order(names)
+    _require_one_recording(text, layout, names)
     if is_in_degrees:
         require_degrees(names, places)
         _require_signs(text, layout, names, values)
@@ -202,6 +205,26 @@ def _time_unit(
     """Returns the unit of times that the file or the caller states; None if neither does."""
     stated = layout.time_units(names, places["time"]) if "time" in places else set()
     return settled("time_unit", stated, given) if stated or given else None
+
+
+def _require_one_recording(text: str, layout: TextLayout, names: Sequence[str]) -> None:
+    """Raises a ProblemError if the rows are of several recordings, where an id is not one person.
+
+    It would join people who have nothing but their id in common, and show people of different
+    recordings at once.
+    """
+    place = recording_of(names)
+    if place is None:
+        return
+    found = dict.fromkeys(field for _, field in _column_of(text, layout, place, len(names)))
+    if len(found) > 1:
+        first, other, *_ = found
+        kept = ", ".join(f'"{"-" if k == place else name}"' for k, name in enumerate(names))
+        raise ProblemError(
+            f"{names[place]}: must be the same in all rows, as ids count anew in each, but is "
+            f"{first[:20]!r} and {other[:20]!r}; keep the rows of one or, if all ids are of "
+            f"different people at one time, set columns = [{kept}] in [[tracks]]"
+        )
 
 
 def _require_heads(table: TrackTable, names: Sequence[str]) -> None:

@@ -30,7 +30,7 @@ from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
 from cocap_opt.output.answer import LABELS, WIDEST, print_pairs, print_result
-from cocap_opt.output.printing import Listing
+from cocap_opt.output.printing import Listing, terminal
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.run.engine import SOLVERS
@@ -404,6 +404,20 @@ def test_labels_are_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         lines = Run(capsys, *words, "--verbose").out.splitlines()
         labels = [re.split("  +", line[1:])[0] for line in lines if re.match(" [A-Za-z]", line)]
         assert len(labels) > 5 and not any("_" in label for label in labels)
+
+
+@pytest.mark.parametrize("columns", ["0", "00"])
+def test_an_answer_is_printed_whatever_the_width(
+    columns: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Programs that run commands without a terminal may tell them that it has no columns."""
+    print_pairs([("J", "1,347.65")])
+    usual = capsys.readouterr().out
+    monkeypatch.setenv("COLUMNS", columns)
+    print_pairs([("J", "1,347.65")])
+    assert "1,347.65" in usual and capsys.readouterr().out == usual
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert terminal().width == 80
 
 
 @pytest.mark.parametrize("width", [60, 80])

@@ -468,6 +468,23 @@ def test_files_that_cannot_be_lowered_have_a_message_of_one_line(
     assert message in done.stderr and done.stderr.count("\n") == 1
 
 
+def test_files_that_cannot_be_read_or_written_are_no_refusals(
+    built: tuple[Path, str], tmp_path: Path
+) -> None:
+    """The program has exit code 2 then, as a refusal is 1, and `lower.py` says so in a line."""
+    instance, proof = exported("tiny-doorway", tmp_path)
+    paths = [tmp_path / name for name in ("x.instance", "proof.json", "no", "no/lowered.txt")]
+    paths[0].write_text(instance)
+    paths[1].write_text(json.dumps(proof))
+    command = [sys.executable, FOLDER / "lower.py", *paths[:2], "-o", paths[3]]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == f"{paths[3]}: cannot be written: No such file or directory\n"
+    for names in ((paths[0], paths[2]), (paths[2], paths[0]), (tmp_path, paths[0])):
+        done = subprocess.run([built[0], *names], capture_output=True, text=True, check=False)
+        assert done.returncode == 2, done.stdout
+
+
 @staged_scenes
 def test_misled_searches_prove_the_same(name: str, ask_misled: Ask, tmp_path: Path) -> None:
     """Stages and paths of a scene hold with nonsense for advice, and no less than they claim."""

@@ -4,6 +4,7 @@ import contextlib
 import io
 import itertools
 import json
+import os
 import re
 import subprocess
 import sys
@@ -229,6 +230,29 @@ def test_the_file_alone_checks_what_commands_write(tmp_path: Path) -> None:
     done = run_alone(instance_file, proof_file)
     assert done.returncode == 1
     assert done.stdout.endswith("refused: bound: claims less than its numbers prove\n")
+
+
+@pytest.mark.parametrize("arguments", [["x.instance"], ["--help"], ["no.instance"]])
+@pytest.mark.parametrize("output", ["/dev/full", "|"])
+def test_an_answer_that_cannot_be_written_is_no_refusal(
+    folder: Path, arguments: list[str], output: str
+) -> None:
+    """Exit code 1 would say that a claim does not hold; a closed pipe is as bad as a full disk."""
+    if output == "/dev/full" and not Path(output).exists():
+        pytest.skip("no /dev/full")
+    (folder / "x.instance").write_text(instance_of(compiled(load_scene("tiny-doorway", 0))))
+    if output == "|":
+        reading, writing = os.pipe()
+        os.close(reading)
+    else:
+        writing = os.open(output, os.O_WRONLY)
+    command = [sys.executable, "-I", "-S", str(cocap_check.__file__), *arguments]
+    done = subprocess.run(
+        command, stdout=writing, stderr=subprocess.PIPE, text=True, cwd=folder, check=False
+    )
+    os.close(writing)
+    assert done.returncode == 2
+    assert re.fullmatch("standard output: cannot be written: .*\n", done.stderr)
 
 
 def answered(instance_text: str, document: object, folder: Path) -> tuple[int, str]:
@@ -508,8 +532,11 @@ def test_a_bound_below_0_says_that_no_plan_exists(folder: Path) -> None:
     assert answered(text, file | {"bound": None}, folder) == (0, told)
 
 
-def test_help_says_what_exit_codes_mean(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_says_what_exit_codes_mean(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It names the command as it was called, and each code."""
+    monkeypatch.setattr(sys, "argv", ["cocap-check"])
     assert cocap_check.main(["x.instance", "--help"]) == 0
     text = capsys.readouterr().out
     assert text.startswith("usage: cocap-check [--branches N] INSTANCE [FILE]...")

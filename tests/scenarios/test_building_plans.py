@@ -375,6 +375,8 @@ def test_polygons_without_area_are_left_out_with_a_word(
         ({"building:levels": 4, "height": 20, "building:min_level": 1}, (3, 20)),
         ({"levels": 2, "minLevel": 0}, (0, 6)),
         ({"min_height": 3}, (3, None)),
+        ({"height": 9, "height:unit": "metres"}, (0, 9)),
+        ({"height": 9, "units": 12}, (0, 9)),  # dwellings
     ],
 )  # fmt: skip
 def test_properties_say_from_where_to_where_a_building_reaches(
@@ -391,8 +393,15 @@ def test_properties_say_from_where_to_where_a_building_reaches(
     [
         *(({"height": odd}, "p.height: must be a number of metres above 0") for odd in (
             0, -3, "tall", "12 paces", "10-12", "12;15", "1,234", "~12", True, [3], {"m": 3}, "nan",
-            "inf", "12 m 3", "1e400", " ", "112 m above sea level", "112 m NHN", "12 m_asl",
+            "inf", "12 m 3", " ", "112 m above sea level", "112 m NHN", "12 m_asl",
         )),
+        *(({"height": tall}, "p.height: must be at most 1000 m, not") for tall in (
+            1001, "1250", "1e400", "4000 ft", 1e9,
+        )),
+        ({"building:levels": 400}, "p.building:levels: must be a number of storeys from 0 to 333"),
+        ({"height": 9, "height:unit": "ft"}, "p.height:unit: must be m, as plain heights are in"),
+        ({"height": 9, "HEIGHT_UNIT": "storeys"}, "p.HEIGHT_UNIT: must be m, as plain heights"),
+        ({"height": 9, "tags": {"units": "feet"}}, "p.units: must be m, as plain heights are in"),
         ({"min_height": -1}, "p.min_height: must be a number of metres >= 0"),
         ({"building:levels": "many"}, "p.building:levels: must be a number of storeys"),
         ({"building:levels": True}, "p.building:levels: must be a number of storeys"),
@@ -417,6 +426,17 @@ def test_storeys_are_counted_with_a_word(tmp_path: Path, caplog: pytest.LogCaptu
     plan = collection(house(10, 10, **{"building:levels": "4"}), house(30, 10, height=3))
     assert [box[5] for box in boxes(walls(tmp_path, plan))] == [12, 3]
     assert "plan: 1 of 2 heights are computed from storeys of 3 m" in caplog.text
+
+
+@pytest.mark.parametrize("tags", [{}, {"tags": {"location": "underground"}}])
+def test_what_is_underground_is_left_out_with_a_word(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, tags: dict[str, Any]
+) -> None:
+    """A garage below a square is no block on it."""
+    garage = house(10, 10, height=3, **(tags or {"location": "underground"}))
+    plan = collection(garage, house(30, 10, height=3, location="rooftop"))
+    assert len(walls(tmp_path, plan)) == 1
+    assert "plan: 1 of 2 polygons are underground, and are left out" in caplog.text
 
 
 def test_a_block_with_a_bottom_begins_there(tmp_path: Path) -> None:
@@ -456,6 +476,10 @@ def test_rings_in_degrees_are_judged_as_they_are(tmp_path: Path) -> None:
             "is Esri JSON; convert it with `ogr2ogr",
         ),
         ('{"version": 0.6, "elements": []}', "is Overpass JSON; convert it with osmtogeojson"),
+        (
+            '{"type": "Feature", "geometry": null, "place": {"type": "Polygon"}}',
+            "place: must not be given without a geometry, as in JSON-FG; convert it with `ogr2ogr",
+        ),
         ("TRIANGLE ((0 0, 9 0, 9 9, 0 0))", "at least one polygon|cannot be read as WKT"),
     ],
 )

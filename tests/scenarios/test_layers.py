@@ -124,6 +124,19 @@ def test_layers_add_up_to_the_highest(tmp_path: Path) -> None:
     np.testing.assert_array_equal(other.height_map.heights, problem.height_map.heights)
 
 
+@pytest.mark.parametrize("value", [1000.5, 2640.0, 8888.0])
+def test_nothing_on_earth_is_so_tall(tmp_path: Path, value: float) -> None:
+    """Neither on a map nor in a layer, nor above a ground: it is a code, or above the sea."""
+    trees = np.zeros((12, 9))
+    trees[4, 3] = value
+    file = f'file = "{grid(tmp_path / "trees.asc", trees)}"'
+    ground = f'heights = "absolute"\nground = "{grid(tmp_path / "g.asc", np.zeros((12, 9)))}"'
+    words = f"heights: must be at most 1000 m above the ground, but the highest is {value:g} m"
+    for base, files in ((file, ()), (f"{file}\n{ground}", ()), ("size = [12, 9]", (file,))):
+        with pytest.raises(ProblemError, match=words):
+            scene(tmp_path, *files, base=base)
+
+
 def test_crowns_leave_room_below(tmp_path: Path) -> None:
     """A drone flies below and above, not within; bushes are solid; without trunks all is."""
     trees = np.zeros((12, 9))

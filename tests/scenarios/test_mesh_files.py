@@ -560,3 +560,62 @@ def test_an_stl_that_cannot_be_read_whole_is_refused(
     """The bytes of binary files are counted, the statements of text are in their order."""
     with pytest.raises(ProblemError, match=words):
         shape(saved(tmp_path, "a.stl", content))
+
+
+def with_comment(name: str, comment: str) -> str | bytes:
+    """The box in a format, with a comment where its header may have one."""
+    corners = rows(BOX)
+    faces = rows([[4, *side] for side in SIDES])
+    head = f"element vertex 8\n{XYZ}element face 6\nproperty list uchar int vertex_indices\n"
+    triangles = b"".join(
+        struct.pack("<12fH", *[0] * 3, *(v for k in three for v in BOX[k]), 0)
+        for three in TRIANGLES
+    )
+    return {
+        "a.obj": f"# {comment}\n" + rows(BOX, "v ") + rows(np.array(SIDES) + 1, "f "),
+        "b.obj": rows(BOX, "v ") + rows(np.array(SIDES) + 1, "f ", f" # {comment}"),
+        "a.off": f"OFF # {comment}\n8 6 0\n{corners}{faces}",
+        "a.ply": f"ply\nformat ascii 1.0\ncomment {comment}\n{head}end_header\n{corners}{faces}",
+        "a.stl": comment.encode().ljust(80) + struct.pack("<I", 12) + triangles,
+    }[name]
+
+
+XYZ = "".join(f"property float {axis}\n" for axis in "xyz")
+COMMENTED = ["a.obj", "b.obj", "a.off", "a.ply", "a.stl"]
+
+
+@pytest.mark.parametrize("name", COMMENTED)
+@pytest.mark.parametrize(
+    ("comment", "metre"),
+    [("File units = millimeters", 1000), ("unit: ft", 1 / 0.3048), ("UNITS=m", 1),
+     ("units: US survey feet", 3937 / 1200), ("units: 12", 1), ("units are cm, z up", 100),
+     ("made in 3 units", 1), ("unity = cm", 1)],
+)  # fmt: skip
+def test_the_unit_that_a_comment_states_counts(
+    tmp_path: Path, name: str, comment: str, metre: float
+) -> None:
+    """As in OBJ by SketchUp; the recipe may say the same, but nothing else."""
+    path = saved(tmp_path, name, with_comment(name, comment))
+    assert np.ptp(shape(path).vertices) == pytest.approx(10 / metre)
+    if metre in (100, 1000):
+        unit = {100: "cm", 1000: "mm"}[metre]
+        assert np.ptp(shape(path, unit=unit).vertices) == pytest.approx(10 / metre)
+        with pytest.raises(ProblemError, match=f"unit: must be '{unit}' or left out, as a comment"):
+            shape(path, unit="m")
+
+
+@pytest.mark.parametrize("name", COMMENTED)
+@pytest.mark.parametrize("comment", ["File units = inches", "unit: yd", "UNITS = km"])
+def test_a_unit_that_no_recipe_has_is_refused(tmp_path: Path, name: str, comment: str) -> None:
+    """Whatever the recipe says."""
+    path = saved(tmp_path, name, with_comment(name, comment))
+    for unit in (None, "m"):
+        with pytest.raises(ProblemError, match=f"unit: must be m, .* states '{comment}'"):
+            shape(path, unit=unit)
+
+
+def test_comments_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    """One unit for all coordinates."""
+    text = str(with_comment("a.obj", "unit: mm")) + "# unit: m\n"
+    with pytest.raises(ProblemError, match="unit: must be one, but comments state mm and m"):
+        shape(saved(tmp_path, "a.obj", text))

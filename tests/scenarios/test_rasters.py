@@ -16,7 +16,7 @@ from others import data
 from strategies import examples
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.maps import raster, raster_files
+from cocap_opt.scenarios.maps import geotiff, raster, raster_files
 from cocap_opt.scenarios.maps.raster import Grid, Raster
 from cocap_opt.scenarios.maps.raster_files import read_raster
 from cocap_opt.world.workspace import HeightMap
@@ -354,6 +354,35 @@ def test_tiff_bands(tiff: Write) -> None:
         refused(path, r"band: must be within 1\.\.2", band=band)
 
 
+@pytest.mark.parametrize(
+    ("photometric", "rows", "word"), [("palette", ROWS, "palette"), ("rgb", [ROWS] * 3, "green")]
+)
+def test_colours_are_no_heights(tiff: Write, photometric: str, rows: list[Any], word: str) -> None:
+    """Of a palette or an image, whatever their numbers."""
+
+    def change(dataset: Any) -> None:
+        if word == "palette":
+            dataset.write_colormap(1, {k: (k, 0, 0, 255) for k in range(256)})
+
+    path = tiff(rows, dtype="uint8", photometric=photometric, change=change)
+    band = len(rows) - 1 if word == "green" else 1
+    refused(path, f"band {band}: must contain heights, but .* colours \\({word}\\)", band=band)
+
+
+@pytest.mark.parametrize("name", ["map.prj", "MAP.TIF.PRJ", "map.qpj"])
+def test_the_projection_beside_a_tiff_counts_if_it_has_none(tiff: Write, name: str) -> None:
+    """With a world file it is often written so."""
+    feet = 'PROJCS["NAD83",GEOGCS["GCS",UNIT["Degree",0.017]],UNIT["Foot_US",0.3048006096012192]]'
+    path = tiff()
+    beside = path.with_name(name)
+    beside.write_text(feet)
+    refused(path, rf"{name}: must be a projection in metres, not in Foot_US")
+    beside.write_text("EPSG:25830")
+    assert read_raster(path).crs == "EPSG:25830"
+    beside.write_text(feet)
+    assert read_raster(tiff(crs="EPSG:25830")).crs == "EPSG:25830"
+
+
 def test_a_grid_has_one_band(grid: Callable[[str], Path]) -> None:
     """A band that a text grid cannot have is refused."""
     path = grid(HEADER + NUMBERS)
@@ -454,6 +483,27 @@ def test_truncated_tiff(
     refused(path, "cannot be read as GeoTIFF: it is damaged, cut off")
     assert capfd.readouterr() == ("", "")
     assert not caplog.records
+
+
+def test_what_gdal_raises_later_is_told_in_a_line(
+    tiff: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of some damaged keys it only says so at a later call; errors of our own are none of these."""
+    path = tiff()
+    errors = pytest.importorskip("rasterio._err")
+
+    def raising(error: Exception) -> Callable[..., int]:
+        def band(*_: Any) -> int:
+            raise error
+
+        return band
+
+    late = errors.CPLE_AppDefinedError(3, 1, "Key GeogCitationGeoKey has offset=22")
+    monkeypatch.setattr(geotiff, "_band", raising(late))
+    refused(path, "cannot be read as GeoTIFF: it is damaged")
+    monkeypatch.setattr(geotiff, "_band", raising(KeyError("ours")))
+    with pytest.raises(KeyError, match="ours"):
+        read_raster(path)
 
 
 def test_tiff_with_text_of_another_encoding(tiff: Write) -> None:

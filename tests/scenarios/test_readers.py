@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -455,6 +456,19 @@ def test_actor_walks_without_cutting_corners_and_then_stands(scenario: Path) -> 
     assert around.poses[:, 3].tolist() == [up, 0, 0, down, down, down]
     assert diagonal.poses[:2, :2].tolist() == [[0.5, 2.5], [1.5, 1.5]]
     assert diagonal.poses[0, 3] == pytest.approx(-math.pi / 4)
+
+
+@pytest.mark.parametrize(("length", "is_said"), [("4.00000", 0), ("0", 0), ("2.41", 1), ("9", 1)])
+def test_a_map_on_which_shortest_paths_have_other_lengths_is_doubted(
+    scenario: Path, caplog: pytest.LogCaptureFixture, length: str, is_said: bool
+) -> None:
+    """It may be of another version, or mirrored; a length of 0 states none."""
+    robot, around = "0\ttiny.map\t4\t3\t3\t0\t0\t0\t9\n", "0\ttiny.map\t4\t3\t0\t0\t2\t0\t"
+    scenario.write_text(f"version 1\n{robot}{around}{length}\n")
+    movingai.read(scenario, robots=1, actors=1, near=None)
+    words = f"1 of 1 rows of people state a shortest path .* such as {length} instead of 4: is it"
+    assert bool(re.search(words, caplog.text)) == is_said
+    assert len(caplog.records) == is_said
 
 
 def test_actor_that_is_at_its_goal_stands(scenario: Path) -> None:

@@ -184,3 +184,16 @@ def test_the_example_of_numbers_is_one(tmp_path: Path) -> None:
     line = next(row for row in EXAMPLE.splitlines() if row.startswith("# camera = "))
     words = line.removeprefix("# camera = ").split("  ")[0]
     assert camera(tmp_path, words).half_angle == pytest.approx(math.radians(65 / 2))
+
+
+@pytest.mark.parametrize(
+    ("tilts", "is_said"), [("0.6", 1), ("0, -1.57", 1), ("0", 0), ("2, 30", 0), ("-90", 0)]
+)
+def test_tilts_that_may_be_radians_are_asked_about(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, tilts: str, is_said: bool
+) -> None:
+    """Cameras of ground robots state them so; almost level cameras are rare."""
+    known = "{ width = 400, height = 300, focal = 200 }\n"
+    camera(tmp_path, f"{known}tilts = [{tilts}]")
+    words = f"tilts: {tilts} degrees are almost level: are they radians?"
+    assert caplog.text.count(words) == is_said

@@ -275,6 +275,30 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         (HEADED.replace("x,y", "x_px,y_px"), {}, "unit: must be m, cm, mm, ft, us-ft, but"),
         ("# x and y in pixels\n" + HEADED, {}, "unit: must be m, cm, mm, ft, us-ft, but"),
         (HEADED, {"delimiter": "|"}, "delimiter: must be"),
+        # A comment says the same wherever it stands, as in files that were joined.
+        (HEADED + "# unit: cm\n", {}, "unit: must be cm, as the file states, not m"),
+        (HEADED + "1,2,1,4 # framerate: 25\n", {}, "fps: must be 25.0, as the file states, not 1"),
+        (
+            "# framerate: 8\n" + HEADED + "# framerate: 16\n1,2,1,4\n",
+            {"fps": None},
+            "fps: must be one, but the file states 16.0 and 8.0",
+        ),
+        (HEADED + "# frame id x y\n2,1,1,4\n", {}, "columns: must be the same for all rows, id, "),
+        *(
+            (f"# framerate: {rate}\n" + HEADED, {"fps": None}, f"fps: must be a number of {words}")
+            for rate in ("30000/1001", "1/16", "16.2.3", "15-16", "16x2")
+            for words in (f"frames per second, but a comment states {rate!r}",)
+        ),
+        (
+            "scene," + HEADED.replace("\n1,", "\nA,1,") + "B,1,9,1,2\n",
+            {},
+            "scene: must be the same in all rows, as ids count anew in each, but is 'A' and 'B'; ",
+        ),
+        (
+            "recordingId," + HEADED.replace("\n1,", "\n4,1,") + "5,1,9,1,2\n",
+            {},
+            "recordingId: must be the same in all rows",
+        ),
         ("\ud800", {}, "must be a text file"),
     ],
 )
@@ -288,6 +312,30 @@ def test_what_is_not_allowed_is_said(
         Track.read_all(path, **{"unit": "m", "fps": 1, **options})
     assert str(caught.value).startswith(f"{path}: {words}")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "rate", ["16", "16.", "16.0 fps", "16fps", "16 Hz", "16Hz,", "16/s", "1.6e1", "16)", "16, 2 px"]
+)
+def test_spellings_of_a_frame_rate(tmp_path: Path, rate: str) -> None:
+    """With a unit, and with whatever follows it in a sentence."""
+    (found,) = read(tmp_path, f"# frame rate: {rate}\n" + HEADED, unit="m")
+    assert found.times.tolist() == [0, 1 / 16]
+
+
+def test_joined_files_that_say_the_same_are_read(tmp_path: Path) -> None:
+    """Also where the names of their columns are spelt in another way."""
+    head = "# framerate: 8\n# id frame x/m y/m\n"
+    other = "# framerate: 8.0\n# ID FR x [m] y [m]\n"
+    assert len(read(tmp_path, f"{head}1 0 1 2\n1 1 1 3\n{other}2 0 1 2\n2 1 1 3\n")) == 2
+
+
+def test_ids_of_several_scenes_may_be_kept(tmp_path: Path) -> None:
+    """If the caller names the columns without that of the scenes, and in files of one scene."""
+    text = "scene," + HEADED.replace("\n1,", "\nA,1,")
+    assert len(read(tmp_path, text, unit="m", fps=1)) == 1
+    columns = ("-", "id", "frame", "x", "y")
+    assert len(read(tmp_path, text + "B,2,1,1,2\n", unit="m", fps=1, columns=columns)) == 2
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:

@@ -192,5 +192,6 @@ let () =
   | false, _, _, _ -> exit_with 1 "refused: the claim does not follow from the certificate's numbers"
   | exception Too_long message -> exit_with 3 ("not decided: " ^ message)
   | exception Refused message -> exit_with 1 ("refused: " ^ message)
-  | exception (End_of_file | Failure _ | Invalid_argument _ | Sys_error _ | Not_found | Stack_overflow | Out_of_memory as error) ->
+  | exception Sys_error message -> exit_with 2 message
+  | exception (End_of_file | Failure _ | Invalid_argument _ | Not_found | Stack_overflow | Out_of_memory as error) ->
     exit_with 1 ("refused: " ^ Printexc.to_string error)

@@ -383,7 +383,10 @@ def main() -> int:
         sys.exit(f"{given.certificate}: not lowered: {check.reason_of(error)}")
     text = " ".join(map(str, words)) + "\n"
     if given.output:
-        given.output.write_text(text)
+        try:
+            given.output.write_text(text)
+        except OSError as error:
+            sys.exit(f"{given.output}: cannot be written: {error.strerror}")
     else:
         sys.stdout.write(text)
     return 0

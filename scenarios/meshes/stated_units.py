@@ -1,0 +1,79 @@
+"""The unit of lengths that a mesh file states in a comment, as in `# File units = inches`.
+
+These formats have no field for it, but SketchUp writes this comment to OBJ, and other programs
+write similar ones. glTF is in metres by definition.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.earth.lengths import unit_of_length
+from cocap_opt.scenarios.tables import PER_METRE, Unit
+
+_STATED = re.compile(r"\bunits?(?:\s+of\s+length)?\s*(?:[:=]|\bis\b|\bare\b)\s*(.*)", re.IGNORECASE)
+# Lengths in which recipes have no coordinates.
+_OTHERS = {
+    "in", "inch", "inches", "yd", "yard", "yards", "mile", "miles", "km", "kilometer", "kilometers",
+    "kilometre", "kilometres", "mil", "mils", "thou", "micron", "microns", "um", "micrometer",
+    "micrometers", "micrometre", "micrometres",
+}  # fmt: skip
+_HEADER = 80  # bytes, of STL
+
+
+def settled_unit(path: Path, unit: Unit | None) -> str:
+    """Returns the unit of a file: as a comment states, else as the recipe states, else m.
+
+    Raises
+    ------
+    ProblemError
+        If the file states two units, one that is not supported, or another one than the recipe.
+    """
+    found: dict[str, str] = {}
+    for comment in _comments(path):
+        if (stated := _STATED.search(comment)) and (name := _unit_in(stated[1])):
+            found.setdefault(name, comment.strip()[:60])
+    if len(found) > 1:
+        raise ProblemError(f"unit: must be one, but comments state {' and '.join(found)}")
+    for name, comment in found.items():
+        if name not in PER_METRE:
+            raise ProblemError(
+                f"unit: must be {', '.join(PER_METRE)}, but a comment states {comment!r}; export "
+                "the mesh in one of these units"
+            )
+        if unit is not None and unit != name:
+            raise ProblemError(
+                f"unit: must be {name!r} or left out, as a comment states {comment!r}, not {unit!r}"
+            )
+        return name
+    return unit or "m"
+
+
+def _unit_in(text: str) -> str | None:
+    """Returns the unit at the beginning of a text, by its short name; None if there is none."""
+    words = re.findall(r"[^\W\d_]+", text)[:3]
+    for count in range(len(words), 0, -1):  # "US survey feet" before "US"
+        if short := unit_of_length(" ".join(words[:count])):
+            return short
+    return words[0].lower() if words and words[0].lower() in _OTHERS else None
+
+
+def _comments(path: Path) -> Iterator[str]:
+    """Yields the comments of a file in text, or the header of STL."""
+    suffix = path.suffix.lower()
+    if suffix not in (".obj", ".off", ".ply", ".stl"):
+        return
+    with path.open("rb") as file:
+        if suffix == ".stl":
+            yield file.readline(_HEADER).decode("latin-1")
+            return
+        for line in file:
+            text = line.decode("latin-1").strip()
+            if suffix == ".ply" and text == "end_header":
+                return
+            word, _, rest = text.partition(" ")
+            if suffix == ".ply" and word in ("comment", "obj_info"):
+                yield rest
+            elif suffix != ".ply" and "#" in text:
+                yield text.partition("#")[2]
