@@ -448,6 +448,26 @@ def test_labels_begin_with_the_name(player: Any) -> None:
         assert player.execute_script(f"{script}; return labelOf({person}, 5)") == label
 
 
+@pytest.mark.slow
+def test_numbers_stay_behind_names_from_right_to_left(player: Any, tmp_path: Path) -> None:
+    """A mark ends such a name; other text is as it was. The list and the strip have the marks."""
+    script = scripts(letters="inOrder")
+    for text, shown in (
+        ("Zoë <i> (0), 4 m", "Zoë <i> (0), 4 m"),
+        ("\u05d2'\u05d5\u05df (3), 4 m", "\u05d2'\u05d5\u05df\u200e (3), 4 m"),
+        ("\u0639\u0644\u064a \u062d (4)", "\u0639\u0644\u064a \u062d\u200e (4)"),
+    ):
+        assert player.execute_script(f"{script}; return inOrder({json.dumps(text)})") == shown
+    problem, page = load_scene("corridor", 0), tmp_path / "page.html"
+    named = tuple(actor.replace(name="\u05d2\u05df") for actor in problem.actors)
+    problem = problem.replace(actors=named)
+    Player(problem, planned(problem, "greedy")).save(page)
+    with Browser.opened(page) as browser:
+        films = value(browser, "document.querySelector('.films').textContent")
+        told = value(browser, "document.querySelector('.told').textContent")
+    assert films.startswith("\u05d2\u05df\u200e (") and told.startswith("\u05d2\u05df\u200e (")
+
+
 # What the hint says at points all over the first picture.
 HINTS = """(() => {
   const view = document.querySelector('canvas.view'), tip = document.querySelector('.tip');
@@ -1082,13 +1102,13 @@ def test_seconds_stand_beside_steps_where_they_are_known(player: Any, tmp_path: 
     """In the display, below the slider and for those who hear it; else steps alone."""
     assert value(player, "document.getElementById('seconds').textContent") == ""
     ticks = "[...document.querySelectorAll('#times span')].map((tick) => tick.textContent)"
-    assert value(player, ticks) == ["0", "2", "4", "6", "8", "10"]
+    assert value(player, ticks) == ["0", "5", "10"]
     problem, page = load_scene("bottleneck", 0).replace(step=0.5), tmp_path / "page.html"
     Player(problem, planned(problem, "cocap")).save(page)
     with Browser.opened(page) as driver:
         driver.go_to(5)
         assert value(driver, "document.getElementById('seconds').textContent") == "2.5 s of 5.5 s"
-        assert value(driver, ticks) == ["0 s", "1 s", "2 s", "3 s", "4 s", "5 s"]
+        assert value(driver, ticks) == ["0 s", "2 s", "4 s"]
         said = "document.getElementById('slider').getAttribute('aria-valuetext')"
         assert value(driver, said) == "step 5, 2.5 s"
 

@@ -5,6 +5,7 @@ import { fitMargin, fitsMargin, MARGIN } from "./chart.js";
 import { words } from "./colours.js";
 import { make, PHONE, put } from "./dom.js";
 import { FONT } from "./labels.js";
+import { inOrder } from "./letters.js";
 import { digits, percent } from "./numbers.js";
 
 const SEEN_BY = [ // none, one, two, three or more drones
@@ -175,9 +176,9 @@ export class Strip {
     context.fillStyle = k === this.picked ? words.ink : words.soft;
     let text = this.nameOf(row);
     while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… (${row.person})`;
-    if (this.isAbove) return context.fillText(text, MARGIN.right, k * this.pitch + NAME_HIGH / 2 + 1);
+    if (this.isAbove) return context.fillText(inOrder(text), MARGIN.right, k * this.pitch + NAME_HIGH / 2 + 1);
     const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
-    context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
+    context.fillText(inOrder(text), MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
   }
 
   // Describe the cell under the pointer, or the picked person at the present step.
