@@ -310,6 +310,12 @@ def test_the_rest_of_a_mission_is_no_thing_that_was_not_checked() -> None:
     assert any("in the mission drone 0 is 1, drone 1 is 4" in note.text for note in flight.notes())
 
 
+def test_the_crew_checks_what_happens_if_a_link_is_lost() -> None:
+    """Crews' own flight plans have it; the program cannot know it."""
+    problem, plan = scene()
+    assert any("link is lost" in item for item in to_check(Flight.of(problem, plan, False), False))
+
+
 def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     """The sheet leaves such remedies out, and has its own words for heights."""
     problem, plan = scene()

@@ -144,17 +144,19 @@ export class Strip {
       context.globalAlpha = row.counts[step] ? 1 : 0.25;
       context.fillStyle = SEEN_BY[kind].fill;
       context.fillRect(left, y, Math.max(wide - (wide > 4 ? 1 : 0), 1), this.high - gap);
-      if (wide >= LETTER && this.high >= LETTER) this.paintNumber(context, views, left + (wide - 1) / 2, y);
+      if (wide >= LETTER && this.high >= LETTER) this.paintNumber(context, views, row.counts[step], left + (wide - 1) / 2, y);
       else if (kind < 2) this.hatch(context, kind, [left, y, wide, this.high - gap]);
     });
     context.globalAlpha = 1;
   }
 
-  paintNumber(context, views, middle, y) {
-    context.font = `600 ${Math.min(this.high - 3, 10)}px ${FONT}`;
+  // On pale cells, numbers are as dark as other text, so that they can be read, and thinner.
+  paintNumber(context, views, counts, middle, y) {
+    context.globalAlpha = 1;
+    context.font = `${counts ? 600 : 400} ${Math.min(this.high - 3, 10)}px ${FONT}`;
     context.textAlign = "center";
     context.textBaseline = "middle";
-    context.fillStyle = SEEN_BY[Math.min(views, 3)].ink;
+    context.fillStyle = counts ? SEEN_BY[Math.min(views, 3)].ink : words.ink;
     context.fillText(String(views), middle, y + this.high / 2);
   }
 
