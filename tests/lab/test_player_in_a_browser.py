@@ -268,6 +268,30 @@ def test_what_stands_before_the_action_is_cut_off_as_a_whole(player: Any) -> Non
     ]
 
 
+# Whether a line of a cut block is outlined; this picture of 10 x 10 px shows y - z downwards.
+OUTLINED = """
+const [line, cut] = arguments, view = { corners: [], raster: { width: 10, height: 10 } };
+view.take = (array, at, k, top) => {
+  [view.corners[0], view.corners[1]] = [array[at], array[at + 1] - Math.min(array[at + 2], top)];
+  return true;
+};
+return View.prototype.hasFoot.call(view, line, 0, cut ?? -Infinity);
+"""
+
+
+@pytest.mark.slow
+def test_outlines_stand_on_feet_that_are_seen(player: Any) -> None:
+    """A roof whose foot is outside the picture has none: nobody could tell what it belongs to."""
+    script = scripts(view="View") + OUTLINED
+    for line, cut, is_shown in (
+        ([5, 5, 0, 5, 5, 20], 0.4, True),
+        ([5, 5, 20, 12, 5, 20], 0.4, True),  # one end is enough
+        ([5, 25, 20, 6, 25, 20], 0.4, False),
+        ([5, 25, 20, 6, 25, 20], None, True),  # a block that hangs has no foot
+    ):
+        assert player.execute_script(script, line, cut) == is_shown
+
+
 @pytest.mark.slow
 def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
     """The reward shown is the referee's for that step, and so are the conflicts."""
