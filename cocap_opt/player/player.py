@@ -110,6 +110,7 @@ class Player:
             "first": problem.first_step,
             "layers": len(problem.layers),
             "over": over_datum(problem),
+            "isOnEarth": problem.earth is not None,
             "unit": _unit(problem),
             "most": digits(max(float(plan.seen.max(initial=0.0)) for plan in plans)) or 1.0,
             "mostReward": max(max(plan["rewards"]) for plan in shown),

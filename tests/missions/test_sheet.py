@@ -36,7 +36,7 @@ from cocap_opt.missions.sheet.filmed import (
 )
 from cocap_opt.missions.sheet.fonts import USUAL, families_of
 from cocap_opt.missions.sheet.kinds import KINDS
-from cocap_opt.missions.sheet.letters import BODY, wide, wrapped
+from cocap_opt.missions.sheet.letters import BODY, in_order, wide, wrapped
 from cocap_opt.missions.sheet.maps import LAND, draw, draw_legend, ground_of
 from cocap_opt.missions.sheet.pages import HEIGHT, WIDTH, Card, Pages, Table
 from cocap_opt.missions.sheet.words import (
@@ -310,6 +310,12 @@ def test_the_rest_of_a_mission_is_no_thing_that_was_not_checked() -> None:
     assert any("in the mission drone 0 is 1, drone 1 is 4" in note.text for note in flight.notes())
 
 
+def test_the_crew_checks_what_happens_if_a_link_is_lost() -> None:
+    """Crews' own flight plans have it; the program cannot know it."""
+    problem, plan = scene()
+    assert any("link is lost" in item for item in to_check(Flight.of(problem, plan, False), False))
+
+
 def test_the_crew_is_not_told_what_the_author_of_a_scene_can_change() -> None:
     """The sheet leaves such remedies out, and has its own words for heights."""
     problem, plan = scene()
@@ -572,7 +578,7 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     assert card.table is not None
     walk = problem.actors[0].poses[:4, :2]
     places = [[float(cell) for cell in row[1:3]] for row in card.table.rows]
-    assert card.table.heads[1:3] == ("x (m)\n- 500 km", "y (m)\n- 4,000 km")
+    assert card.table.heads[1:3] == ("x (m)\n-\xa0500\xa0km", "y (m)\n-\xa04,000\xa0km")
     np.testing.assert_allclose(places + np.array([500e3, 4000e3]), walk, atol=0.06)
     assert [row[0] for row in card.table.rows] == ["T+0:00", "T+0:00.5", "T+0:01", "T+0:01.5"]
     assert [row[3] for row in card.table.rows] == ["2.00 m/s"] * 3 + ["end"]  # 1 m in half a second
@@ -700,6 +706,22 @@ def test_lines_have_all_letters_and_fit(words: str, width: float) -> None:
     lines = wrapped(words, width, BODY, (USUAL,))
     assert "".join(lines) == words
     assert all(len(line) <= 1 or wide(line, BODY, (USUAL,)) <= width + 0.02 for line in lines)
+
+
+def test_numbers_stay_behind_names_from_right_to_left() -> None:
+    """Names are drawn apart from what is beside them, and a line is as wide as its parts."""
+    name = "\u05d2'\u05d5\u05df \u05d1\u05e8"
+    line = f"films Ada (0) 9 %, {name} (3) 14 %"
+    assert in_order(line) == ["films Ada (0) 9 %, ", name, " (3) 14 %"]
+    pages = Pages([USUAL])
+    pages.sentence(line)
+    pages.table(Table(("person",), [(f"{name} (3)",)], frozenset({0})))
+    found = [text for text in pages.figures[0].texts if text.get_text() in in_order(line)]
+    assert [text.get_text() for text in found[:3]] == in_order(line)
+    places = [text.get_position()[0] for text in found]
+    assert places[0] < places[1] < places[2] and len(found) == 4
+    assert "".join(wrapped(line, 30, BODY, (USUAL,))).count(name) <= 1
+    require_apart(pages)
 
 
 def extents(figure: Figure) -> FloatArray:

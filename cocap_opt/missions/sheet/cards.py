@@ -196,7 +196,9 @@ def _shared(flight: Flight) -> tuple[float, float]:
 def _heads(flight: Flight) -> tuple[str, ...]:
     """Returns the heads of the columns x and y."""
     return tuple(
-        f"{name} (m)\n- {less / 1000:,.0f} km" if less else f"{name} (m)"
+        f"{name} (m)\n-\N{NO-BREAK SPACE}{less / 1000:,.0f}\N{NO-BREAK SPACE}km"
+        if less
+        else f"{name} (m)"
         for name, less in zip("xy", _shared(flight), strict=True)
     )
 

@@ -39,7 +39,7 @@ class Kind(NamedTuple):
 
 # By number in `TopView.kinds`.
 KINDS = {
-    1: Kind("something above", "#ffffff", "#8c8c8c", 0.5, "////"),
+    1: Kind("obstacle above or below drones", "#ffffff", "#8c8c8c", 0.5, "////"),
     2: Kind("obstacle as high as drones fly", "#a6a6a6", "#000000", 1.2),
     3: Kind("lower obstacle", "#dcdcdc", "#6e6e6e", 0.5),
     4: Kind("drones would be above the ceiling", "#ffffff", "#505050", 0.5, "...."),

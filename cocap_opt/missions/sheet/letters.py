@@ -1,5 +1,6 @@
 """Text on paper: its style, its width, and how it is folded."""
 
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
@@ -9,6 +10,8 @@ from matplotlib.textpath import text_to_path
 
 POINT = 25.4 / 72  # mm per point
 _LEADING = 1.36  # line spacing, relative to the size
+_LEFTWARD = "[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufeff\U00010800-\U00010fff\U0001e800-\U0001efff]"
+_LEFTWARDS = re.compile(rf"({_LEFTWARD}+(?:[\s'\"\u00b4\u2019.-]*{_LEFTWARD}+)*)")
 
 
 class Text(NamedTuple):
@@ -72,8 +75,23 @@ def _fits(words: str, width: float, look: Text, families: tuple[str, ...]) -> bo
     return wide(words, look, families) <= width + 0.01
 
 
-@lru_cache(maxsize=20_000)
+def in_order(words: str) -> list[str]:
+    """Returns the parts of a line from left to right: names that are written from right to left,
+    and what is between them.
+
+    Each part must be drawn by itself. As a whole line, numbers beside such a name would be on its
+    other side.
+    """
+    return [part for part in _LEFTWARDS.split(words) if part]
+
+
 def wide(words: str, look: Text, families: tuple[str, ...]) -> float:
+    """Returns the width of text (mm)."""
+    return sum(_wide(part, look, families) for part in in_order(words))
+
+
+@lru_cache(maxsize=20_000)
+def _wide(words: str, look: Text, families: tuple[str, ...]) -> float:
     """Returns the width of text (mm)."""
     weight = "bold" if look.bold else "normal"
     font = FontProperties(family=list(families), weight=weight, size=look.size)

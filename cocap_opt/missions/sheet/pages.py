@@ -1,5 +1,6 @@
 """A4 pages that are filled from the top: headings, sentences, tables, cards and pictures."""
 
+import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from cocap_opt.missions.sheet.letters import (
     STRONG,
     TITLE,
     Text,
+    in_order,
     wide,
     wrapped,
 )
@@ -298,11 +300,8 @@ class Pages:
     def foot(self, words: str) -> None:
         """Writes text and the page number at the foot of each page."""
         for number, figure in enumerate(self.figures, 1):
-            figure.text(
-                (WIDTH - SIDE) / WIDTH, 7.0 / HEIGHT, f"{words}  ·  page {number} of "
-                f"{len(self.figures)}", ha="right", va="baseline", size=SMALL.size,
-                family=list(self._families), parse_math=False,
-            )  # fmt: skip
+            line = f"{words}  ·  page {number} of {len(self.figures)}"
+            self._draw(figure, WIDTH - SIDE, HEIGHT - 7.0, line, SMALL, "right")
 
     def _card_height(self, card: Card, wide: float) -> float:
         inner = wide - 2 * _PAD
@@ -370,7 +369,7 @@ class Pages:
         if spare >= _LEAST_GAP * gaps:
             return _Widths(needs, min(_GAP, spare / gaps))
         least = [
-            max((self._wide(word, how) for text, how in column for word in text.split()), default=0)
+            max(self._wide(word, how) for text, how in column for word in re.split("[ \n]", text))
             for column in cells
         ]
         rest = inner - _LEAST_GAP * gaps - sum(least)
@@ -416,11 +415,20 @@ class Pages:
 
     def _put(self, x: float, y: float, words: str, look: Text, side: str = "left") -> None:
         base = y + look.size * POINT  # baseline, relative to the top of the line
-        self.figures[-1].text(
-            x / WIDTH, 1 - base / HEIGHT, words, size=look.size, ha=side, va="baseline",
-            weight="bold" if look.bold else "normal", family=list(self._families),
-            parse_math=False,
-        )  # fmt: skip
+        self._draw(self.figures[-1], x, base, words, look, side)
+
+    def _draw(self, page: Figure, x: float, y: float, words: str, look: Text, side: str) -> None:
+        """Draws a line of text with its baseline at y (mm from the top)."""
+        parts = in_order(words)
+        if side == "right" and len(parts) > 1:
+            x, side = x - self._wide(words, look), "left"
+        for part in parts:
+            page.text(
+                x / WIDTH, 1 - y / HEIGHT, part, size=look.size, ha=side, va="baseline",
+                weight="bold" if look.bold else "normal", family=list(self._families),
+                parse_math=False,
+            )  # fmt: skip
+            x += self._wide(part, look)
 
     def _line(self, left: float, y: float, right: float, colour: str = _RULE) -> None:
         at = 1 - y / HEIGHT

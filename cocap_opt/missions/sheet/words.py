@@ -32,6 +32,7 @@ _CHECKS = (
     "the map has all obstacles, such as cranes, cables and trees",
     "only people on this sheet are there; everybody knows their walk and their signal",
     "airspace and its rules are clear, and the owners of the ground agree",
+    "pilots know what a drone does if its link is lost, and where it lands in an emergency",
 )
 _MOST_CORNERS = 8  # corners of a no-fly zone that are listed
 

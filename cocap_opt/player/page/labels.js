@@ -2,6 +2,7 @@
 
 import { AMBER, hex, inkOn, RED, words } from "./colours.js";
 import { TAU } from "./geometry.js";
+import { inOrder } from "./letters.js";
 import { rounded } from "./numbers.js";
 import { conflictsAt, isCrowd, isThere, nearAt } from "./plans.js";
 
@@ -10,6 +11,7 @@ const LONGEST = [40, 18], LONGEST_TAKE = 12; // characters of a person's name, w
 const HIGHER = 8; // number of places above each other for a person's label; the first ones are for names
 const HIGHER_NAMES = 5;
 const ROOMY = 14, FAR = 36; // px between numbers, and largest px of a number from its place
+const CORNER = 88; // px, of the corner with the directions of x and y
 const DISC = 7.5; // px, radius of a number
 
 export class Labels {
@@ -104,7 +106,7 @@ export class Labels {
     context.fill();
     context.stroke();
     context.fillStyle = words.ink;
-    context.fillText(label, x, y + 0.5);
+    context.fillText(inOrder(label), x, y + 0.5);
   }
 
   // Numbers in discs above or near the drones, where there is room. They cover people's labels only
@@ -185,14 +187,28 @@ export class Labels {
     context.textAlign = "center";
   }
 
-  // The directions of x and y; y is north.
+  // The directions of x and y; y is north where the place on the Earth is known.
   axes(width, height) {
-    const { right, up } = this.view.camera, foot = [width - 46, height - 40];
-    ["x", "y N"].forEach((name, k) => {
+    const { right, up } = this.view.camera, foot = [width - 46, this.isLowerFree(width, height) ? height - 40 : 50];
+    ["x", this.view.data.isOnEarth ? "y N" : "y"].forEach((name, k) => {
       const along = (far) => [foot[0] + right[k] * far, foot[1] - up[k] * far];
       this.haloedLine([foot, along(24)]);
       this.haloed(name, ...along(36));
     });
+  }
+
+  // True if no more happens in the lower right corner of the picture than in the upper one. It is
+  // found again only if the camera moves, and not as it follows a drone.
+  isLowerFree(width, height) {
+    const { camera } = this.view, { azimuth, elevation, scale, centre } = camera;
+    const stamp = [azimuth, elevation, scale, ...centre, width, height].join();
+    if (stamp !== this.stamp) {
+      const aside = camera.points.map((point) => this.view.at(point)).filter(([x]) => x > width - CORNER && x < width);
+      const [above, below] = [([, y]) => y > 0 && y < CORNER, ([, y]) => y > height - CORNER && y < height];
+      this.isLower = aside.filter(below).length <= aside.filter(above).length;
+    }
+    this.stamp = stamp;
+    return this.isLower;
   }
 
   // Text and lines that are readable on any ground: dark ones have light edges, and vice versa.

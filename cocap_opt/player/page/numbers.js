@@ -23,6 +23,12 @@ export function rounded(value) {
   return Number(([5, 2, 1].find((k) => k * ten <= value * (1 + 1e-9)) * ten).toPrecision(3));
 }
 
+// The smallest of these numbers that is at least the given one.
+export function roundedUp(value) {
+  const below = rounded(value);
+  return below < value * (1 - 1e-9) ? rounded(2.5 * below) : below; // 1, 2, 5, 10, ..
+}
+
 export const MOST_WORDS = 3; // conflicts that are listed at once; on a phone one
 
 export function several(words, most) {

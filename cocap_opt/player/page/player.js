@@ -8,7 +8,7 @@ import { button, find, make, NARROW, PHONE, put } from "./dom.js";
 import { ROOM } from "./fleet.js";
 import { listenToKeys, listKeys } from "./keys.js";
 import { colourScale, legend } from "./legend.js";
-import { clock, digits, rounded } from "./numbers.js";
+import { clock, digits, roundedUp } from "./numbers.js";
 import { CORNERS, Panel } from "./panel.js";
 import { COARSE, FINE, ROUGH } from "./pen.js";
 import { isCrowd, present } from "./plans.js";
@@ -25,6 +25,7 @@ const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // chec
 const SLOW = 20, FAST = 7;
 const ZOOM = 1.25; // factor of a key
 const USUAL = data.steps > 24 ? 4 : 2; // steps per second
+const TICKS = 4; // most numbers below the slider after 0, so that they are apart
 const SAID = 4000; // ms that a message stays
 const state = {
   time: data.first, playing: false, speed: USUAL, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
@@ -124,7 +125,7 @@ function tell() {
 
 // Numbers below the slider: seconds, or steps.
 function times() {
-  const unit = data.seconds ?? 1, all = data.steps * unit, every = Math.max(rounded(all / 4), data.seconds ? 0 : 1);
+  const unit = data.seconds ?? 1, all = data.steps * unit, least = data.seconds ? 0 : 1, every = Math.max(roundedUp(all / TICKS), least);
   for (let k = 0; k * every <= all * (1 + 1e-9); k++) {
     const at = k * every, tick = make("span", "", data.seconds === null ? String(at) : `${digits(at, 2)} s`);
     tick.style.setProperty("--at", String(at / all));

@@ -5,6 +5,7 @@ import { fitMargin, fitsMargin, MARGIN } from "./chart.js";
 import { words } from "./colours.js";
 import { make, PHONE, put } from "./dom.js";
 import { FONT } from "./labels.js";
+import { inOrder } from "./letters.js";
 import { digits, percent } from "./numbers.js";
 
 const SEEN_BY = [ // none, one, two, three or more drones
@@ -143,17 +144,19 @@ export class Strip {
       context.globalAlpha = row.counts[step] ? 1 : 0.25;
       context.fillStyle = SEEN_BY[kind].fill;
       context.fillRect(left, y, Math.max(wide - (wide > 4 ? 1 : 0), 1), this.high - gap);
-      if (wide >= LETTER && this.high >= LETTER) this.paintNumber(context, views, left + (wide - 1) / 2, y);
+      if (wide >= LETTER && this.high >= LETTER) this.paintNumber(context, views, row.counts[step], left + (wide - 1) / 2, y);
       else if (kind < 2) this.hatch(context, kind, [left, y, wide, this.high - gap]);
     });
     context.globalAlpha = 1;
   }
 
-  paintNumber(context, views, middle, y) {
-    context.font = `600 ${Math.min(this.high - 3, 10)}px ${FONT}`;
+  // On pale cells, numbers are as dark as other text, so that they can be read, and thinner.
+  paintNumber(context, views, counts, middle, y) {
+    context.globalAlpha = 1;
+    context.font = `${counts ? 600 : 400} ${Math.min(this.high - 3, 10)}px ${FONT}`;
     context.textAlign = "center";
     context.textBaseline = "middle";
-    context.fillStyle = SEEN_BY[Math.min(views, 3)].ink;
+    context.fillStyle = counts ? SEEN_BY[Math.min(views, 3)].ink : words.ink;
     context.fillText(String(views), middle, y + this.high / 2);
   }
 
@@ -175,9 +178,9 @@ export class Strip {
     context.fillStyle = k === this.picked ? words.ink : words.soft;
     let text = this.nameOf(row);
     while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… (${row.person})`;
-    if (this.isAbove) return context.fillText(text, MARGIN.right, k * this.pitch + NAME_HIGH / 2 + 1);
+    if (this.isAbove) return context.fillText(inOrder(text), MARGIN.right, k * this.pitch + NAME_HIGH / 2 + 1);
     const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
-    context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
+    context.fillText(inOrder(text), MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
   }
 
   // Describe the cell under the pointer, or the picked person at the present step.

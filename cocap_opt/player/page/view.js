@@ -192,15 +192,23 @@ export class View {
     return block >= 0 && this.opened[block] ? this.scene.blocks.cuts[block] : Infinity;
   }
 
-  // All lines of cut blocks.
+  // Lines of cut blocks. Those above feet that are outside the picture belong to nothing one sees.
   outlines({ edges, edgeBlocks, outlines, outlineBlocks }) {
     const { raster, opened } = this;
     for (const [lines, of] of [[edges, edgeBlocks], [outlines, outlineBlocks]]) {
       for (let i = 0; i < of.length; i++) {
-        const flat = opened[of[i]] ? this.edge(lines, 6 * i, Infinity, 1) : null;
+        const isShown = opened[of[i]] && this.hasFoot(lines, 6 * i, this.topOf(of[i]));
+        const flat = isShown ? this.edge(lines, 6 * i, Infinity, 1) : null;
         if (flat) raster.tintStill(flat, 4, palette.outline, OUTLINE);
       }
     }
+  }
+
+  // True if an end of a line of a cut block has its foot in the picture, or the block hangs.
+  hasFoot(lines, at, cut) {
+    const { corners, raster: { width, height } } = this, isIn = (v, most) => v >= 0 && v <= most;
+    return cut === -Infinity || [0, 3].some((end) =>
+      this.take(lines, at + end, 0, cut) && isIn(corners[0], width) && isIn(corners[1], height));
   }
 
   // Four corners, none higher than `top`, as a flat polygon of the picture, without any part behind
