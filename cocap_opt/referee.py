@@ -290,7 +290,7 @@ class _Referee:
         if max(abs(b.x - a.x), abs(b.y - a.y)) > motion.radius:
             return f"moves more than {motion.radius} cells"
         if (b.x - a.x) % motion.spacing or (b.y - a.y) % motion.spacing:
-            return f"moves by no multiple of {motion.spacing} cells"
+            return f"does not move by a multiple of {motion.spacing} cells"
         if abs(b.layer - a.layer) > motion.climb:
             return f"climbs more than {motion.climb} layers"
         turn = abs(b.heading - a.heading)

@@ -29,7 +29,7 @@ def _scenes(*, json: Json = False) -> int:
         print_result(known, json)
     else:
         Listing("built-in scenes", known["scenes"]).print()
-        Listing("files that can be read in place of a scene's name", known["formats"]).print()
+        Listing("files that can be passed instead of a scene name", known["formats"]).print()
         Listing("options of `export`, as in --option triangles=no", known["options"]).print()
         Listing("cameras (px)", known["cameras"]).print()
         Listing("airframes of recipes (m/s, m/s2, degrees/s)", known["airframes"]).print()

@@ -187,7 +187,7 @@ class Geodesy:
             return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
         grids = sorted(grid.short_name for operation in unavailable[:1] for grid in operation.grids)
         if grids:
-            return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
+            return f"needs {' and '.join(grids)}, not installed here; use `pyproj sync` to download it"
         return "has a datum whose relation to WGS 84 is unknown"
 
     def _from_earth(self, place: Place) -> tuple[float, float]:

@@ -114,7 +114,7 @@ def families_for(text: str) -> tuple[str, ...]:
             break
     if lacking:
         letters = "".join(sorted(lacking))
-        _log.warning("figures: no font that is installed has the letters %s", letters)
+        _log.warning("figures: no installed font has the letters %s", letters)
     return tuple(found)
 
 

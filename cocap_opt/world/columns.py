@@ -172,7 +172,7 @@ def _pairs(
     if counts.sum() > _MOST_PAIRS:
         raise ProblemError(
             f"meshes: must reach into cells at most {_MOST_PAIRS} times, not {counts.sum()}; "
-            "coarser cells or fewer triangles make it so"
+            "use coarser cells or fewer triangles"
         )
     filled = np.flatnonzero(counts)
     parts = np.cumsum(counts[filled]) // _PAIRS

@@ -126,7 +126,7 @@ def _cells_in(corners: Sequence[Point], height_map: HeightMap) -> tuple[tuple[in
     inside = shapely.intersects_xy(polygon, middles[..., 0], middles[..., 1])
     if not inside.any():
         raise ProblemError(
-            f"must have the middle of a cell of {height_map.resolution:g} m in it; the map is "
+            f"must contain the middle of a cell of {height_map.resolution:g} m; the map is "
             f"{rectangle(*height_map.ends)}"
         )
     return tuple((int(x), int(y)) for x, y in np.argwhere(inside))
@@ -195,7 +195,7 @@ class DronesTable(Table):
         homes = self._homes(around.height_map)
         team = list(team)
         if self.near is not None and self.starts is not None:
-            raise ProblemError("near: must be left out if starts are given; it is for a count")
+            raise ProblemError("near: must be left out if starts are given; it applies to a count")
         if isinstance(self.starts, _AreaTable):
             with naming("starts"):
                 area = self.starts.starts(self.motion, around.height_map)

@@ -302,7 +302,7 @@ def test_compiling_is_given_up_at_last(
         for _ in range(2):
             use.prepare(0.01, never)
     assert use.has_failed and not use.is_loaded
-    assert caplog.text.count("compiling takes long here; `cocap-opt compile` does it ahead") == 1
+    assert caplog.text.count("compiling is slow here; run `cocap-opt compile` beforehand") == 1
 
 
 def test_time_limits_do_not_count_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
