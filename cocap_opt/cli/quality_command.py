@@ -68,7 +68,7 @@ def _quality(
     drone_size: Annotated[float, Parameter(help="width of a drone in metres")] = _USUAL.drone_size,
     drone_pixels: Annotated[
         float,
-        Parameter(help="least width in px at which a drone is visible in another's image"),
+        Parameter(help="smallest width in px at which a drone is visible in another's image"),
     ] = _USUAL.drone_pixels,
     csv: Annotated[
         Path | None, Parameter(help="file to write, with a row per person and step")

@@ -2,7 +2,7 @@
 
 Compiling a kernel takes seconds, once per machine; loading the stored code takes half a second,
 once per process. So a kernel is loaded when NumPy has done, or would have to do, so much work that
-loading soon pays off, and compiled if that pays off within the same run. `cocap-opt compile`
+loading soon saves time, and compiled if that saves time within the same run. `cocap-opt compile`
 compiles ahead of time.
 
 `kernel` decides when a process loads or compiles a kernel; `functions` has the compiled functions,

@@ -14,8 +14,8 @@ _log = logging.getLogger(__name__)
 
 ALL_SECONDS = 28.0  # that `cocap-opt compile` takes for all kernels
 _FIRST = "%s is compiled first: about %.0f s, once per machine, not counted by time limits"
-_LOADING = 1.0  # s of work with NumPy for which loading pays off
-_REPAID = 1.25  # work with NumPy, relative to the time of compiling, for which compiling pays off
+_LOADING = 1.0  # s of work with NumPy for which loading saves time
+_REPAID = 1.25  # work with NumPy that justifies compiling, relative to the time of compiling
 _FASTER = 8.0  # speed of compiled code relative to NumPy, at least
 _PATIENT = 10.0  # longest wait on a busy machine, in multiples of the usual time of compiling
 _LONG = 5.0  # s of work with NumPy after which the user is advised
@@ -63,7 +63,7 @@ class Kernel:
         self._spent = 0.0  # s of work with NumPy
 
     def prepare(self, work: float, stop: Stop | None = None) -> None:
-        """Loads the code, or compiles it, if that pays off for some work.
+        """Loads the code, or compiles it, if that saves time for some work.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Kernel:
         return self.is_loaded
 
     def _repays(self, work: float) -> bool:
-        """Returns True if compiling pays off for work that takes so long with NumPy (s)."""
+        """Returns True if compiling saves time for work that takes so long with NumPy (s)."""
         return work > _REPAID * self._compiling
 
     def _load_where_worth_it(self, work: float, stop: Stop | None) -> None:

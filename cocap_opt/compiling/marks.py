@@ -1,4 +1,4 @@
-"""Marks on disk that tell a process which compiled functions are stored, without loading numba.
+"""Marks on disk: by them a process knows which functions are stored, without loading numba.
 
 The name of a mark contains a digest of everything that numba considers: versions, settings,
 sources and processor. A mark lists the files that numba has stored, with digests of those that

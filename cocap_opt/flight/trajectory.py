@@ -154,7 +154,7 @@ class Trajectory:
         return float((np.maximum(off[:, 1:], off[:, :-1]) + strays).max())
 
     def least_distance(self) -> float:
-        """Returns the least distance (m) between two drones at any moment; inf for one drone."""
+        """Returns the minimum distance (m) between two drones at any moment; inf for one drone."""
         return least_length(self.between_drones)
 
     @property

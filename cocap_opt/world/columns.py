@@ -161,7 +161,7 @@ def _pairs(
     ----------
     corners : [M, 3, 3], x and y in cells
     shape : number of cells along x and y
-    margin : [2] cells, the least depth to which triangles must reach into a cell along x and y
+    margin : [2] cells, the smallest depth to which triangles must reach into a cell along x and y
     """
     last = np.array(shape) - 1
     low, high = corners[..., :2].min(axis=1) + margin, corners[..., :2].max(axis=1) - margin

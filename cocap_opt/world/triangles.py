@@ -85,7 +85,7 @@ def _oriented(triangles: IntArray) -> IntArray | None:
     count = int(part.max()) + 1
     as_is, other = part[:n], part[n:]
     if (as_is == other).any():
-        return None  # it has only one side, like a Moebius strip
+        return None  # a surface with only one side, like a Moebius strip
     kept = np.bincount(as_is, minlength=count)
     turn = (kept[as_is] < kept[other]) | ((kept[as_is] == kept[other]) & (as_is > other))
     return np.where(turn[:, None], triangles[:, ::-1], triangles)

@@ -40,7 +40,7 @@ class TeamRow:
     ] = None
     gain_bound: Annotated[
         float | None,
-        TableColumn("Limit on that gain: bound minus J of the best plan with one drone fewer.",
+        TableColumn("Upper bound on that gain: bound minus J of the best plan with one drone fewer.",
                     **_REWARD),
     ] = None  # fmt: skip
     cameras: Annotated[

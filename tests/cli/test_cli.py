@@ -480,7 +480,7 @@ def gap_rows(*bounds: tuple[float | None, str]) -> list[GapRow]:
 
 FAILURES = {
     "error": "its search ended in an error",
-    "exceeded": "its search took longer than a cell may",
+    "exceeded": "its search exceeded the time limit of a cell",
     "died": "the process of its search died",
     "stopped": "a limit stopped its search before there was one",
 }

@@ -79,7 +79,7 @@ def test_what_is_open_is_not_judged() -> None:
     assert "Inconclusive with 5 seeds: it comes" in closeness(stopped)
     proved = [row("cocap", s, 99.0, **far, optimum_free=104.2) for s in range(5)]
     assert "Claim refuted: it comes" in closeness(proved)
-    assert "cannot be tried" in closeness(lost[-1:])
+    assert "cannot be tested" in closeness(lost[-1:])
 
 
 def test_stopped_runs_are_told_apart_from_those_that_ended() -> None:

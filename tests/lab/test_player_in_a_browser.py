@@ -838,7 +838,7 @@ def test_keys_that_lead_nowhere_say_so(tmp_path: Path) -> None:
         driver.go_to(2)
         kinds = {"c": plan["conflicts"], "n": plan["near"], "m": []}
         words = {"c": "no rule is broken", "n": "no close approaches",
-                 "m": "what moves cost is known only with a certificate"}  # fmt: skip
+                 "m": "the costs of moves are known only with a certificate"}  # fmt: skip
         for key, marks in kinds.items():
             assert marks == []
             press(driver, key)

@@ -93,7 +93,7 @@ def _giving_way() -> bytes:
         problem = load_scene("bottleneck", seed)
         found += Encounter.all_of(problem, seed, _plan(problem, "greedy"), _plan(problem, "cocap"))
     most = Encounter.most_generous(found)
-    assert most is not None, "nobody gives way"
+    assert most is not None, "no drone gives way"
     problem = load_scene("bottleneck", most.seed)
     plans = {name: _plan(problem, name) for name in _GIVING_WAY}
     return picture(encounter_figure(problem, most, plans), _SVG)

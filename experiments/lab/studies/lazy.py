@@ -124,7 +124,7 @@ def _shown(runs: Sequence[Mapping[str, Any]]) -> Record:
 
     return {
         "states": f"{mean('states'):,.0f}",
-        "us a view": f"{mean('view_us'):.1f}",
+        "us per view": f"{mean('view_us'):.1f}",
         "views": f"{100 * mean('views'):.2g} %",
         "J": f"{mean('reward'):.3f}",
         "time": f"{mean('seconds') / (mean('coverage_seconds') + mean('plan_seconds')):.2f}",

@@ -105,7 +105,7 @@ def coverage_in_markdown() -> str:
             "states": f"{int(row['states']):,}",
             "CPU time": in_unit(row["processor (s)"], "s"),
             "memory, the whole process": f"{float(row['peak (GB)']):.2f} GB",
-            "us a state": f"{float(row['us']):.1f}",
+            "us per state": f"{float(row['us']):.1f}",
         }
         for row in stored_rows(_TABLE)
     ])  # fmt: skip

@@ -266,7 +266,7 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
 
 def read_trials(path: Path) -> list[Trial]:
     """Reads the trials of a file; raises FileError if it is not such a table."""
-    words = "is not a trial of the search; without the file it is searched again"
+    words = "is not a trial of the search; delete the file to search again"
     return read_csv(path, Trial.of, words)
 
 
@@ -334,7 +334,7 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
     with_both = planned(fresh)
     words = fresh[0].corridor.words
     if not with_both:
-        return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
+        return [f"CoCap gains most in a corridor {words}; there are no plans with fresh seeds."]
     verdict = ClaimAnswer.above(Mean.of([trial.gain() for trial in with_both]), PUBLISHED)
     many = sum(trial.gain() >= PUBLISHED for trial in with_both)
     claim = "the gain there reaches the paper's figure on average"

@@ -88,9 +88,9 @@ def choice_rows(plans: Sequence[PlanRow]) -> list[Record]:
             rows.append(
                 {
                     "scene": scene,
-                    "two views with the most J": _percent(c.first.by_two for c in choices),
-                    "most two views": _percent(c.best.by_two for c in choices),
-                    "its J": _percent((c.best.reward / c.first.reward for c in choices), 1),
+                    "two views, plan of largest J": _percent(c.first.by_two for c in choices),
+                    "two views, plan with most of them": _percent(c.best.by_two for c in choices),
+                    "J of the latter": _percent((c.best.reward / c.first.reward for c in choices), 1),
                 }
             )
     return rows
