@@ -387,7 +387,7 @@ def _too_near(way: _Position, rules: CollisionRules) -> str:
     return ""
 
 
-@lru_cache(maxsize=1 << 14)  # on a grid, the same few ways of passing occur again and again
+@lru_cache(maxsize=1 << 14)  # on a grid, the same few moves past each other occur repeatedly
 def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -> str:
     """Says how close robots pass during a step at whose begin and end they keep the separation.
 

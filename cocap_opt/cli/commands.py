@@ -112,7 +112,7 @@ for _family in (
             _command, name=_name, usage=usage_of(f"cocap-opt {_name}", _command),
             **_help(_command), **_place(_name),
         )  # fmt: skip
-app.command(  # by name, as matplotlib takes long to import
+app.command(  # given by name, as matplotlib takes long to import
     "cocap_opt.cli.figure_commands:app",
     name="figure",
     **_place("figure"),

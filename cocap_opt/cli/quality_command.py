@@ -227,7 +227,7 @@ def _people(found: Quality) -> Listing:
     notes = [
         "two, three: % of steps at which at least that many drones see the person",
         "apart: % of steps at which two drones see the person from at least 30 degrees apart",
-        "mm: RMS error of a point, which half of the steps do not exceed",
+        "mm: median RMS error of a point",
     ]
     listing = Listing("person by person", [_shown(person) for person in people], notes)
     return listing.first(_MOST_PEOPLE, "people whom two drones see least often")

@@ -24,7 +24,7 @@ from cocap_opt.problem import Actor, Plan, Problem
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
 _PARTS = 40  # parts of a step at which distances from chords are computed
-_SLACK = 1e-9  # of a piece; tolerance for a moment beyond the last piece
+_SLACK = 1e-9  # share of a piece: tolerance for a moment beyond the last piece
 
 
 class Samples(NamedTuple):

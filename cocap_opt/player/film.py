@@ -25,7 +25,7 @@ _CODEC_OPTIONS = {
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "7", "row-mt": "1"},
     ".mp4": {"crf": "21", "preset": "medium", "movflags": "+faststart"},
 }
-_QUALITY = 80  # of WebP
+_QUALITY = 80  # quality of WebP
 
 
 class FilmError(ValueError):

@@ -65,7 +65,7 @@ def in_few_sentences(explained: Explained) -> list[str]:
     if off:  # a part may then be larger than the gap
         back = _amount(explained, explained.taken_off)
         adds = f"{_ADDING.get(name, name)} add {_amount(explained, amount)}"
-        largest = [f"{adds}; stages and path search take back {back}"]
+        largest = [f"{adds}; stages and path search subtract {back}"]
     if costliest_term is not None:
         largest.append(f"the largest single term: {_told(explained, costliest_term)}")
     if explained.is_blurred:

@@ -38,7 +38,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 
 SECTORS = 128
-ROUNDING = 1e-9  # of slopes and directions; much more than their rounding
+ROUNDING = 1e-9  # tolerance for slopes and directions; much more than their rounding
 _PAIRS = 50_000  # targets times bodies at once; fits into the processor's cache
 _MOST_SECTORS = 2**16  # sectors at once: their numbers have 16 bits
 _BESIDE = 1.0  # m; margin by which a column must be outside to be skipped
@@ -234,7 +234,7 @@ BINS = 8
 # relative positions, in the span of u, at which bins begin and end
 SHARES = np.linspace(0, 1, BINS + 1)
 _FIRST = 2  # columns of each actor that are examined first, steepest first
-MARGIN = 1e-9  # of u and s; much more than their rounding
+MARGIN = 1e-9  # tolerance for u and s; much more than their rounding
 NEAREST = 1e-2  # m; nearer columns appear too large to be compared
 
 

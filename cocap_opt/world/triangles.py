@@ -5,7 +5,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 SAME = 1e-6  # m; vertices that are closer to each other are at the same place
-_NOTHING = 1e-9  # of the bounding box; a part with less volume encloses nothing but rounding errors
+_NOTHING = 1e-9  # share of the bounding box; a smaller volume is a rounding error
 
 
 def firsts(vertices: FloatArray) -> IntArray:
@@ -29,7 +29,7 @@ def equal_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
 
     This is `numpy.unique` along an axis, but ten times as fast.
     """
-    order = np.lexsort(rows.T[::-1])  # which keeps the order of equal rows
+    order = np.lexsort(rows.T[::-1])  # lexsort keeps the order of equal rows
     sorted_rows = rows[order]
     new = np.ones(len(rows), dtype=bool)
     new[1:] = (sorted_rows[1:] != sorted_rows[:-1]).any(axis=1)

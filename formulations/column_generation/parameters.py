@@ -403,8 +403,8 @@ class TrialParameters(Section):
     Attributes
     ----------
     fewest_nodes : nodes
-        smallest size of a trial in compiled code, a tenth of a second; the bottleneck and the passage
-        need 16,000 nodes before there are any stages
+        smallest size of a trial in compiled code, a tenth of a second; the bottleneck and the
+        passage need 16,000 nodes before there are any stages
     fewest_plain_nodes : nodes
         smallest size of a trial without compiled code
     more_nodes : times

@@ -41,7 +41,7 @@ from cocap_opt.text import meant, pair
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
-_MOVED = 0.5001  # of a cell; a larger shift of a drone's start is logged
+_MOVED = 0.5001  # share of a cell; a larger shift of a drone's start is logged
 
 log = logging.getLogger(__name__)
 
@@ -396,7 +396,7 @@ class DronesTable(Table):
         ]
 
 
-@lru_cache(maxsize=4)  # for several tables with the same motion
+@lru_cache(maxsize=4)  # several tables may have the same motion
 def _that_can_meet(
     workspace: Workspace, motion: Motion, actors: tuple[Actor, ...], horizon: int, window: Window
 ) -> BoolArray:

@@ -1076,8 +1076,8 @@ def test_a_gap_is_explained(
     assert re.fullmatch(
         r"The plan is at most \d\.\d+ % of the bound \([\d.,]+\) below the best plan.", first
     )
-    adds, back = re.findall(r"(add|take back) [\d.]+ % of the bound \([\d.,]+\)", second)
-    assert (adds, back) == ("add", "take back") and "largest part" not in short
+    adds, back = re.findall(r"(add|subtract) [\d.]+ % of the bound \([\d.,]+\)", second)
+    assert (adds, back) == ("add", "subtract") and "largest part" not in short
     assert not (blank + valid).strip()
     assert re.search("optimal +not proved", short)
     assert others[0].startswith("The largest single term: ")

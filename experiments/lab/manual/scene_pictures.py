@@ -29,7 +29,7 @@ from cocap_opt.problem import Plan, pictures
 from cocap_opt.problem.pictures import TopView
 
 _TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # the directions of four headings
-_HIDDEN = "#f3c9cf"  # of a person
+_HIDDEN = "#f3c9cf"  # colour of the hidden part of a person
 _NEAR = (5, 25)  # m, the part of the bottleneck where people walk
 
 

@@ -134,7 +134,7 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
     "separation.svg": _separation,
     "flight.svg": _flight,
     "growth.svg": _growth,
-    "quality.png": _quality,  # of thousands of points
+    "quality.png": _quality,  # a bitmap, as it has thousands of points
     "view.png": _view,
     "bottleneck.svg": lambda: _top_view("bottleneck", 0, 5, 11),
     **{f"gallery-{scene}.svg": partial(_top_view, scene) for scene in GALLERY},

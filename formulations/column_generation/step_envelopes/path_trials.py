@@ -116,7 +116,7 @@ class PathTrials:
             if less > self._parameters.least_less:
                 less = max(less / 2, self._parameters.least_less)
             elif (from_step := self._middle_step(narrowing, most_nodes)) in failed:
-                return  # for larger explorations, no other step is better
+                return  # no other step is better for larger explorations
 
     def _middle_step(self, narrowing: Narrowing, most_nodes: int) -> int:
         """Returns the step from which a trial explores paths; 0: the start.

@@ -35,7 +35,7 @@ from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.stop import LimitReached
 
-_LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with larger shares are kept
+_LEAST_SHARE = 1e-6  # share of a cut in a solution; cuts with larger shares are kept
 
 
 @dataclass

@@ -30,7 +30,7 @@ from cocap_opt.stop import TimeLimit
 
 SMOOTH, STRAIGHT = "smooth", "straight"
 AIRFRAME = "px4"  # its limits decide the length of steps if a scene does not define it
-_SECONDS = 60.0  # for each plan
+_SECONDS = 60.0  # time limit of each plan
 _FINE = 2  # lengths of steps are multiples of 1 / _FINE s
 
 

@@ -33,7 +33,7 @@ _STARTS = {  # where drones start, in words
     "yard": "in the yard before it",
 }
 _LAST, _SPACING, _PACE = -2.0, 2.2, 0.9  # m beyond the mouth, m between people, m per step
-_NODES = 400  # of CoCap's tree
+_NODES = 400  # nodes of CoCap's tree
 _BOUND_SECONDS = 10.0
 _PLANNED = {
     "sequential": "sequential", "rounds": "sequential-rounds", "cocap": "cocap",
@@ -126,14 +126,14 @@ class Corridor(NamedTuple):
 class Trial(NamedTuple):
     """J of planners on a corridor with a seed; -inf without a plan, None if not planned."""
 
-    stage: str  # of the search: DRAWN, AGAIN, CHANGED or FRESH
+    stage: str  # stage of the search: DRAWN, AGAIN, CHANGED or FRESH
     corridor: Corridor
     seed: int
     sequential: float
-    rounds: float  # of `sequential-rounds`
+    rounds: float  # J of `sequential-rounds`
     cocap: float
-    orders: float | None  # of `best-of-orders`
-    lns: float | None  # of `cocap-lns`
+    orders: float | None  # J of `best-of-orders`
+    lns: float | None  # J of `cocap-lns`
     limit: str  # the limit that stopped CoCap, or none
     bound: float | None  # certified
     fell_back: bool = False  # CoCap was stopped, and its plan is sequential planning's
