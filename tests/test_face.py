@@ -483,9 +483,9 @@ MISUSES = {
     "criteria that are none": (lambda: co.FirstOf("a"), TypeError, "criteria: must be"),
     "text for a focal length": (lambda: co.Camera(focal="x"), co.ProblemError, "focal: must be"),
     "text for a height": (lambda: co.Motion(layers=("x",)), co.ProblemError, "layers: must be"),
-    "no planners": (lambda: co.gap("corridor", []), ValueError, "planners: must be one or more"),
-    "no seeds": (lambda: co.gap("corridor", seeds=[]), ValueError, "seeds: must be one or more"),
-    "no scenes": (lambda: co.gap([]), ValueError, "scenes: must be one or more"),
+    "no planners": (lambda: co.gap("corridor", []), ValueError, "planners: must not be empty"),
+    "no seeds": (lambda: co.gap("corridor", seeds=[]), ValueError, "seeds: must not be empty"),
+    "no scenes": (lambda: co.gap([]), ValueError, "scenes: must not be empty"),
     "text for seconds of rows": (
         lambda: co.gap("corridor", time_limit="5"), TypeError, "time_limit: must be a number",
     ),
