@@ -7,7 +7,7 @@ import { dot, normalOf, placed, ring } from "./geometry.js";
 import { between, colourOf, isCrowd, isThere } from "./plans.js";
 import { groundAt } from "./rays.js";
 
-const SIDES = 28; // of a cylinder
+const SIDES = 28; // sides of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
 // Of a disc: radius as a share of a person's height, and corners
 const RING = 0.3, RING_SIDES = 12;

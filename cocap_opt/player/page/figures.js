@@ -48,7 +48,7 @@ function limb(part, n, [high, low], y, [along, across], angle) {
 }
 
 const STRIDE = 0.42; // rad, by which legs swing
-export const PHASES = 12; // of the walk cycle
+export const PHASES = 12; // phases of the walk cycle
 
 // A person in a phase of the walk cycle.
 function person(isFine, phase) {

@@ -205,7 +205,7 @@ class SceneAnswers:
         """
         pairs = self._pairs("cocap", "cocap-vs", _whole_seconds)
         if not pairs:
-            return ClaimAnswer(f"{self.scene}: times are not known for both low levels.", OPEN)
+            return ClaimAnswer(f"{self.scene}: the times of both low levels are needed.", OPEN)
         ours = [median(times) for times in zip(*pairs.values(), strict=True)]
         log_ratio = Mean.of([math.log(a / b) for a, b in pairs.values() if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
@@ -263,7 +263,7 @@ class SceneAnswers:
         """Answers whether view search plans nearly as well as value iteration."""
         pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
         if not pairs:
-            return ClaimAnswer(f"{self.scene}: there are not plans of both low levels.", OPEN)
+            return ClaimAnswer(f"{self.scene}: plans of both low levels are needed.", OPEN)
         costs = {seed: 100 * (b - a) / b for seed, (a, b) in pairs.items()}
         found = Mean.of(list(costs.values()))
         verdict = ClaimAnswer.below(found, _CLOSE)

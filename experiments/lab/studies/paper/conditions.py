@@ -59,7 +59,7 @@ class Corridor(NamedTuple):
 
     width: int  # cells of 1 m
     length: int  # cells
-    height: float  # m, of flight; the walls have 10 m
+    height: float  # m, flight height; the walls are 10 m high
     starts: str  # a key of _STARTS
     drones: int
     people: int
