@@ -225,8 +225,8 @@ def other_coverage(version: int | None) -> str:
     if version in (None, COVERAGE_VERSION):
         return ""
     return (
-        f"it was made with version {version} of coverage, but this is version {COVERAGE_VERSION}, in "
-        "which pixels and J differ"
+        f"it was made with version {version} of coverage, but this is version {COVERAGE_VERSION}, "
+        "in which pixels and J differ"
     )
 
 

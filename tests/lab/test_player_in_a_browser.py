@@ -876,8 +876,8 @@ def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path
         )
         badge = value(driver, "document.querySelector('.badge').textContent")
         assert (
-            badge
-            == "no plan: the time limit came during the search; all drones stay at their starts"
+            badge == "no plan: stopped by the time limit during the search; "
+            "all drones stay at their starts"
         )
         assert value(driver, "document.querySelector('.badge').className") == "badge mild"
         assert value(driver, "document.querySelector('.still').textContent") == "no drone moves"
