@@ -408,7 +408,7 @@ def test_errors_name_what_is_to_be_changed(
 def test_a_new_format_is_one_module_and_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A registered format is written, named in messages, and asked only what its line promises."""
+    """A registered format is written, named in messages, and asked only for what its line says."""
     (tmp_path / "places_format.py").write_text(
         "from cocap_opt.flight.notes import Kind, Note\n"
         "from cocap_opt.missions import Export\n"
