@@ -992,7 +992,7 @@ def test_certificates_name_the_instance_that_export_writes(
     forged.write_text(json.dumps(file | {"instance": 64 * "0"}))
     for files in ((forged,), (bound, forged)):
         altered = Run(capsys, "verify", scene, *files, "--json").json
-        assert "names another instance" in altered["message"]
+        assert "names a different instance" in altered["message"]
 
 
 @pytest.mark.parametrize(

@@ -45,8 +45,8 @@ def draw_curves() -> Figure:
 def draw_rounds() -> Figure:
     """Draws how far bound and plan are from the optimum, pricing round by pricing round.
 
-    A hollow mark is at the optimum. Plans of less than half of it are left out: the search begins
-    with any.
+    A hollow mark is at the optimum. Plans with less than half of the optimal J are left out: the
+    search may begin with any plan.
     """
     example = worked.bottleneck()
     best = example.staged.target

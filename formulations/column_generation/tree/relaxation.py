@@ -204,7 +204,7 @@ class Relaxation:
         if self.solution is None:
             return
         if self.search.incumbent is None:
-            self.look_for_plans()  # finds a first plan, from which to search
+            self.look_for_plans()  # finds a first plan to begin with
         most_in_vain = self._parameters.few_in_vain if is_quick else None
         self.search.search_for_plans(self.solution.mixture, self.best.duals, most_in_vain)
         self.has_searched = True
