@@ -152,7 +152,7 @@ if not TYPE_CHECKING:  # otherwise type checkers would accept any misspelt name
 
     def __getattr__(name: str) -> Any:
         """Import a name when it is first used."""
-        if name == "__version__":  # which pyproject.toml states
+        if name == "__version__":  # pyproject.toml defines it
             from importlib.metadata import version  # slow to import
 
             return version("cocap-opt")

@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 # These limits are far beyond what any scene needs, so a number outside them is a mistake. Within
 # them, every coverage and every J is finite, and a face at any place keeps some digits of its size.
 MOST_STEPS = 10_000
-MOST_LETTERS = 1_000  # of a name
+MOST_LETTERS = 1_000  # letters of a name
 MOST_TURN = 10_000  # indices per step
 MOST_PIXELS = 100_000  # along an edge of the image
 FOCAL = 1e-3, 1e9  # px

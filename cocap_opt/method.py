@@ -1,4 +1,4 @@
-"""The record of a method in a registry: a planner, a bound or an exact method, and its promises."""
+"""The record of a method in a registry: planner, bound or exact method, with its guarantees."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class _Docstring:
 
 @dataclass(frozen=True, repr=False)
 class Method(Generic[R_co]):
-    """A planner, a bound or an exact method: its function, its parts, and its promises.
+    """A planner, a bound or an exact method: its function, its algorithm, and its guarantees.
 
     Calling it calls its function. The function's module is imported at first use, as some solvers
     take seconds to import. Signature and docstring are the function's own, so `help` shows them.

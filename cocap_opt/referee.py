@@ -290,7 +290,7 @@ class _Referee:
         if max(abs(b.x - a.x), abs(b.y - a.y)) > motion.radius:
             return f"moves more than {motion.radius} cells"
         if (b.x - a.x) % motion.spacing or (b.y - a.y) % motion.spacing:
-            return f"moves by no multiple of {motion.spacing} cells"
+            return f"does not move by a multiple of {motion.spacing} cells"
         if abs(b.layer - a.layer) > motion.climb:
             return f"climbs more than {motion.climb} layers"
         turn = abs(b.heading - a.heading)
@@ -387,7 +387,7 @@ def _too_near(way: _Position, rules: CollisionRules) -> str:
     return ""
 
 
-@lru_cache(maxsize=1 << 14)  # on a grid, the same few ways of passing occur again and again
+@lru_cache(maxsize=1 << 14)  # on a grid, the same few moves past each other occur repeatedly
 def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -> str:
     """Says how close robots pass during a step at whose begin and end they keep the separation.
 

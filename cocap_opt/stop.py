@@ -30,7 +30,7 @@ class Limit(StrEnum):
         return NO_LIMIT if limit is None else str(limit)
 
 
-NO_LIMIT = "none"  # in files and tables, where no limit stopped a method
+NO_LIMIT = "none"  # word for "no limit" in files and tables
 
 
 class Reason(StrEnum):

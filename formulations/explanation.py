@@ -234,7 +234,7 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
         for t, values in zip(steps, sweep, strict=True):
             ahead.append(values[along[:, t]])
         ahead.reverse()
-        # from here on, the values of step 0
+        # from this line on, the values are those of step 0
         best = [float(values[starts].max()) for starts in robot_class.starts]
         for k, robot in enumerate(robot_class.robots):
             path, states = paths[robot], plan.paths[robot]

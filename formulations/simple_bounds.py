@@ -88,7 +88,7 @@ _Sums = tuple[FloatArray, FloatArray, FloatArray]
 class _Steps(NamedTuple):
     """The multipliers of all steps."""
 
-    alpha: FloatArray  # for all faces of each step [T+1], or of all steps together [1]
+    alpha: FloatArray  # one number for all faces of each step [T+1], or of all steps together [1]
     beta: FloatArray  # as for alpha
     gamma: FloatArray  # [T+1] for all people who count
 

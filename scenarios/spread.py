@@ -73,7 +73,7 @@ class _Walk(NamedTuple):
         after the scene. Feet keep their height above the ground.
         """
         poses = actor.poses.copy()
-        poses[:, 3] = np.unwrap(poses[:, 3])  # by at most half a turn between steps
+        poses[:, 3] = np.unwrap(poses[:, 3])  # yaw changes by at most half a turn between steps
         known = np.arange(float(len(poses)))
         then = self.speed * np.arange(horizon + 1.0) - self.late
         walked = np.column_stack([np.interp(then, known, column) for column in poses.T])

@@ -222,7 +222,7 @@ def test_verify_says_where_coverage_was_another(
         content = json.loads(path.read_text()) | {"coverage_version": 1}
         path.write_text(json.dumps(content))
     words = other_coverage(1)
-    assert words.startswith("it was made with version 1 of coverage, this is version ")
+    assert words.startswith("it was made with version 1 of coverage, but this is version ")
     found = answer(capsys, "verify", "tiny-queue", plan, bound)
     assert found["message"] == f"the plan: {words}; the bound: {words}"
     plan.write_text(json.dumps(json.loads(plan.read_text()) | {"reward": 39.0}))

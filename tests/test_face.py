@@ -248,7 +248,7 @@ def test_the_gap_table_refuses_in_words() -> None:
         ({"planners": [lambda p: None]}, "planners: <lambda> must be a function of a problem and"),
         ({"planners": ["nowhere:f"]}, "planners: there is no module 'nowhere'"),
         ({"seeds": "0-b"}, "seeds: must be numbers and ranges such as 0-9,12, not '0-b'"),
-        ({"planners": _waiting}, r"planners: must be several, such as \[_waiting\]"),
+        ({"planners": _waiting}, r"planners: must be a list, such as \[_waiting\]"),
         ({"time_limit": -1.0}, "time_limit: must be"),
         ({"work_limit": -1}, "work_limit: must be"),
         ({"workers": 10_000}, "workers: must be"),
@@ -483,9 +483,9 @@ MISUSES = {
     "criteria that are none": (lambda: co.FirstOf("a"), TypeError, "criteria: must be"),
     "text for a focal length": (lambda: co.Camera(focal="x"), co.ProblemError, "focal: must be"),
     "text for a height": (lambda: co.Motion(layers=("x",)), co.ProblemError, "layers: must be"),
-    "no planners": (lambda: co.gap("corridor", []), ValueError, "planners: must be one or more"),
-    "no seeds": (lambda: co.gap("corridor", seeds=[]), ValueError, "seeds: must be one or more"),
-    "no scenes": (lambda: co.gap([]), ValueError, "scenes: must be one or more"),
+    "no planners": (lambda: co.gap("corridor", []), ValueError, "planners: must not be empty"),
+    "no seeds": (lambda: co.gap("corridor", seeds=[]), ValueError, "seeds: must not be empty"),
+    "no scenes": (lambda: co.gap([]), ValueError, "scenes: must not be empty"),
     "text for seconds of rows": (
         lambda: co.gap("corridor", time_limit="5"), TypeError, "time_limit: must be a number",
     ),
@@ -572,7 +572,7 @@ def test_plans_and_certificates_that_are_missing_are_refused(tmp_path: Path) -> 
     lost = co.Result.without_plan(co.Reason.FAILED, "none was found")
     with pytest.raises(ValueError, match="claims: must not be None; a result without a plan"):
         co.verify(problem, lost.plan)
-    with pytest.raises(ValueError, match="plan: the result has no plan that could be checked"):
+    with pytest.raises(ValueError, match="plan: the result has no plan to be checked"):
         co.check(problem, lost.plan)
     with pytest.raises(ValueError, match="content: must not be None; the result has no plan"):
         co.save(tmp_path / "plan.json", lost.plan)

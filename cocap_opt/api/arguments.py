@@ -125,7 +125,7 @@ def plan_for(
 
     Parameters
     ----------
-    purpose : what is to be done with it, such as "flown", for the message
+    purpose : use of the plan, such as "flown", for the message
     name : of the argument
 
     Raises
@@ -138,7 +138,7 @@ def plan_for(
     require_made_for(name, given, problem)
     plan = plan_of(given, name)
     if plan is None:
-        raise ValueError(f"{name}: the result has no plan that could be {purpose}")
+        raise ValueError(f"{name}: the result has no plan to be {purpose}")
     return plan
 
 
@@ -201,7 +201,7 @@ def rest_of(
     require_problem(problem)
     plan = followed(follow, name)
     if from_step is None:
-        raise ValueError("from_step: must be given, the step up to which the plan is flown")
+        raise ValueError("from_step: must be given: the step up to which the plan has been flown")
     require_whole(from_step, "from_step")
     lost = listed(without, "without", "a list of numbers of drones")
     for drone in lost:

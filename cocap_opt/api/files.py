@@ -171,7 +171,7 @@ _DOCUMENTS: dict[type, type[Document]] = {
 
 def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     if problem is None:
-        raise ValueError("problem: must be given, the problem that the plan is for")
+        raise ValueError("problem: must be given: the problem that the plan is for")
     flown = plan_for(problem, content, "written", "content")
     verdict = judge_plan(problem, flown)
     require_flown("plan", verdict)

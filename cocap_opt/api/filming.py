@@ -47,7 +47,7 @@ def quality(
     attitude_error : rad, standard deviation of a camera's attitude about each axis
     exposure : s, exposure time of an image
     drone_size : m, width of a drone
-    drone_pixels : px, least width in another drone's image at which a drone counts as being in it
+    drone_pixels : px, smallest width in another drone's image at which a drone counts as in it
 
     Returns
     -------

@@ -79,7 +79,7 @@ def front(
     known = problem
     if so_far is not None:
         require(so_far, "so_far", "a Front, which `front` returns", Front)
-    if so_far is not None:  # what is not said stays as it is there
+    if so_far is not None:  # arguments that are not given are taken from there
         known = problem.replace(objective=problem.objective.replace(views=so_far.views))
     begun = Front.of(known, cameras, at_least, share)
     begun = replace(begun, problem=problem)

@@ -41,5 +41,5 @@ def compare_takes(problem: Problem, *, seconds: float = 10.0, stop: Stop = never
     >>> co.compare_takes(co.takes(problem, aside=0.5), seconds=5).table
     """
     require_problem(problem)
-    require(bool(problem.takes), "problem", "must have takes; `takes` draws some")
+    require(bool(problem.takes), "problem", "must have takes; use `takes` to draw some")
     return hedging(problem, Option("seconds").require_limit(seconds), stop)

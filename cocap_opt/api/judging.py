@@ -128,7 +128,7 @@ def verify(
 def _claim(claim: Plan | Result | Bound | None, problem: Problem) -> Plan | Result | Bound:
     """Returns a claim that can be checked; refuses all others, and claims about another problem."""
     if claim is None:
-        words = "a result without a plan or a certificate has none that could be checked"
+        words = "a result without a plan or a certificate has nothing to check"
         raise ValueError(f"claims: must not be None; {words}")
     words = "a plan, a result, a certificate or a proof; `read` reads files of them"
     require(claim, "claims", words, Plan, Result, CertificateFile, ProofFile)

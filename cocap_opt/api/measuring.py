@@ -101,7 +101,7 @@ def gap(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
     if isinstance(planners, Iterable) and not isinstance(planners, str):
-        planners = list(planners)  # an array has no truth value, and others may be read but once
+        planners = list(planners)  # arrays have no truth value, and iterators can be read only once
     foreign = _foreign(() if planners is None else planners, out is not None, workers is not None)
     names = None if planners is None else [name_of(planner) for planner in planners]
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
@@ -110,7 +110,7 @@ def gap(
     whole, given = _whole_seeds(seeds), _several_scenes(scenes)
     for name, several in (("scenes", given), ("planners", names), ("seeds", whole)):
         if several is not None and not several:
-            raise ValueError(f"{name}: must be one or more, not none")
+            raise ValueError(f"{name}: must not be empty")
     words, load = _words_of_scenes(given)
     named = Scenes(words, whole, load, tell=_nobody)
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
@@ -140,7 +140,7 @@ def _foreign(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict
 
     if isinstance(planners, str) or callable(planners):
         name = repr(planners) if isinstance(planners, str) else name_of(planners)
-        raise ValueError(f"planners: must be several, such as [{name}]")
+        raise ValueError(f"planners: must be a list, such as [{name}]")
     if not isinstance(planners, Iterable):
         raise ValueError(f"planners: must be names or functions, not {planners!r}")
     functions = [planner for planner in planners if not isinstance(planner, str)]
@@ -174,7 +174,7 @@ def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
     if isinstance(seeds, str):
         return Option("seeds").numbers(seeds)
     if not isinstance(seeds, Iterable):
-        raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
+        raise ValueError(f"seeds: must be a list or a range, such as range(3), not {seeds!r}")
     return tuple(Option("seeds").require_whole(seed) for seed in seeds)
 
 
@@ -208,7 +208,7 @@ def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str
 def _require_told_apart(names: Sequence[tuple[str, int]]) -> None:
     """Refuses two problems with the same name and seed, since their rows would look alike."""
     if len(set(names)) < len(names):
-        raise ValueError("scenes: two are called the same; give them other names")
+        raise ValueError("scenes: two have the same name; give them different names")
 
 
 def _require_guard() -> None:

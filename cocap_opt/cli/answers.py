@@ -14,7 +14,7 @@ from cocap_opt.output.files import check_output
 from cocap_opt.output.printing import Record
 from cocap_opt.run.options import Option, UsageError
 
-_ENDINGS = {"--trace": (".csv",)}  # endings of files; all others contain JSON
+_ENDINGS = {"--trace": (".csv",)}  # file endings; files with other endings contain JSON
 
 
 def in_order(answer: Record, has_plan: bool = True) -> Record:

@@ -161,7 +161,7 @@ def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
         except Refused as error:
             raise FileError(f"{path}: {error}") from error
         if coverage != COVERAGE_VERSION:
-            words = f"must be {COVERAGE_VERSION}, the version that is enclosed, not {coverage}"
+            words = f"must be {COVERAGE_VERSION}, which the audit supports, not {coverage}"
             raise FileError(f"{path}: coverage: {words}")
         return text
     return instance_of(compiled(problem), watch.counter("coverage"))

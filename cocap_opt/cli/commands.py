@@ -112,7 +112,7 @@ for _family in (
             _command, name=_name, usage=usage_of(f"cocap-opt {_name}", _command),
             **_help(_command), **_place(_name),
         )  # fmt: skip
-app.command(  # by name, as matplotlib takes long to import
+app.command(  # given by name, as matplotlib takes long to import
     "cocap_opt.cli.figure_commands:app",
     name="figure",
     **_place("figure"),
@@ -137,7 +137,7 @@ else:
     @app.command(name="study", show=False)
     def _study(*_words: Annotated[str, Parameter(allow_leading_hyphen=True)]) -> int:
         """Tell where the project's measurements are."""
-        raise FileError("study: is not in the installed package, but in the project's repository")
+        raise FileError("study: is only in the project's repository, not in the installed package")
 
 
 @app.command(name="completion", usage="Usage: cocap-opt completion SHELL", **_place("completion"))

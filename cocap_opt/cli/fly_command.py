@@ -122,7 +122,7 @@ def _fly(
         urgent = notes_of(mission.notes, Kind.URGENT)
         for words in (*urgent, *filter(None, [pauses_of(parts)])):
             _log.warning("%s: %s", plan, words)
-    with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
+    with Interrupt.caught():  # after one Ctrl-C, the answer still lists the written files
         save_files(files)
         if json:
             rows = {"drones": flight.rows(), "notes": [*map(str, notes)]}

@@ -74,9 +74,9 @@ class GivenPlans(NamedTuple):
     def read(cls, paths: Sequence[Path], problems: Problems) -> Self:
         """Reads plans, each for one of the problems.
 
-        A plan is named after its planner, as given in its file. If that is a built-in planner, or
-        that of two plans for one problem, the name of the file is added; if it is unknown, the plan
-        is named after its file.
+        A plan is named after its planner, as given in its file, or after the file if the planner is
+        unknown. If the planner is built in, or if two plans for one problem have the same planner,
+        the name of the file is added.
 
         Raises
         ------

@@ -43,7 +43,7 @@ def _limits(
     budget: Budget = USUAL,
     json: Json = False,
 ) -> int:
-    """Show which moves the limits of a recipe's drones allow, and the most J they can cost.
+    """Show which moves the limits of a recipe's drones allow, and how much J they can cost at most.
 
     In a recipe with limits, plans consist of moves that drones can fly smoothly in any order. If
     you pass a plan, the command also computes a certified bound on J without the limits, from

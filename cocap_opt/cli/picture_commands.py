@@ -97,10 +97,10 @@ def _show(
     suffix = Option("-o").ending(output, SHOWN)
     is_film = suffix in FILMS and (suffix != ".gif" or bool(film.given))
     if not plan and (is_film or suffix == ".gif"):
-        raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
+        raise UsageError("PLAN: name a plan, such as plan.json; without a plan nothing moves")
     if film.given and not is_film:
         raise UsageError(
-            f"{', '.join(film.given)}: must be left out for {suffix}, not a film such as .webm"
+            f"{', '.join(film.given)}: must be left out for {suffix}, as it is not a film"
         )
     if suffix != ".html" and not is_film and len(plan) > 1:
         raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")

@@ -68,7 +68,7 @@ def _quality(
     drone_size: Annotated[float, Parameter(help="width of a drone in metres")] = _USUAL.drone_size,
     drone_pixels: Annotated[
         float,
-        Parameter(help="least width in px at which a drone is visible in another's image"),
+        Parameter(help="smallest width in px at which a drone is visible in another's image"),
     ] = _USUAL.drone_pixels,
     csv: Annotated[
         Path | None, Parameter(help="file to write, with a row per person and step")
@@ -227,7 +227,7 @@ def _people(found: Quality) -> Listing:
     notes = [
         "two, three: % of steps at which at least that many drones see the person",
         "apart: % of steps at which two drones see the person from at least 30 degrees apart",
-        "mm: RMS error of a point, which half of the steps do not exceed",
+        "mm: median RMS error of a point",
     ]
     listing = Listing("person by person", [_shown(person) for person in people], notes)
     return listing.first(_MOST_PEOPLE, "people whom two drones see least often")

@@ -102,7 +102,7 @@ class RestOptions:
         if self.without and output is not None:
             raise UsageError(
                 "-o: must be left out with --without, as a whole plan has all drones; "
-                "--rest-scene and --rest-plan write the rest of the others"
+                "--rest-scene and --rest-plan write the rest for the others"
             )
         written = {
             "-o": output, "--rest-scene": self.rest_scene, "--rest-plan": self.rest_plan,

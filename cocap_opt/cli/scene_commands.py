@@ -29,7 +29,7 @@ def _scenes(*, json: Json = False) -> int:
         print_result(known, json)
     else:
         Listing("built-in scenes", known["scenes"]).print()
-        Listing("files that can be read in place of a scene's name", known["formats"]).print()
+        Listing("files that can be passed instead of a scene name", known["formats"]).print()
         Listing("options of `export`, as in --option triangles=no", known["options"]).print()
         Listing("cameras (px)", known["cameras"]).print()
         Listing("airframes of recipes (m/s, m/s2, degrees/s)", known["airframes"]).print()
@@ -109,7 +109,7 @@ def _compile() -> int:
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         raise UsageError("NUMBA_DISABLE_JIT: is set, so numba compiles nothing")
     clock = Clock()
-    title = f"compiling, some {ALL_SECONDS:.0f} s, once on a machine"
+    title = f"compiling: about {ALL_SECONDS:.0f} s, once per machine"
     with Watch.on_terminal(title) as watch:
         for done, kernel in enumerate(kernels()):
             watch.show(f"{kernel.name}, {done + 1} of {len(kernels())}")

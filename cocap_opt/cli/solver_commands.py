@@ -253,7 +253,7 @@ class _Task(NamedTuple):
     seed: int
     problem: Problem
     start: Plan | None
-    about: Record  # for the answer
+    about: Record  # values for the answer
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":

@@ -118,7 +118,7 @@ def _team(
 
 
 def _of_starts(problem: Problem, out: Path | None) -> Iterator[str]:
-    """Yields why teams have more J than plans of the scene, if its drones' starts are fixed."""
+    """Yields why J of teams is higher than that of the scene's plans, if its starts are fixed."""
     if not problem.has_free_starts:
         kept = "" if out is not None else "; use -o FOLDER to store plans and starts"
         yield f"teams start where it is best, not at the scene's starts{kept}"

@@ -242,7 +242,7 @@ class _Claims(NamedTuple):
     plan: Plan | None
     plan_file: PlanFile | None  # contains claims about the plan
     bounds: dict[Path, CertificateFile | ProofFile]
-    about: Record  # for the answer
+    about: Record  # values for the answer
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, files: Sequence[Path]) -> "_Claims":

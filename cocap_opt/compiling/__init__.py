@@ -1,13 +1,13 @@
-"""Compiling by numba, where that is installed (extra `fast`), and when it saves time.
+"""Compilation with numba, if it is installed (extra `fast`), and when it saves time.
 
-To compile a kernel takes seconds, once on a machine; to load what is kept half a second, once in a
-process. So a kernel is loaded once so much was done by NumPy, or is to be done, that loading is
-soon repaid, and compiled if the work at hand repays that within the same run. `cocap-opt compile`
-does so ahead.
+Compiling a kernel takes seconds, once per machine; loading the stored code takes half a second,
+once per process. So a kernel is loaded when NumPy has done, or would have to do, so much work that
+loading soon saves time, and compiled if that saves time within the same run. `cocap-opt compile`
+compiles ahead of time.
 
-`kernel` (when a process loads or compiles one), `functions` (compiled functions, and the files in
-which numba keeps them), `marks` (by which a process knows that they are kept, without numba),
-`apart` (compiling in a process of its own, which ends with Ctrl-C).
+`kernel` decides when a process loads or compiles a kernel; `functions` has the compiled functions,
+and the files in which numba stores them; `marks` tells a process that they are stored, without
+loading numba; `apart` compiles in a separate process, which Ctrl-C ends.
 """
 
 from cocap_opt.compiling.functions import CompilingError, compiled, is_there

@@ -1,6 +1,6 @@
-"""Compiling in a process of its own: it can be ended at any time, which numba cannot.
+"""Compilation in a separate process, which can be ended at any time, unlike numba itself.
 
-What it keeps is loaded by the process that has asked for it.
+The process that requested it then loads the stored code.
 """
 
 import os
@@ -13,7 +13,7 @@ from cocap_opt.compiling.functions import CompilingError, kept_files, kept_funct
 from cocap_opt.compiling.marks import mark
 from cocap_opt.stop import Stop
 
-_LOOK = 0.1  # s, between two looks at the stop
+_LOOK = 0.1  # s between two checks of the stopping criterion
 _CODE = (
     "import sys; caller, functions, *sys.path = sys.argv[1:]; "
     "from cocap_opt.compiling.apart import end_with_parent, keep; end_with_parent(); "
@@ -22,28 +22,28 @@ _CODE = (
 
 
 def compile_apart(caller: str, functions: str, stop: Stop) -> None:
-    """Compiles a kernel in another process, so that it is kept.
+    """Compiles a kernel in another process, which stores the code.
 
     Parameters
     ----------
     caller : full name of the module whose `call_once()` makes numba compile it
     functions : full name of the module of the compiled functions
-    stop : stopping criterion, which ends the process; so does any exception, such as by Ctrl-C
+    stop : stopping criterion that ends the process; any exception, e.g. from Ctrl-C, ends it, too
 
     Raises
     ------
     LimitReached
-        If a limit is reached before.
+        If a limit is reached before the process has finished.
     CompilingError
-        If the process fails; its last words say why.
+        If the process fails; the message is the last line that it printed.
     OSError
-        If there can be none.
+        If no process can be started.
     """
     if not sys.executable or getattr(sys, "frozen", False):
         raise OSError("no Python")
     command = [sys.executable, "-c", _CODE, caller, functions, *map(str, sys.path)]
-    read, write = os.pipe()  # whose end is that of this process, however that is ended
-    # In a session of its own: Ctrl-C in the terminal is for the one who waits.
+    read, write = os.pipe()  # closed when this process ends, for whatever reason
+    # In its own session, so that Ctrl-C in the terminal reaches only the waiting process.
     with os.fdopen(write, "wb"), os.fdopen(read) as stdin, subprocess.Popen(
         command, stdin=stdin, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         text=True, errors="replace", start_new_session=True,
@@ -54,7 +54,7 @@ def compile_apart(caller: str, functions: str, stop: Stop) -> None:
             process.kill()
             raise
     if process.returncode:
-        words = said.strip().rpartition("\n")[2] or f"its process ends with {process.returncode}"
+        words = said.strip().rpartition("\n")[2] or f"exit code {process.returncode}"
         raise CompilingError(f"numba fails ({words})")
 
 
@@ -62,14 +62,14 @@ def end_with_parent() -> None:
     """Ends this process once its standard input ends, as it does when its parent is killed."""
 
     def watch() -> None:
-        os.read(0, 1)  # it waits; a buffered reader would hold a lock when Python ends
+        os.read(0, 1)  # blocks; a buffered reader would hold a lock when Python ends
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
 
 
 def keep(caller: str, functions: str) -> None:
-    """Compiles a kernel, or loads it, and marks it as kept."""
+    """Compiles a kernel, or loads it, and marks it as stored."""
     import_module(caller).call_once()
     mark(functions, kept_files(kept_functions(functions)))
 

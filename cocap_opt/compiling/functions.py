@@ -1,4 +1,4 @@
-"""Functions that numba compiles, and the files in which it keeps them."""
+"""Functions that numba compiles, and the files in which it stores them."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -9,15 +9,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-_kept: defaultdict[str, list[Any]] = defaultdict(list)  # compiled functions, by their modules
+_kept: defaultdict[str, list[Any]] = defaultdict(list)  # compiled functions by module
 
 
 class CompilingError(RuntimeError):
-    """numba is installed, and does not compile."""
+    """numba is installed, but cannot compile."""
 
 
 class NotKeptError(Exception):
-    """Nothing is kept of a compiled function that numba takes, and it may not be compiled."""
+    """A function has no stored code that numba accepts, and compilation is not allowed."""
 
 
 @cache
@@ -27,20 +27,20 @@ def is_there() -> bool:
 
 
 def compiled(function: Callable[..., Any], kept: bool = True, **options: Any) -> Any:
-    """Returns a compiled function, kept on disk where there is a folder for it.
+    """Returns a compiled function, which is stored on disk if there is a folder for it.
 
     Parameters
     ----------
-    kept : False for one that is compiled into its callers, and kept with them
-    options : of `numba.njit`, such as forceinline, which compiles it into its callers
+    kept : False: the function is compiled into its callers, and stored with them
+    options : options of `numba.njit`, such as forceinline, which compiles it into its callers
     """
-    import numba  # a second, where it is installed
+    import numba  # takes a second
 
     if not kept:
         return numba.njit(**options)(function)
     try:
         found = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # no folder can be written
+    except RuntimeError:  # no folder is writable
         found = numba.njit(**options)(function)
     if (folder := _folder_of(found)) is not None:
         _forget_what_is_older(folder, function, sources_of(function.__module__))
@@ -49,24 +49,24 @@ def compiled(function: Callable[..., Any], kept: bool = True, **options: Any) ->
 
 
 def kept_functions(module: str) -> list[Any]:
-    """Returns the compiled functions of a module that are kept where they can be."""
+    """Returns the functions of a module that are stored on disk, if there is a folder for them."""
     import_module(module)
     return _kept[module]
 
 
 def can_be_kept(functions: Sequence[Any]) -> bool:
-    """Returns True if there are folders in which numba keeps these functions."""
+    """Returns True if there are folders in which numba can store these functions."""
     return all(_folder_of(function) is not None for function in functions)
 
 
 def kept_files(functions: Sequence[Any]) -> list[Path]:
-    """Returns the files in which numba keeps compiled functions; none if one is not kept."""
+    """Returns the files in which numba stores functions; empty if one of them is not stored."""
     files = [_files_of(_folder_of(function), function) for function in functions]
     return [file for part in files for file in part] if all(files) else []
 
 
 def forget(functions: Sequence[Any]) -> None:
-    """Removes all that numba has kept of some functions."""
+    """Removes all stored code of some functions."""
     for function in functions:
         for file in _files_of(_folder_of(function), function):
             with suppress(OSError):
@@ -75,17 +75,17 @@ def forget(functions: Sequence[Any]) -> None:
 
 @contextmanager
 def nothing_compiled(functions: Sequence[Any]) -> Iterator[None]:
-    """Lets none of these functions be compiled inside, only loaded.
+    """Forbids compiling these functions within the block; loading them is allowed.
 
     Raises
     ------
     NotKeptError
-        Where one had to be compiled: what is kept is of another processor, or of another source.
+        If one has to be compiled, because its stored code is for another processor or source.
     """
     event = import_module("numba.core.event")
 
     class Refusal(event.Listener):  # type: ignore[name-defined,misc]
-        """Ends compiling as it begins."""
+        """Ends a compilation when it begins."""
 
         def on_start(self, event: Any) -> None:
             if any(event.data["dispatcher"] is function for function in functions):
@@ -100,17 +100,17 @@ def nothing_compiled(functions: Sequence[Any]) -> Iterator[None]:
 
 @cache
 def sources_of(module: str) -> tuple[Path, ...]:
-    """Returns the files of a module and of all those of this project from which it imports names.
+    """Returns the files of a module and of all project modules from which it imports names.
 
-    Their constants are compiled in.
+    The constants of these modules become part of the compiled code.
     """
-    from cocap_opt.files.code import files_with_imports  # not where nothing is compiled
+    from cocap_opt.files.code import files_with_imports  # not needed if nothing is compiled
 
     return files_with_imports(module)
 
 
 def _folder_of(function: Any) -> Path | None:
-    # Where NUMBA_DISABLE_JIT is set, it is the function itself, without `stats`.
+    # With NUMBA_DISABLE_JIT, numba returns the function itself, which has no `stats`.
     path = getattr(getattr(function, "stats", None), "cache_path", None)
     return None if path is None else Path(path)
 
@@ -125,10 +125,10 @@ def _files_of(folder: Path | None, function: Callable[..., Any]) -> list[Path]:
 def _forget_what_is_older(
     folder: Path, function: Callable[..., Any], sources: Sequence[Path]
 ) -> None:
-    """Removes what was kept of earlier sources, which may name what is no longer there.
+    """Removes code stored for earlier sources, which may refer to names that no longer exist.
 
-    numba compares times as well, but only that of the function's file, not of those whose
-    constants are compiled in, and only once it has read what was kept, which may fail.
+    numba compares times, too, but only of the function's own file, not of the files whose constants
+    are compiled in, and only after reading the stored code, which may fail.
     """
     with suppress(OSError):
         changed = max(source.stat().st_mtime for source in sources)

@@ -1,4 +1,4 @@
-"""Compiled code that does what NumPy does as well, and when a process uses it."""
+"""Compiled code that replaces computations by NumPy, and when a process uses it."""
 
 import logging
 import math
@@ -12,23 +12,23 @@ from cocap_opt.stop import FirstOf, LimitReached, Stop, TimeLimit, never
 
 _log = logging.getLogger(__name__)
 
-ALL_SECONDS = 28.0  # that `cocap-opt compile` takes, the sum over all kernels
-_FIRST = "%s is compiled first, once on this machine: some %.0f s, which no time limit counts"
-_LOADING = 1.0  # s of NumPy's way that make loading worth it
-_REPAID = 1.25  # times as long as compiling NumPy's way must take
-_FASTER = 8.0  # times, at least
-_PATIENT = 10.0  # times the seconds of compiling, on a machine that has much else to do
-_LONG = 5.0  # s of NumPy's way, after which advice is wanted
+ALL_SECONDS = 28.0  # time that `cocap-opt compile` takes for all kernels
+_FIRST = "%s is compiled first: about %.0f s, once per machine, not counted by time limits"
+_LOADING = 1.0  # s of work with NumPy for which loading saves time
+_REPAID = 1.25  # work with NumPy that justifies compiling, relative to the time of compiling
+_FASTER = 8.0  # speed of compiled code relative to NumPy, at least
+_PATIENT = 10.0  # longest wait on a busy machine, in multiples of the usual time of compiling
+_LONG = 5.0  # s of work with NumPy after which the user is advised
 
 
 class Tally:
-    """Numbers of kernels that this process has begun to compile, and is done with."""
+    """The numbers of compilations that this process has begun and ended."""
 
     begun, ended = 0, 0
 
     @property
     def is_compiling(self) -> bool:
-        """A kernel is being compiled."""
+        """True while a kernel is being compiled."""
         return self.begun > self.ended
 
 
@@ -36,19 +36,20 @@ tally = Tally()
 
 
 class Kernel:
-    """Compiled code that does what NumPy does as well, and when this process uses it.
+    """Compiled code that replaces a computation by NumPy, and when this process uses it.
 
     Parameters
     ----------
-    module : full name of the one whose `call_once()` makes numba load it, or compile and keep it
-    name : what it finds, in words
-    compiling : s that compiling takes
-    functions : full name of the module of its compiled functions, if it is another one
+    module : full name of the module whose `call_once()` makes numba load the code, or compile and
+        store it
+    name : the computation, in words
+    compiling : time that compiling takes, s
+    functions : full name of the module of the compiled functions, if it is another one
 
     Attributes
     ----------
-    is_loaded : this process has the compiled code in memory and uses it
-    has_failed : it is given up in this process, as numba fails or takes too long
+    is_loaded : True if this process has loaded the compiled code, and uses it
+    has_failed : True if this process has given it up, as numba fails or takes too long
     """
 
     def __init__(
@@ -59,49 +60,49 @@ class Kernel:
         self._module, self._compiling = module, compiling
         self._lock, self.has_failed, self._is_missing = Lock(), False, False
         self._has_advised = False
-        self._spent = 0.0  # s, by NumPy's way
+        self._spent = 0.0  # s of work with NumPy
 
     def prepare(self, work: float, stop: Stop | None = None) -> None:
-        """Loads it if what is to be done soon repays that, or compiles it if that is repaid.
+        """Loads the code, or compiles it, if that saves time for some work.
 
         Parameters
         ----------
-        work : s that it would take by NumPy's way
+        work : time that the work would take with NumPy, s
         stop : stopping criterion, which ends compiling; if None, nothing is compiled
 
         Raises
         ------
         LimitReached
-            If a limit is reached before it is compiled.
+            If a limit is reached before the code is compiled.
         """
         if stop is not None and not self._repays(min(work, stop.seconds_left)):
             stop = None
         self._load_where_worth_it(work, stop)
 
     def spend(self, seconds: float) -> None:
-        """Notes what was done by NumPy's way; loads the kernel, if it is kept, once it is much."""
+        """Adds to the time of work with NumPy; once that is long, loads the code if stored."""
         self._spent += seconds
         self._load_where_worth_it(self._spent, None)
 
     def expected(self, work: float) -> float:
-        """Returns the seconds that work is expected to take, once it is begun.
+        """Returns the seconds that work is expected to take, including any compilation.
 
         Parameters
         ----------
-        work : s that it takes now
+        work : time that it takes without further compilation, s
         """
         if self.is_loaded or not self.may_be_loaded or not self._repays(work):
             return work
         return self._compiling + work / _FASTER
 
     def advise(self, noun: str, seconds: float) -> None:
-        """Says, once, how that is done faster from then on which took long by NumPy's way.
+        """Tells the user, once, how to speed up work that took long with NumPy.
 
-        Processes of a sweep say nothing: there are many of them.
+        Processes of a sweep do not, as there are many of them.
         """
         if self.is_loaded or self.has_failed or self._has_advised or seconds < _LONG:
             return
-        from multiprocessing import parent_process  # few processes come this far
+        from multiprocessing import parent_process  # slow to import, and rarely needed
 
         if parent_process() is not None:
             return
@@ -110,22 +111,22 @@ class Kernel:
         if not functions.is_there():
             ways = f"`pip install -e '.[fast]'`, which installs numba, and then {ways}"
         _log.warning(
-            "%s took %.0f s: %s (%.0f s, once) makes it several times as fast from then on",
+            "%s took %.0f s: run %s (once, about %.0f s) to make it several times as fast",
             noun, seconds, ways, ALL_SECONDS,
         )  # fmt: skip
 
     @property
     def may_be_loaded(self) -> bool:
-        """numba is installed, and has not failed in this process."""
+        """True if numba is installed, and has not failed in this process."""
         return functions.is_there() and not self.has_failed
 
     @property
     def is_kept(self) -> bool:
-        """It is on disk, compiled by this numba for this machine."""
+        """True if the code is on disk, compiled by this version of numba for this machine."""
         return marks.is_marked(self.functions)
 
     def load(self, stop: Stop = never) -> None:
-        """Loads it, and compiles it before if it is not kept.
+        """Loads the code, which is compiled first if it is not stored.
 
         Parameters
         ----------
@@ -134,28 +135,28 @@ class Kernel:
         Raises
         ------
         CompilingError
-            If numba cannot be loaded, or compiles nothing. What it has kept is removed: it may be
+            If numba cannot be loaded or cannot compile. The stored code is removed, as it may be
             damaged.
         LimitReached
-            If a limit is reached before it is compiled.
+            If a limit is reached before the code is compiled.
         """
         with self._lock:
             if not (self.is_loaded or self._load_kept()):
                 self._compile(stop)
 
     def takes_over(self, stop: Stop, patience: float = math.inf) -> bool:
-        """Loads it, as `load` does, where numba is; returns False, which is said, if that fails.
+        """Loads the code, as `load` does, if numba is there; warns and returns False if that fails.
 
-        Time limits of the stop do not count meanwhile: it is done once on a machine.
+        Time limits of the stop are paused meanwhile, as compiling happens once per machine.
 
         Parameters
         ----------
-        patience : s, after which it is given up
+        patience : time after which compiling is given up, s
 
         Raises
         ------
         LimitReached
-            If another limit is reached before it is compiled, or the patience is at its end.
+            If another limit is reached before the code is compiled, or the patience has run out.
         """
         if not self.is_loaded and self.may_be_loaded:
             try:
@@ -166,14 +167,14 @@ class Kernel:
         return self.is_loaded
 
     def _repays(self, work: float) -> bool:
-        """Returns True for work (s, by NumPy's way) that compiling makes shorter."""
+        """Returns True if compiling saves time for work that takes so long with NumPy (s)."""
         return work > _REPAID * self._compiling
 
     def _load_where_worth_it(self, work: float, stop: Stop | None) -> None:
-        """Loads it for so much work (s); without a stop only if it is kept."""
+        """Loads the code for so much work (s); without a stop, only if it is stored."""
         if self.is_loaded or work < _LOADING or not self.may_be_loaded:
             return
-        if self._is_missing and stop is None:  # known, and asked at every step of a sweep
+        if self._is_missing and stop is None:  # known; called at every step
             return
         if stop is not None:
             self._take_over_within(work, stop)
@@ -182,23 +183,23 @@ class Kernel:
             self._is_missing = not (self.is_loaded or self._load_kept())
 
     def _take_over_within(self, work: float, stop: Stop) -> None:
-        """Does as `takes_over` does, but gives it up where it takes far longer than elsewhere.
+        """Does the same as `takes_over`, but gives up if compiling takes far longer than usual.
 
-        It may take longer than the work (s) does without it, since it is done once on a machine.
+        Compiling may take longer than the work itself (s), since it happens once per machine.
         """
         try:
             self.takes_over(stop, patience=max(work, _PATIENT * self._compiling))
         except LimitReached:
             stop.check()
-            self._fail("compiling takes long here; `cocap-opt compile` does it ahead")
+            self._fail("compiling is slow here; run `cocap-opt compile` beforehand")
 
     def _fail(self, words: str) -> None:
-        """Gives it up in this process."""
+        """Gives the code up in this process, with a warning."""
         self.has_failed = True
         _log.warning("%s is not compiled, and takes longer: %s", self.name, words)
 
     def _load_kept(self) -> bool:
-        """Loads what is kept; returns False if nothing is, or nothing that can be used."""
+        """Loads the stored code; returns False if there is none that can be used."""
         if not self.is_kept:
             return False
         try:
@@ -208,14 +209,14 @@ class Kernel:
             marks.unmark(self.functions)
             return False
         except Exception as error:  # whatever goes wrong in a library
-            _log.info("%s: what was kept cannot be loaded: %s", self.name, error)
+            _log.info("%s: the stored code cannot be loaded: %s", self.name, error)
             self._forget()
             return False
         self.is_loaded = True
         return True
 
     def _compile(self, stop: Stop) -> None:
-        """Compiles and loads it, which is said; what fails leaves nothing kept."""
+        """Compiles and loads the code, with a message; after a failure no code is stored."""
         _log.warning(_FIRST, self.name, self._compiling)
         tally.begun += 1
         try:
@@ -232,12 +233,12 @@ class Kernel:
         self.is_loaded = True
 
     def _made(self, stop: Stop) -> None:
-        """Compiles it wherever that can be done, and loads it."""
+        """Compiles the code, in another process if possible, and loads it."""
         ours = functions.kept_functions(self.functions)
-        if marks.is_damaged(self.functions):  # numba would load what can be read of it
+        if marks.is_damaged(self.functions):  # numba would load the readable part of it
             self._forget()
             if functions.kept_files(ours):
-                raise CompilingError("what is kept is damaged, and cannot be removed")
+                raise CompilingError("the stored code is damaged, and cannot be removed")
         if functions.can_be_kept(ours):
             self._compile_apart(ours, stop)
         import_module(self._module).call_once()
@@ -245,8 +246,8 @@ class Kernel:
             marks.mark(self.functions, functions.kept_files(ours))
 
     def _compile_apart(self, ours: list[Any], stop: Stop) -> None:
-        """Compiles its functions in another process, where there can be one."""
-        from cocap_opt.compiling.apart import compile_apart  # few processes compile
+        """Compiles the functions in another process, if one can be started."""
+        from cocap_opt.compiling.apart import compile_apart  # few processes need it
 
         try:
             try:
@@ -254,15 +255,15 @@ class Kernel:
             except CompilingError:
                 if not functions.kept_files(ours):
                     raise
-                self._forget()  # what it has tried to load
+                self._forget()  # it may have failed to load this
                 compile_apart(self._module, self.functions, stop)
-        except OSError as error:  # then it is compiled here, where Ctrl-C waits for it
+        except OSError as error:  # then it is compiled in this process, and Ctrl-C has to wait
             _log.info("%s is compiled in this process: %s", self.name, error)
 
     def _forget(self) -> None:
-        """Removes all that is kept of it."""
+        """Removes the stored code and its marks."""
         marks.unmark(self.functions)
         try:
             functions.forget(functions.kept_functions(self.functions))
-        except Exception as error:  # as numba is imported
-            _log.info("%s: nothing is removed: %s", self.name, error)
+        except Exception as error:  # importing numba may fail
+            _log.info("%s: the stored code was not removed: %s", self.name, error)

@@ -1,9 +1,9 @@
-"""Marks on disk by which a process knows that compiled functions are kept, without numba.
+"""Marks on disk: by them a process knows which functions are stored, without loading numba.
 
-A mark's name has a digest of all that numba goes by: versions, settings, sources and processor. It
-lists the files that numba has kept, with digests of those that hold code: where one is missing or
-damaged, nothing counts as kept. If numba sees it otherwise, it is not to compile unasked
-(`functions.nothing_compiled`).
+The name of a mark contains a digest of everything that numba considers: versions, settings,
+sources and processor. A mark lists the files that numba has stored, with digests of those that
+contain code: if one is missing or damaged, the functions do not count as stored. If numba
+nevertheless rejects them, `functions.nothing_compiled` prevents it from compiling unasked.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.users_folder import users_folder
 
 _CPUINFO = Path("/proc/cpuinfo")
-# Of a processor in there, what differs between kinds of them, not from one moment to the next.
+# The fields that identify the kind of processor, and do not change over time.
 _KINDS = {
     "vendor_id", "cpu family", "model", "stepping", "flags",
     "CPU implementer", "CPU variant", "CPU part", "Features", "isa",
@@ -44,9 +44,9 @@ class _Mark(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def is_marked(module: str) -> bool:
-    """Returns True if a module's compiled functions are kept, and their files are whole.
+    """Returns True if a module's compiled functions are stored in undamaged files.
 
-    Nothing counts as kept where a source is missing, or numba has no version.
+    It is False if a source is missing, or the version of numba is unknown.
     """
     try:
         return any(_is_true(path) for path in _paths(module))
@@ -65,7 +65,7 @@ def is_damaged(module: str) -> bool:
 
 
 def mark(module: str, files: Sequence[Path]) -> None:
-    """Marks a module's compiled functions as kept in these files; none leaves them unmarked."""
+    """Marks a module's compiled functions as stored in these files; does nothing without files."""
     found = _Mark(_stamps(module), {str(file): _digest(file) for file in files})
     for path in _paths(module) if files else ():
         try:
@@ -78,15 +78,15 @@ def mark(module: str, files: Sequence[Path]) -> None:
 
 
 def unmark(module: str) -> None:
-    """Removes the marks of what a module has compiled on this machine, as it is now."""
-    with suppress(PackageNotFoundError, FileNotFoundError):  # then it has no marks
+    """Removes the marks of a module, for the present sources, settings and machine."""
+    with suppress(PackageNotFoundError, FileNotFoundError):  # then there are no marks
         for path in _paths(module):
             with suppress(OSError):
                 path.unlink(missing_ok=True)
 
 
 def _paths(module: str) -> Iterator[Path]:
-    """Yields the files that a mark may be; the first that can be written is."""
+    """Yields the possible files of a mark; the first writable one is used."""
     name = f"{module.rpartition('.')[2]}-{_made_by(module)}.kept"
     folders = [
         Path(given) if (given := os.environ.get("NUMBA_CACHE_DIR")) else None,
@@ -97,7 +97,7 @@ def _paths(module: str) -> Iterator[Path]:
 
 
 def _made_by(module: str) -> str:
-    """Returns the digest of all that compiled code depends on."""
+    """Returns the digest of everything that compiled code depends on."""
     settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_"))
     parts = (
         sys.version, version("numba"), version("llvmlite"), settings, _processor(), _stamps(module)
@@ -107,14 +107,14 @@ def _made_by(module: str) -> str:
 
 @cache
 def _processor() -> str:
-    """Returns a description of this processor, which is read in no time."""
+    """Returns a description of this processor that is quick to read."""
     try:
         first = _CPUINFO.read_text(encoding="utf-8", errors="replace").partition("\n\n")[0]
     except OSError:
         first = ""
     lines = [line.partition(":") for line in first.splitlines()]
     kept = [(name.strip(), value) for name, _, value in lines if name.strip() in _KINDS]
-    if not kept:  # where nothing tells its kind, another machine's may differ
+    if not kept:  # the kind is unknown, and another machine's may differ
         kept = [(platform.node(), os.environ.get("PROCESSOR_IDENTIFIER", ""))]
     return repr((platform.machine(), kept))
 
@@ -126,7 +126,7 @@ def _stamps(module: str) -> dict[str, tuple[int, int]]:
 
 
 def _digest(file: Path) -> str:
-    """Returns the digest of a file of code; an index of these also lists other machines' code."""
+    """Returns the digest of a file of code; "" for an index, which other machines change, too."""
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.suffix == ".nbc" else ""
 
 
@@ -149,11 +149,11 @@ def _is_true(path: Path) -> bool:
 
 
 def _remove_older(path: Path, module: str) -> None:
-    """Removes marks beside this one of the same files before they changed."""
+    """Removes marks beside this one that belong to earlier versions of the same sources."""
     now, source = _stamps(module), str(sources_of(module)[0])
     for other in path.parent.glob(f"{module.rpartition('.')[2]}-*.kept"):
         found = _read(other)
-        # What is not a mark is one of an earlier format.
+        # A file that cannot be read is a mark in an earlier format.
         if found is None or (source in found.sources and found.sources != now):
             with suppress(OSError):
                 other.unlink(missing_ok=True)

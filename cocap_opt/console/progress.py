@@ -1,4 +1,4 @@
-"""Progress on standard error: two lines that change, or a plain one now and then."""
+"""Progress on standard error: two lines that change in place, or a plain line from time to time."""
 
 import math
 from collections import deque
@@ -17,20 +17,20 @@ from cocap_opt.formulations.result import Report, Snapshot
 from cocap_opt.stop import Clock
 from cocap_opt.text import printable
 
-_SECONDS_TO_A_PACE = 1.0  # after which what is left can be told
+_SECONDS_TO_A_PACE = 1.0  # after which the remaining time can be estimated
 _WIDTH, _BAR_WIDTH = 80, 40  # characters
-# Where standard error is not a terminal: no silence is longer than 5 s, and the first one shorter.
+# If standard error is not a terminal: a line at least every 5 s, and the first one earlier.
 SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
 
 
 class Watch:
-    """Shows how far a command is, as it reports; nothing is shown but in `on_terminal`.
+    """Shows the reported progress of a command; nothing is shown outside of `on_terminal`.
 
     Parameters
     ----------
-    task : what is being done, such as a scene and its seed
-    parts : the number of such tasks; None where there is one
-    plain : say it in lines that stay
+    task : the current task, such as a scene and its seed
+    parts : the number of tasks; None if there is only one
+    plain : True: print plain lines instead of updating them in place
     """
 
     def __init__(self, task: str = "", parts: int | None = None, plain: bool = False) -> None:
@@ -40,12 +40,12 @@ class Watch:
         self._finished, self._finished_at = 0, 0.0
         self._status = ""
         self._clock = Clock()
-        # When the next line is due, on that clock.
+        # Time of the next line, on that clock.
         self._due = min(SECONDS_TO_FIRST_LINE, SECONDS_BETWEEN_LINES)
 
     @contextmanager
     def _ticking(self) -> Iterator[None]:
-        """Says now and then how far the task is, also while nothing is shown."""
+        """Prints the progress from time to time, even if nothing is reported."""
         ended = Event()
 
         def tick() -> None:
@@ -65,8 +65,8 @@ class Watch:
     def on_terminal(cls, task: str, parts: int | None = None) -> "Iterator[Watch]":
         """Yields a watch that is shown on standard error.
 
-        On a terminal its lines change and are gone at the end; otherwise they are plain lines
-        that stay, one after two seconds and then one in four.
+        On a terminal its lines are updated in place and removed at the end; otherwise plain lines
+        are printed, the first after two seconds and then one every four seconds.
         """
         console = Console(stderr=True)
         console.width = console.width or _WIDTH  # COLUMNS may be 0
@@ -76,15 +76,15 @@ class Watch:
             yield watch
 
     def begin(self, task: str) -> None:
-        """Names the part that begins."""
+        """Starts a part, and shows its name."""
         self._task, self._status = task, ""
 
     def finish(self) -> None:
-        """Counts a part as done."""
+        """Counts a part as finished."""
         self._finished, self._finished_at = self._finished + 1, self._clock.seconds
 
     def show(self, status: str) -> None:
-        """Shows how far the task is."""
+        """Shows the status of the task."""
         self._status = status
         if self._plain and self._clock.seconds >= self._due:
             self._say()
@@ -94,14 +94,14 @@ class Watch:
         say(": ".join(self._texts()))
 
     def counter(self, noun: str) -> Callable[[int, int], None]:
-        """Returns a function to call with how many of some things are done, and of how many."""
+        """Returns a function to call with the number of finished items, and the total."""
         return lambda done, total: self.show(f"{noun} {done}/{total}")
 
     def countdown(self, noun: str) -> Callable[[int, int], None]:
-        """Returns a function that shows a share done, and the seconds that are left.
+        """Returns a function that shows the finished share, and the remaining seconds.
 
-        It gets how many of some things of about equal weight are done, and of how many; where
-        they are no more than before, other things begin.
+        It is called with the number of finished items, which take about equally long, and the
+        total; if the number has not increased, new items have begun.
         """
         pace = _Pace()
 
@@ -113,29 +113,29 @@ class Watch:
         return show
 
     def report(self, name: str = "") -> Report:
-        """Returns a function that shows what a solver reports, after a name."""
+        """Returns a function that shows the reports of a solver, after a name."""
         return lambda snapshot: self.show(f"{name} {_words(snapshot)}".strip())
 
     def lines(self) -> RenderableType:
-        """Returns the lines that a terminal shows."""
+        """Returns the lines for a terminal."""
         texts = map(printable, self._texts())
         lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts]
         if self._parts is None:
             return Group(*lines)
-        # A bar ends without a line break.
+        # There is no line break after a bar.
         return Group(*lines, ProgressBar(self._parts, self._finished, width=_BAR_WIDTH))
 
     def _texts(self) -> list[str]:
-        """Returns the task and its status, unless the task has it in its name.
+        """Returns the task, and its status unless the task's name contains it.
 
-        While code is compiled nothing gets further, and what was said of it is not true any more.
+        While code is compiled there is no progress, and the last status no longer applies.
         """
         status = "compiling" if tally.is_compiling else self._status
         is_told = not status or status in self._task
         return [self._head()] if is_told else [self._head(), status]
 
     def _head(self) -> str:
-        """Returns the task and its time, and what is left until parts take longer than before."""
+        """Returns the task, its time, and the remaining time unless parts have become slower."""
         passed = self._clock.seconds
         if self._parts is None:
             return f"{self._task}, {passed:.0f} s"
@@ -148,9 +148,9 @@ class Watch:
 
 
 class _Pace:
-    """The pace of the last half of the time: things that come first may take longer than most.
+    """The pace in the last half of the time, as the first items may take longer than most.
 
-    Once code was compiled, it begins anew: it is faster from then on.
+    It is measured anew after code was compiled, as items are then faster.
     """
 
     def __init__(self) -> None:
@@ -161,7 +161,7 @@ class _Pace:
         self._compiled = tally.ended
 
     def left(self, done: int, total: int) -> float | None:
-        """Returns the seconds (s) that are left; None while there is no pace yet."""
+        """Returns the remaining seconds; None while the pace is unknown."""
         if done <= self._marks[-1][1] or tally.ended > self._compiled:
             self._begin_with(done)
         now, marks = self._clock.seconds, self._marks

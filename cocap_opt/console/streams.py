@@ -9,25 +9,25 @@ from typing import TextIO
 
 from cocap_opt.text import printable, shortened
 
-_LONGEST_WORD = 400  # characters; names of files with their folders are words, too
+_LONGEST_WORD = 400  # characters; a file name with its folders counts as one word
 
 
 def discard(stream: TextIO) -> None:
-    """Sends nowhere what is still to be written to a stream."""
+    """Discards everything that is still to be written to a stream."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def one_line(message: str) -> str:
     """Returns a message on one line.
 
-    Some of it may come from files: what is not text, or would steer a terminal, is escaped, and the
-    middle of very long words is left out.
+    Parts of it may come from files, so characters that are not text or would control a terminal are
+    escaped, and the middle of very long words is left out.
     """
     return printable(" ".join(shortened(word, _LONGEST_WORD) for word in message.split()))
 
 
 def say(message: str) -> None:
-    """Writes one line on standard error; where that fails, the work goes on without it."""
+    """Writes one line on standard error; if that fails, the work continues."""
     try:
         sys.stderr.write(f"cocap-opt: {one_line(message)}\n")
         sys.stderr.flush()
@@ -38,7 +38,7 @@ def say(message: str) -> None:
 
 @contextmanager
 def without_warnings(package: str) -> Iterator[None]:
-    """Keeps the warnings of a package back for a while, as they were given before."""
+    """Suppresses the warnings of a package within the block, as they were given before."""
     logger = logging.getLogger(package)
     level = logger.level
     logger.setLevel(logging.ERROR)

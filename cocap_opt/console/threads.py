@@ -1,4 +1,4 @@
-"""One thread for the linear algebra underneath: runs are comparable, and leave cores to others."""
+"""Limits linear algebra to one thread: runs are comparable, and other cores stay free."""
 
-# For the environment of a process, before it loads NumPy.
+# Environment variables to set before a process loads NumPy.
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}

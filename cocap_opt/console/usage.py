@@ -8,21 +8,21 @@ from cyclopts import App
 
 
 def usage_of(called: str, command: Callable[..., Any]) -> str:
-    """Returns the usage line of a command; what may be left out is in brackets.
+    """Returns the usage line of a command, with optional parts in brackets.
 
     Parameters
     ----------
-    called : its name, with those of the program and of the family before it
+    called : name of the command, preceded by those of the program and of the family
     """
     return " ".join(["Usage:", called, *_words(command)])
 
 
 def set_usages(family: App, called: str) -> None:
-    """Gives the commands of a family their usage lines.
+    """Sets the usage lines of all commands of a family.
 
     Parameters
     ----------
-    called : the name of the family, with that of the program before it
+    called : name of the family, preceded by that of the program
     """
     for name in family:
         if (command := family[name].default_command) is not None and not name.startswith("-"):

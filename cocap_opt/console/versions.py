@@ -1,4 +1,4 @@
-"""The versions of what runs here, for reports of bugs and for those who repeat results."""
+"""The versions of Python, libraries and the system, for bug reports and to reproduce results."""
 
 import platform
 import re
@@ -6,7 +6,7 @@ import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 
 _OWN = "cocap-opt"
-_FOR_DEVELOPERS = r"extra == .(test|docs)\b"  # which no run depends on
+_FOR_DEVELOPERS = r"extra == .(test|docs)\b"  # extras that do not affect results
 
 
 def show_versions() -> None:

@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from cocap_opt.stop import Interrupt
 
-UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
+UNFINISHED = ".cocap-opt-"  # prefix of the names of temporary files
 
 
 def write_atomically(

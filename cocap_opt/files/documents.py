@@ -29,7 +29,7 @@ class FileError(ValueError):
 
 
 # The reason why older results are rejected: their J is not that of the scene.
-SAMPLED = "an older cocap-opt wrote it, whose coverage was sampled; make it again"
+SAMPLED = "it is from an older cocap-opt, whose coverage was sampled; create it again"
 
 
 class Document(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -214,7 +214,7 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
     versions = get_args(get_type_hints(kind)["version"])
     if header.version not in versions:
         known = ", ".join(map(str, sorted(versions)))
-        newer = "a newer cocap-opt wrote it" if header.version > max(versions) else kind.older
+        newer = "it is from a newer cocap-opt" if header.version > max(versions) else kind.older
         why = f": {newer}" if newer else ""
         raise FileError(f"{name}: version: must be {known}, not {header.version}{why}")
     return _decode(content, kind, name)
@@ -225,8 +225,8 @@ def other_coverage(version: int | None) -> str:
     if version in (None, COVERAGE_VERSION):
         return ""
     return (
-        f"it was made with version {version} of coverage, this is version {COVERAGE_VERSION}, by "
-        "which pixels and J are others"
+        f"it was made with version {version} of coverage, but this is version {COVERAGE_VERSION}, "
+        "in which pixels and J differ"
     )
 
 

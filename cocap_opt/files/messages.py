@@ -32,7 +32,7 @@ _LEFT_OUT = {  # fields of cameras that have no counterpart
                      "k2", "p1", "p2"), _STRAIGHT),
 }  # fmt: skip
 _FEW_FIELDS = 8  # up to this number, the fields of a required object are named
-_PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
+_PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # a part of a path such as tracks[0].unit
 _LONGEST = 40  # letters of a value that a message quotes
 _HUGE = 1e9  # no scene needs numbers beyond this limit
 _UNKNOWN = object()  # a value that cannot be found again
@@ -60,7 +60,7 @@ def in_words(error: Exception, content: bytes | str, kind: object, value: object
     if isinstance(content, bytes):
         try:
             content.decode()
-        except UnicodeDecodeError as wrong:  # of which msgspec 0.23 does not say where
+        except UnicodeDecodeError as wrong:  # msgspec 0.23 does not give the place of this error
             return no_text(wrong)
     words = " ".join(str(error).split()) or type(error).__name__
     raw = content.encode() if isinstance(content, str) else content
@@ -175,7 +175,7 @@ def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
         expected, limits, found = wrong.groups()
         # If null is one of several types, the field may be left out.
         types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
-        words = _allowed(inspect.type_info(kind), path)  # else any text is
+        words = _allowed(inspect.type_info(kind), path)  # otherwise any text is allowed
         fields = _fields(inspect.type_info(kind), path) if "object" in types else []
         of_fields = f" ({', '.join(fields)})" if 0 < len(fields) <= _FEW_FIELDS else ""
         either = " or ".join(

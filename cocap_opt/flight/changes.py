@@ -1,4 +1,4 @@
-"""The robustness of flights as a table: J, least distances and rules under each deviation."""
+"""The robustness of flights as a table: J, minimum distances and rules under each deviation."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -27,8 +27,8 @@ class ChangeRow(NamedTuple):
     change : the deviation in words
     reward : J between the steps, too
     share : share of the J of the flight as planned; None if that is 0
-    least_distance : least distance between drones, m; None for one drone
-    people_distance : least horizontal distance from the middle of a person, m; None if the scene
+    least_distance : minimum distance between drones, m; None for one drone
+    people_distance : minimum horizontal distance from the middle of a person, m; None if the scene
         requires none
     rules : kept, or to whom drones come too close; none if the scene has no rules between the steps
     ask_drones, ask_people : distance to plan with in m, i.e. that of the scene plus the missing

@@ -167,7 +167,7 @@ class Geodesy:
             longitude - _AROUND, latitude - _AROUND, longitude + _AROUND, latitude + _AROUND
         )
         with warnings.catch_warnings():
-            # the warning that the best operation is not available, which is checked below
+            # pyproj warns if the best operation is unavailable, which is checked below
             warnings.simplefilter("ignore")
             group = self._pyproj.transformer.TransformerGroup(
                 self._crs, WGS_84, always_xy=True, allow_ballpark=False, area_of_interest=around
@@ -187,7 +187,7 @@ class Geodesy:
             return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
         grids = sorted(grid.short_name for operation in unavailable[:1] for grid in operation.grids)
         if grids:
-            return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
+            return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` downloads it"
         return "has a datum whose relation to WGS 84 is unknown"
 
     def _from_earth(self, place: Place) -> tuple[float, float]:

@@ -119,7 +119,7 @@ def _dense(problem: Problem, parts: int, late: float) -> Problem:
 def _denser(actor: Actor, horizon: int, parts: int, late: float) -> Actor:
     """Returns a person at the moments between the steps, too, delayed by a number of steps."""
     poses = actor.poses[: horizon + 1].copy()
-    poses[:, 3] = np.unwrap(poses[:, 3])  # by at most half a turn between steps
+    poses[:, 3] = np.unwrap(poses[:, 3])  # yaw changes by at most half a turn between steps
     steps = np.arange(horizon * parts + 1) / parts - late
     columns = [np.interp(steps, np.arange(horizon + 1), column) for column in poses.T]
     importance = actor.importance

@@ -106,4 +106,4 @@ class Rests:
 
 GENTLE = Rests(PARTS)
 LAWS = GENTLE, Rests(2), Rests(1)  # gentlest first
-TURNS = Rests(1)  # for angles, whose accelerations have no known limits
+TURNS = Rests(1)  # law for angles, whose accelerations have no known limits

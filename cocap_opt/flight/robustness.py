@@ -1,7 +1,7 @@
 """Flights that deviate from the plan: people are late, early or displaced, a drone lags or is lost.
 
 Drones do not react: they fly as planned, and hover before and after. A drone that is lost at a step
-is absent from then on; what happens to it is not considered. Least distances, and whether rules are
+is absent from then on; its fall is not modelled. Minimum distances, and whether rules are
 obeyed, are computed on the polynomials at every moment, not sampled: if one of two flights is late,
 their pieces are cut at the ends of both. J is evaluated at some moments of each step.
 """
@@ -34,8 +34,8 @@ class Outcome(NamedTuple):
     Attributes
     ----------
     reward : part of J that views make
-    apart : least distance between two drones, m; inf for one drone
-    aside : least horizontal distance between a drone and the middle of a person, m
+    apart : minimum distance between two drones, m; inf for one drone
+    aside : minimum horizontal distance between a drone and the middle of a person, m
     missing : amounts in m by which drones come closer than the rules allow, to "drones" and to
         "people"; amounts of 0 are left out
     """

@@ -4,22 +4,23 @@ Nothing is sampled. The squared distance between drones, and between drones and 
 polynomial, which is proved to be large enough by its coefficients (`bernstein`). For matter and
 zones, a piece of a flight is halved until the box of its coefficients contains only free cells.
 
-Proved, of the polynomials of a `Trajectory`, from step 0 to the last
-- drones keep the separation, or the vertical distance, of the scene's rules;
-- they keep the distance to people that the airspace asks for, who walk straight from step to step;
-- they keep their clearance to matter, and stay on the map, out of no-fly zones and below the
+Proved, for the polynomials of a `Trajectory`, from step 0 to the last step:
+- Drones keep the separation, or the vertical distance, of the scene's rules.
+- They keep the distance to people that the airspace requires; people walk straight from step to
+  step.
+- They keep their clearance to matter, and stay on the map, out of no-fly zones and below the
   ceiling.
 
-Assumed
-- Drones fly exactly so, by one clock: no wind, no error of a controller, no delay (`delays` and
-  `robustness` say what becomes of those).
-- There are no legs of take-off and landing before and after, and no way home.
-- The scene is as its map, meshes and walks say, of people's bodies only what the rules measure.
-- What no rule asks for is not looked at: scenes without a separation or a distance to people, and
-  the walls of drones that may cut corners (`Motion.corner_cutting`).
+Assumed:
+- Drones follow these polynomials exactly, by one clock: no wind, no control error, no delay
+  (`delays` and `robustness` evaluate delays).
+- Take-off, landing and the flights from and to home are not considered.
+- Map, meshes and walks are correct; people's bodies are represented only as the rules measure them.
+- Only rules that the scene has are checked: not distances without a rule, and not the walls for
+  drones that may cut corners (`Motion.corner_cutting`).
 - A micrometre (`TOLERANCE` of the rules) and the rounding of floating-point numbers do not matter.
-- Files that hold points hold those of the polynomials; straight lines between them are other
-  flights (`Trajectory.distance_from_chords` bounds how far).
+- Files with points contain points of the polynomials; straight lines between these are different
+  flights (`Trajectory.distance_from_chords` bounds the deviation).
 """
 
 import math

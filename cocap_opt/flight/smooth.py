@@ -40,7 +40,7 @@ from cocap_opt.problem import Plan, Problem, Robot
 SHORTEST = 8  # the shortest blend takes this fraction (1/8) of a step
 _SLOWER = 0.5
 _LEAST = 0.2  # share below which a drone stops
-_STEADY = 1.25  # times the slower rate on either side: no angle exceeds those at the steps
+_STEADY = 1.25  # relative to the slower rate beside it: no angle exceeds those at the steps
 # has the speed 1 at 0; all other values and derivatives at 0 and 1 are 0
 _SPEED = np.array([0, 1 / 5, 2 / 5, 0, 0, 0])
 _BEND = np.array([0, 0, 1 / 20, 0, 0, 0])  # the same for the acceleration

@@ -21,8 +21,8 @@ from cocap_opt.problem.motion import ROUNDING
 from cocap_opt.problem.robot import rounded_up
 from cocap_opt.world.workspace import HeightMap
 
-RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # for stops at both ends
-# factor on the average rate between a stop and a sharp turn, one of them shortened
+RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # peaks if a drone stops at both ends
+# peak relative to the average rate, from a stop to a sharp turn, one of them shortened
 SHORTENED = 2.94
 _ANGLES = "yaw_rate", "gimbal_rate"
 _UPRIGHT = "climb", "descent"

@@ -24,7 +24,7 @@ from cocap_opt.problem import Actor, Plan, Problem
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
 _PARTS = 40  # parts of a step at which distances from chords are computed
-_SLACK = 1e-9  # of a piece; tolerance for a moment beyond the last piece
+_SLACK = 1e-9  # share of a piece: tolerance for a moment beyond the last piece
 
 
 class Samples(NamedTuple):
@@ -154,7 +154,7 @@ class Trajectory:
         return float((np.maximum(off[:, 1:], off[:, :-1]) + strays).max())
 
     def least_distance(self) -> float:
-        """Returns the least distance (m) between two drones at any moment; inf for one drone."""
+        """Returns the minimum distance (m) between two drones at any moment; inf for one drone."""
         return least_length(self.between_drones)
 
     @property

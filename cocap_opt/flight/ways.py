@@ -286,7 +286,7 @@ class _Ways:
             if not ways:
                 where = "from home to its place" if is_out else "home"
                 raise _NoWayError(
-                    f"drone {left[0]} has no way {where} that keeps away from obstacles, no-fly "
+                    f"drone {left[0]} has no way {where} that is clear of obstacles, no-fly "
                     "zones and the drones that hover"
                 )
             if flown is None:

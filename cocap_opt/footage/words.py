@@ -51,7 +51,7 @@ def quality_words(
         line("blur", _told_blur(blur)),
         line("drones in images", _told_intruders(found)),
         *(
-            line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
+            line("" if k else "take by take", f"{name}: {of.line or 'no person-step counts'}")
             for k, (name, of) in enumerate(takes)
         ),
         *(line("" if k else "worst moments", words) for k, words in enumerate(worst)),

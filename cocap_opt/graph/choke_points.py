@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
 
 MOST_CELLS = 700  # cells in reach of the drones, for which cuts take a tenth of a second
-_MARGIN = 4  # factor on the reachable cells: largest size of the window around them
+_MARGIN = 4  # largest window around the reachable cells, relative to their extent
 # smallest share of the target cells that a choke point must separate from the drones
 _LEAST_SHARE = 0.1
 _MOST_CUTS = 4  # cuts that are examined
@@ -150,7 +150,7 @@ class _Routes:
         return cls(graph.subgraph(near).copy(), starts, problem.horizon)
 
     def steps(self, without: Collection[Cell] = ()) -> dict[Cell, int]:
-        """Returns the least number of steps to each cell that can be reached without some cells."""
+        """Returns the fewest steps to each cell that can be reached without some cells."""
         left = self.graph.subgraph(self.graph.nodes - set(without)) if without else self.graph
         return _steps(left, self.starts - set(without), self._horizon)
 
@@ -183,7 +183,7 @@ def _window(problem: SceneData, motion: Motion) -> Window:
 
 
 def _steps(graph: Graph, starts: Iterable[Cell], horizon: int) -> dict[Cell, int]:
-    """Returns the least number of steps from a start to each cell that is reached in time."""
+    """Returns the fewest steps from a start to each cell that is reached in time."""
     steps = dict.fromkeys(starts, 0)
     new = list(steps)
     for t in range(1, horizon + 1):

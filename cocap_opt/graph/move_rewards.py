@@ -21,10 +21,10 @@ Shape = tuple[int, ...]  # (headings, pitches, layers, X, Y) of a numbering of s
 class Bonuses(NamedTuple):
     """The rewards for one step of one robot, which add up; see `Objective`."""
 
-    stationarity: float = 0.0  # for an unchanged state
+    stationarity: float = 0.0  # reward for an unchanged state
     keep_cell: float = 0.0
     keep_heading: float = 0.0
-    balanced: float = 0.0  # for dx + dy = 0
+    balanced: float = 0.0  # reward for dx + dy = 0
 
     @classmethod
     def of(cls, objective: Objective) -> "Bonuses":

@@ -52,7 +52,7 @@ class MissionFormat(NamedTuple):
         return partial(write, autopilot=pilot if items is None else pilot.holding(items))
 
 
-FORMATS: dict[str, MissionFormat] = {  # by file ending
+FORMATS: dict[str, MissionFormat] = {  # formats by file ending
     ".csv": MissionFormat(".table"),
     ".geojson": MissionFormat(".geojson", on_earth=True, has_dates=True),
     ".kml": MissionFormat(".kml", on_earth=True, has_dates=True),

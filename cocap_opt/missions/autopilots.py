@@ -5,33 +5,33 @@ PX4
 - It takes off at MPC_TKO_SPEED (multicopter_takeoff_params.c of mc_pos_control).
 - DO_CHANGE_SPEED sets one cruise speed, whatever its type says (`Navigator::run`,
   navigator_main.cpp).
-- The cruise speed is that over the ground, at most MPC_XY_VEL_MAX (`FlightTaskAuto::
+- The cruise speed is a speed over the ground, at most MPC_XY_VEL_MAX (`FlightTaskAuto::
   _evaluateTriplets`). Climbs and descents have the limits MPC_Z_V_AUTO_UP and MPC_Z_V_AUTO_DN, and
   no mission changes them (`FlightTaskAuto::_updateTrajConstraints`). A leg is flown straight with
-  the largest velocity that keeps both (`PositionSmoothing::_generateVelocitySetpoint`). So each leg
-  over the ground has one speed, and on a leg straight up or down the drone waits first: it arrives
-  when the plan does.
-- A waypoint is reached when the drone looks there, too, to MIS_YAW_ERR; it turns with
-  MPC_YAWRAUTO_MAX. The hold time of a waypoint counts from its place on
-  (`MissionBlock::is_mission_item_reached_or_completed`), so a drone that turns where it is holds.
-- NAV_DELAY counts from its beginning (there, too).
+  the largest velocity within both limits (`PositionSmoothing::_generateVelocitySetpoint`). So each
+  leg over the ground has one speed, and before a leg straight up or down the drone waits, in order
+  to arrive at the planned time.
+- A waypoint counts as reached once the drone also has its yaw, to within MIS_YAW_ERR; it turns at
+  MPC_YAWRAUTO_MAX. The hold time counts from the moment when the drone is at the waypoint's place
+  (`MissionBlock::is_mission_item_reached_or_completed`), so a turn on the spot is a hold.
+- NAV_DELAY counts from the beginning of the item (same function).
 - A mission moves the gimbal only after MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
   (`InputMavlinkGimbalV2`).
 
 ArduPilot
 - It takes off at WPNAV_SPEED_UP (`AC_WPNav::get_default_speed_up`, in takeoff.cpp).
 - DO_CHANGE_SPEED sets the speed over ground, up or down, by its type (`ModeAuto::do_change_speed`,
-  mode_auto.cpp); one over ground below WPNAV_WP_SPEED_MIN is ignored (`AC_WPNav::set_speed_xy`).
-  Speeds stay until they are changed.
-- A leg is flown with the largest speed along it that keeps both (`AC_WPNav::
+  mode_auto.cpp); a speed over ground below WPNAV_WP_SPEED_MIN is ignored
+  (`AC_WPNav::set_speed_xy`). Speeds apply until they are changed.
+- A leg is flown at the largest speed along it that is within all of these (`AC_WPNav::
   update_track_with_speed_accel_limits`, `SCurve::set_speed_max`).
-- A waypoint's yaw has no effect, and CONDITION_YAW does not hold the drone up, but holds up what is
-  to be done after it before the next waypoint (`AP_Mission::update`); so it is the last of those.
-- NAV_DELAY counts from its beginning (`ModeAuto::verify_nav_delay`); a waypoint's hold is whole
-  seconds, and not used.
+- A waypoint's yaw has no effect. CONDITION_YAW does not delay the flight, but it delays the
+  commands between it and the next waypoint (`AP_Mission::update`); so it is the last of these.
+- NAV_DELAY counts from its beginning (`ModeAuto::verify_nav_delay`); a waypoint's hold is in whole
+  seconds, and is not used.
 
-PX4 holds NUM_MISSIONS_SUPPORTED items (navigation.h), 2000 before 1.13; ArduPilot one in each 15
-bytes of its storage (`AP_Mission::num_commands_max`), and more with BRD_SD_MISSION.
+PX4 can store NUM_MISSIONS_SUPPORTED items (navigation.h), 2000 before 1.13; ArduPilot stores each
+item in 15 bytes (`AP_Mission::num_commands_max`), and more items with BRD_SD_MISSION.
 
 Defaults of PX4's parameters are those of mc_pos_control and navigator (version 1.15).
 """
@@ -123,7 +123,7 @@ class Autopilot(NamedTuple):
 
     def holding(self, most: int) -> Self:
         """Returns the autopilot on a board that can hold the given number of items."""
-        return self if most == self.most else self._replace(most=most, holds="as --items says")
+        return self if most == self.most else self._replace(most=most, holds="as set by --items")
 
     def items(self, route: Route) -> list[Item]:
         """Returns the items of a drone's mission."""

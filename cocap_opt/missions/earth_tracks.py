@@ -234,7 +234,7 @@ class FlightClock(NamedTuple):
             words = f"the flight of {seconds} must end in a year that has four digits"
             if flight.start is None:
                 raise ProblemError(words) from error
-            raise FieldError("start", f"must be earlier, for {words}") from error
+            raise FieldError("start", f"must be earlier, as {words}") from error
         return cls(start)
 
     def text(self, t: float) -> str:

@@ -33,4 +33,4 @@ Writer = Callable[[Flight, float | None], Export]
 def require_nothing_else(every: float | None, words: str) -> None:
     """Rejects a time between points for formats with their own points."""
     if every is not None:
-        raise FieldError("every", f"must be left out, for {words}")
+        raise FieldError("every", f"must be left out, as {words}")

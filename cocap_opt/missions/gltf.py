@@ -201,7 +201,7 @@ class _Animation:
         material = self._glb.material("person", pictures.PERSON)
         walks = [actor.poses[:steps].copy() for actor in self._problem.actors]
         for walk in walks:
-            walk[:, 3] = np.unwrap(walk[:, 3])  # by at most half a turn between steps
+            walk[:, 3] = np.unwrap(walk[:, 3])  # yaw changes by at most half a turn between steps
         turns = np.abs([np.diff(walk[:, 3]) for walk in walks])
         parts = np.maximum(np.ceil(turns.max(axis=0) / _MOST_TURN), 1).astype(np.int64)
         numbers = _subdivided(parts)

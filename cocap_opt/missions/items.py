@@ -9,7 +9,7 @@ from typing import NamedTuple
 _RELATIVE, _NO_PLACE = 3, 2  # MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION
 GROUND, CLIMB, DESCENT = 1, 2, 3  # SPEED_TYPE; each applies until the next of its kind
 HORIZON = 4 | 8  # GIMBAL_MANAGER_FLAGS_ROLL_LOCK, GIMBAL_MANAGER_FLAGS_PITCH_LOCK
-ITSELF, UNCHANGED = -2.0, -1.0  # who controls a gimbal
+ITSELF, UNCHANGED = -2.0, -1.0  # codes for the controller of a gimbal
 
 Place = tuple[float, ...]  # latitude, longitude (degrees), and m above the take-off
 

@@ -125,9 +125,9 @@ def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
         others = ", ".join(f"{usual.title} {usual.most}" for usual in AUTOPILOTS.values())
         raise ProblemError(
             f"the mission of drone {drone} has {count} items, more than the {autopilot.most} that "
-            f"{autopilot.title} takes, {autopilot.holds} (usual are {others}); plan fewer steps, "
-            "longer ones, or parts of the scene one after the other, each a mission of its own, or "
-            "say with --items how many the board takes"
+            f"{autopilot.title} takes, {autopilot.holds} (usual: {others}); plan fewer or longer "
+            "steps, or parts of the scene one after the other, each as a separate mission, or "
+            "use --items to state how many items the board takes"
         )
 
 

@@ -1,4 +1,4 @@
-"""No-fly zones as they are seen from above, on the Earth, and where drones begin and end."""
+"""No-fly zones from above, with positions on the Earth, and drones' first and last places."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -20,11 +20,11 @@ class Zone(NamedTuple):
 
     Attributes
     ----------
-    number : of the zone in the scene; one that is in several parts has several of these
-    outline : m, x and y; holes are left out of it, so nothing of the zone is outside
+    number : number of the zone in the scene; the parts of one zone share it
+    outline : x and y, m; holes are filled, so the outline encloses all of the zone
     corners : [n, 2] longitudes and latitudes, counter-clockwise, the first point not repeated
-    heights : its lowest and its highest point (m; None: it has no end there), by what they are
-        above: `z`, the map's, and `above_sea` or `above_ellipsoid` where that is known
+    heights : lowest and highest point (m; None: unlimited) by datum: `z`, that of the map, and
+        `above_sea` or `above_ellipsoid` if that is known
     """
 
     number: int
@@ -39,7 +39,7 @@ class Zone(NamedTuple):
 
     @property
     def told_heights(self) -> str:
-        """Its heights in words: above the sea or the ellipsoid, or else by the map's zero."""
+        """Its heights in words: above the sea or the ellipsoid, otherwise above the map's zero."""
         name = next((name for name in self.heights if name != "z"), "z")
         low, high = self.heights[name]
         above = "above z = 0 of the map" if name == "z" else name.replace("above_", "above the ")
@@ -51,7 +51,7 @@ class Zone(NamedTuple):
 
 
 class End(NamedTuple):
-    """The first or the last place of a drone: it takes off below, or lands there."""
+    """The first or the last place of a drone, below which it takes off or lands."""
 
     drone: int
     kind: str  # take-off or landing

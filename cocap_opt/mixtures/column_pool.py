@@ -18,7 +18,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.problem import Problem
 
-LEAST_AMOUNT = 1e-3  # of a robot; smallest amount, so that every column is drawn now and then
+LEAST_AMOUNT = 1e-3  # smallest amount of a robot, so that every column is drawn from time to time
 _GAIN = 1e-9  # relative; smaller gains do not count
 
 PlanKey = tuple[Path, ...]  # the paths, which identify a plan

@@ -82,7 +82,7 @@ class PlanSearchParameters(Section):
     responses : responses per robot
         budget of the neighbourhood search from each plan
     least_amount : of a robot
-        least amount of a column of a mixture that is used
+        smallest amount of a column of a mixture that is used
     found_amount : of a robot
         amount that the columns of each plan found add to a pool
     most_in_vain : plans

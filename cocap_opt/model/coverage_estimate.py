@@ -16,7 +16,7 @@ from cocap_opt.vision.coverage import (
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import StateViews
 
-_PARTS = 8  # of the sample, evenly spread over all positions in the order of their steps
+_PARTS = 8  # parts of the sample, evenly spread over all positions in the order of their steps
 # an order of the parts in which every prefix is evenly spread, too
 _SPREAD = [0, 4, 2, 6, 7, 3, 5, 1]
 _SHARE = 0.02  # share of all positions that are sampled
@@ -71,7 +71,7 @@ class CoverageEstimate(NamedTuple):
             _parts(n_places, reachable, positions, round(size / each)) for size in (most, _FEW)
         )
         steps = int(np.count_nonzero(sizes))
-        views.look(small[0])  # what is made once and cached must not affect the rates
+        views.look(small[0])  # work that is done once and cached must not affect the rates
         threads = threads or usable_cores()
         with ThreadPoolExecutor(threads) as pool:
             # The first view at a step computes what all other views of that step need.

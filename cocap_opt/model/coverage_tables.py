@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     _Kept = tuple[TableCache, str]
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
-Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on, besides its start
+Sight = tuple[Motion, AnyCamera]  # everything that a robot's coverage depends on, except its start
 
 # Seconds per state of value iteration, and per actor and state of a ceiling: measured, and rounded
 # up.
@@ -64,7 +64,7 @@ class CoverageTables:
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
         self._growing: dict[Sight, GrowingTable] = {}
-        self._estimates: dict[tuple[Sight, int], CoverageEstimate] = {}  # by first missing step
+        self._estimates: dict[tuple[Sight, int], CoverageEstimate] = {}  # also by step
         self._spent: dict[Sight, float] = {}  # s for computing each table
         # The stopping criterion that ended coverage early, and its limit.
         self._ended: tuple[Stop, Limit] | None = None

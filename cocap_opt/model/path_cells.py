@@ -10,7 +10,7 @@ from cocap_opt.problem import Cell
 class PathCells(NamedTuple):
     """A path of one robot with the cells that it passes; rules depend only on these."""
 
-    class_number: int  # of the robot's class
+    class_number: int  # number of the robot's class
     states: Path  # T+1 state numbers
     cells: tuple[Cell, ...]  # T+1
 

@@ -116,7 +116,7 @@ _VALUES = {
     "checking_seconds": "{} s",
     "bound_seconds": "{} s",
     "paths_above": "above a J of {}",
-    "near_people_undecided": "{} places and moves, too close to a least distance",
+    "near_people_undecided": "{} places and moves, too close to a minimum distance",
     "views_enclosed": "at {} pairs of state and step",
     "views_left": "at {} pairs of state and step, for lack of time",
     "numbers_enclosed": "{} numbers of coverage",

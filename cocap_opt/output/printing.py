@@ -27,7 +27,7 @@ _WRAPPED = (
     "program",
 )  # columns of small tables
 _MOST_NAMES = 0.6  # share of the width for columns that are repeated if a table is split
-_FOLDED = 16  # least width in characters of text that is folded
+_FOLDED = 16  # smallest width in characters of text that is folded
 _UNBOUNDED = 10_000  # characters of a line that is only measured
 _WIDE = 200  # characters of a line in a file or a pipe
 _USUAL = 80  # default number of characters per line of a terminal

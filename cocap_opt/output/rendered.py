@@ -35,7 +35,7 @@ class FaceView(NamedTuple):
     pose: Pose
     face: int
     area: float  # area of the face, m2
-    planned: float  # by coverage
+    planned: float  # pixels by coverage
     rendered: float
     unhidden: float  # rendered without obstructions
 

@@ -79,7 +79,7 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         c, s = np.cos(yaw), np.sin(yaw)
         corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
         ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="black", lw=0.6, zorder=5))
-        ax.plot(x, y, marker="o", color=colour, ms=5, zorder=4)  # of small outlines
+        ax.plot(x, y, marker="o", color=colour, ms=5, zorder=4)  # for small outlines
         tip = (x + 0.9 * c, y + 0.9 * s)
         arrow = ax.annotate(
             "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=True,

@@ -44,7 +44,7 @@ _WORDS = {
 _MOST_PANELS = 4
 _WIDTH, _MOST_DEPTH, _LINE = 10.8, 8.0, 0.21  # inches: the picture, a panel, a line of text
 _LEGEND_LINE, _LONG = 0.22, 40  # inches of a line, letters beside three others
-_LETTERS = 145  # of a line of text below the picture
+_LETTERS = 145  # largest number of letters in a line of text below the picture
 
 
 class Level(NamedTuple):

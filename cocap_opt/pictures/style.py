@@ -17,7 +17,7 @@ BLUE, RED, AMBER, TEAL, PURPLE, GREY, BROWN, GREEN = SERIES = (
     "#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57",
 )  # fmt: skip
 FADED = "#8d99ae"  # for things that are drawn only for comparison
-MARKS = "osD^vPXp*"  # of series, in addition to their colours
+MARKS = "osD^vPXp*"  # marks of series, in addition to their colours
 _Dashes = str | tuple[int, tuple[float, ...]]
 _DASHES: tuple[_Dashes, ...] = (
     "-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)),
@@ -114,7 +114,7 @@ def families_for(text: str) -> tuple[str, ...]:
             break
     if lacking:
         letters = "".join(sorted(lacking))
-        _log.warning("figures: no font that is installed has the letters %s", letters)
+        _log.warning("figures: no installed font has the letters %s", letters)
     return tuple(found)
 
 

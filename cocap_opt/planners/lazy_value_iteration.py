@@ -50,7 +50,7 @@ class LazyValueIteration:
     is_lazy = True
 
     def __init__(self) -> None:
-        self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by class
+        self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by model and class
         self._reserves: dict[tuple[Model, Stop], float] = {}  # s
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:

@@ -50,7 +50,7 @@ _FINAL_DISCOUNT = 0.2
 _TIE = 6  # digits; angles and distances that agree to this many digits are equal
 
 _Way = tuple[float, float]  # angle from the heading (rad) and distance (m) of the nearest actor
-_Entry = tuple[float, int, _Way, int, int]  # of the queue: -key, -k, way, number, state
+_Entry = tuple[float, int, _Way, int, int]  # entry of the queue: -key, -k, way, number, state
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class ViewSearch:
 
     def __init__(self, discount: _Discount | None = None) -> None:
         self._discount = discount or Compounded()
-        self._views: dict[Model, list[LazyCoverage]] = {}  # by robot
+        self._views: dict[Model, list[LazyCoverage]] = {}  # for each model, the coverage by robot
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Searches for a path, or raises LimitReached."""

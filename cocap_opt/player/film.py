@@ -25,7 +25,7 @@ _CODEC_OPTIONS = {
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "7", "row-mt": "1"},
     ".mp4": {"crf": "21", "preset": "medium", "movflags": "+faststart"},
 }
-_QUALITY = 80  # of WebP
+_QUALITY = 80  # quality of WebP
 
 
 class FilmError(ValueError):
@@ -47,7 +47,7 @@ def require_film(suffix: str) -> str:
     program = Chromium.program()
     if program is None:
         raise FilmError(
-            f"films need Chromium or Chrome, by one of the names {', '.join(NAMES)}; an .html file "
+            f"films need Chromium or Chrome, named {' or '.join(NAMES)}; an .html file "
             "needs none, and its `record` saves a film, too"
         )
     return program
@@ -78,8 +78,8 @@ def filmed_plans(
                 for k, at in enumerate(times):
                     if stop.reached():
                         raise FilmError(
-                            f"the time limit left {k} of {len(times)} pictures, and no film; give "
-                            "it more time, or a higher --speed"
+                            f"the time limit was reached after {k} of {len(times)} pictures, so "
+                            "there is no film; allow more time, or use a higher --speed"
                         )
                     tell(k, len(times))
                     browser.value(f"film.show({at!r})")

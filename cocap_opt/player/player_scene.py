@@ -29,7 +29,7 @@ from cocap_opt.problem.takes import told_take
 from cocap_opt.world.workspace import Mesh, Workspace
 
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
-MOST_TRIANGLES = 10_000  # of all meshes; finer meshes are drawn as the cells that they fill
+MOST_TRIANGLES = 10_000  # in all meshes; finer meshes are drawn as the cells that they fill
 _DIGITS = 5  # significant digits, relative to the map's size
 _GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
 _SLAB = 0.012  # height of the drawn edge of the map, relative to its size

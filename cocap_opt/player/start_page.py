@@ -17,7 +17,7 @@ from cocap_opt.player.scripts import bundled
 from cocap_opt.problem import StartArea, State
 from cocap_opt.scenarios import Site
 
-_DIGITS = 3  # of lengths in m
+_DIGITS = 3  # decimals of lengths in m
 
 Data = dict[str, Any]
 

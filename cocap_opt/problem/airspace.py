@@ -23,7 +23,7 @@ class Airspace(Data, frozen=True):
     ----------
     no_fly : solids that no drone may enter; they hide nobody
     ceiling : m above the datum of the map, like `Motion.layers`; None: there is none
-    people_aside : least horizontal distance from the middle of a person, m; 0: none
+    people_aside : minimum horizontal distance from the middle of a person, m; 0: none
     people_above : m above the head, or below the feet, beyond which `people_aside` no longer
         applies; None: it applies at any height
     people_stray : share of a move by which drones may be ahead of a constant speed or behind it;

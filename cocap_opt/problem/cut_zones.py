@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CUT = "no-fly zone continues"  # in legends
-_APART = 1 / 16  # least distance between two arrows, relative to the longer side of the picture
+_APART = 1 / 16  # minimum distance between two arrows, relative to the longer side of the picture
 _SIZE = 7.0  # points
 
 

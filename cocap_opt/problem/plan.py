@@ -94,8 +94,9 @@ class Ending(NamedTuple):
         """
         if self.told or self.limit is None:
             return self.told
-        what = "Ctrl-C" if self.limit is Limit.INTERRUPT else f"the {self.limit} limit"
-        words = f"{what} came during {'coverage' if self.in_coverage else 'the search'}"
+        is_interrupt = self.limit is Limit.INTERRUPT
+        what = "interrupted by Ctrl-C" if is_interrupt else f"stopped by the {self.limit} limit"
+        words = f"{what} during {'coverage' if self.in_coverage else 'the search'}"
         robots, staying = len(plan.paths), plan.staying
         if plan.stays:
             return f"{NO_PLAN}: {words}; all drones stay at their starts"

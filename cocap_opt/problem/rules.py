@@ -41,7 +41,7 @@ class CollisionRules(Data, frozen=True):
     ----------
     vertex : True: no two robots in one cell at one step
     swap : True: no two robots exchange cells in one step
-    separation : m, least distance between robots at every moment; 0: no such rule
+    separation : m, minimum distance between robots at every moment; 0: no such rule
     vertical : m; 0: the separation is a distance in space; otherwise robots must be this far apart
         in height, or keep the separation horizontally, since drones blow air down on each other
     """
@@ -253,7 +253,7 @@ class CollisionRules(Data, frozen=True):
         change = after - before
         dx, dy, dz = np.moveaxis(change, -1, 0)
         x, y, z = np.moveaxis(before + np.zeros_like(change), -1, 0)
-        # |aside|^2 = a tau^2 + 2 b tau + c + (the least distance)^2
+        # |aside|^2 = a tau^2 + 2 b tau + c + (the minimum distance)^2
         a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - self._aside**2
         root = np.sqrt(np.maximum(b * b - a * c, 0.0))
         moving, crossing = a > 0, b * b > a * c

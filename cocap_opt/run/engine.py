@@ -106,7 +106,7 @@ def run(
         result = _without_claims(name, problem, result)
     else:
         result = _of_instance(model, result)
-    if result.plan is not None and result.plan.stays:  # for lack of time
+    if result.plan is not None and result.plan.stays:  # no drone moves, for lack of time
         words = filter(None, (result.message, remedy(result.limit)))
         result = replace(result, message="; ".join(words))
     result = replace(result, coverage_seconds=model.tables.seconds - before)

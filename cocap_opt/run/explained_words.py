@@ -66,7 +66,7 @@ def in_three_sentences(explained: Explained) -> list[str]:
     if off:  # a part may then be larger than the gap
         back = _amount(explained, explained.taken_off)
         adds = f"{_ADDING.get(name, name)} add {_amount(explained, amount)}"
-        largest = f"{adds}, and stages and path search take back {back}"
+        largest = f"{adds}, and stages and path search subtract {back}"
     if explained.is_blurred:
         told = [gap, off]
     elif term is None:

@@ -229,7 +229,7 @@ def _functions(module: ModuleType) -> Iterator[FunctionType]:
     members = [value for value in vars(module).values() if _is_of(value, module)]
     for holder in (module, *(value for value in members if isinstance(value, type))):
         for value in vars(holder).values():
-            function = getattr(value, "__func__", value)  # of class methods and static methods
+            function = getattr(value, "__func__", value)  # also of class methods and static methods
             if isinstance(function, FunctionType) and _is_of(function, module):
                 yield function
 

@@ -130,7 +130,7 @@ class OwnPlanner:
             return self
         try:
             return replace(self, content=cloudpickle.dumps(self.call))
-        except Exception as error:  # for any reason
+        except Exception as error:  # importing may fail for any reason
             raise OwnPlannerError(f"{self.name} cannot be sent to workers: {error}") from error
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -177,7 +177,7 @@ class QualityBound:
         obeys_rules : True if the plan obeys all rules
         """
         if not self.person_steps:
-            yield "Nobody has any weight, so no person-step counts."
+            yield "No person has a weight, so no person-step counts."
             return
         if self.no_plan:
             yield "Proved: no plan of these drones obeys the rules."
@@ -224,7 +224,7 @@ class QualityBound:
         """Returns the sentence on what no plan can achieve."""
         seen_by = f"seen by {_or_more(most.drones)}"
         if most.share >= 1:
-            return f"It is not ruled out that, in some plan, every person-step is {seen_by}."
+            return f"Not ruled out: a plan in which every person-step is {seen_by}."
         if most.person_steps is None:
             told = f"{rounded_up(100 * most.share, 1)} % of person-steps, by their importance,"
         else:
@@ -232,7 +232,7 @@ class QualityBound:
                 f"{most.person_steps:,} of {self.person_steps:,} person-steps "
                 f"({_percent(most.share)})"
             )
-        return f"Proved: no plan of these drones lets more than {told} be {seen_by}."
+        return f"Proved: no plan of these drones has more than {told} {seen_by}."
 
     def _beside(self, most: MostSeen, share: float, obeys_rules: bool) -> str:
         """Returns the sentence on the given plan."""

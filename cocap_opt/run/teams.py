@@ -113,7 +113,8 @@ def _with_camera(robot: Robot, name: str | None) -> Robot:
         return robot
     given = camera_called(name)
     camera: AnyCamera = robot.camera
-    require(isinstance(camera, Camera), "robots[0].camera", "must make images to be changed")
+    words = "must be a pinhole camera; others cannot be replaced"
+    require(isinstance(camera, Camera), "robots[0].camera", words)
     return robot.replace(camera=given.replace(tilts=camera.tilts))
 
 

@@ -270,7 +270,7 @@ class Verified:
         if all(bound.file.instance == instance_digest(bound.model) for bound in named):
             return ""
         return (
-            "a file names another instance than the one that coverage gives here: the file was "
+            "a file names a different instance from the one computed here: the file was "
             "altered, or numbers were rounded differently"
         )
 

@@ -23,7 +23,7 @@ class Bodies(NamedTuple):
     normals: FloatArray  # [B, P, 3] unit vectors, outward; 0 where missing
     offsets: FloatArray  # [B, P] m; 1 where missing
     neighbours: IntArray  # [B, N, 2] planes that share an edge
-    low: FloatArray  # [B, 2] m, least x and y
+    low: FloatArray  # [B, 2] m, smallest x and y
     high: FloatArray  # [B, 3] m, greatest x, y and z
     endless: BoolArray  # [B] True for upright boxes without a lower end
 

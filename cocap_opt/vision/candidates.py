@@ -38,7 +38,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 
 SECTORS = 128
-ROUNDING = 1e-9  # of slopes and directions; much more than their rounding
+ROUNDING = 1e-9  # tolerance for slopes and directions; much more than their rounding
 _PAIRS = 50_000  # targets times bodies at once; fits into the processor's cache
 _MOST_SECTORS = 2**16  # sectors at once: their numbers have 16 bits
 _BESIDE = 1.0  # m; margin by which a column must be outside to be skipped
@@ -54,7 +54,7 @@ class Candidates:
     bodies : all of them
     middles, radii, feet : [G, 2], [G] and [G] m, of upright cylinders around the targets
     lowest_eye : lowest altitude of an eye, m
-    within : [K, 4] m, least and greatest x and y of upright boxes that contain all eyes (default:
+    within : [K, 4] m, smallest and largest x and y of upright boxes that contain all eyes (default:
         eyes may be anywhere)
 
     Attributes
@@ -64,7 +64,7 @@ class Candidates:
         along x and y
     around, radii, feet : [G, 2], [G] and [G] m, of the cylinders, as given
     keys, numbers, nearest : for each entry of a list, its sector and slope as one increasing
-        number, its body, and the body's least distance (m)
+        number, its body, and the body's minimum distance (m)
     starts : [128 G + 1] first entry of each sector
     """
 
@@ -155,7 +155,7 @@ def _entries(
     bodies: Bodies, targets: tuple[FloatArray, ...], which: IntArray, lowest_eye: float,
     within: FloatArray | None,
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:  # fmt: skip
-    """Returns the keys, bodies and least distances (m) of all entries of some targets' sectors."""
+    """Returns keys, bodies and minimum distances (m) of all entries of some targets' sectors."""
     middles, radii, feet = (part[which] for part in targets)
     low, high, tops = bodies.low, bodies.high[:, :2], bodies.high[:, 2]
     listed = tops[None] > np.minimum(feet, lowest_eye)[:, None]
@@ -234,7 +234,7 @@ BINS = 8
 # relative positions, in the span of u, at which bins begin and end
 SHARES = np.linspace(0, 1, BINS + 1)
 _FIRST = 2  # columns of each actor that are examined first, steepest first
-MARGIN = 1e-9  # of u and s; much more than their rounding
+MARGIN = 1e-9  # tolerance for u and s; much more than their rounding
 NEAREST = 1e-2  # m; nearer columns appear too large to be compared
 
 
@@ -350,7 +350,7 @@ class _Edges(NamedTuple):
 
     actor: IntArray  # [m]
     body: IntArray  # [m]
-    left: FloatArray  # [m] least u
+    left: FloatArray  # [m] smallest u
     right: FloatArray  # [m] greatest u
     middle: FloatArray  # [m] u of the highest corner
     peak: FloatArray  # [m] s of that corner

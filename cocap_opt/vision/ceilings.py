@@ -50,7 +50,7 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
 
     For a face of area A, with the eye at distance h in front of its plane, the image has
 
-        (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (least depth)^3
+        (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (smallest depth)^3
 
     pixels per square metre. Parts of an actor in the image are no closer than its middle less the
     extent of its cylinder, in depth, or, in distance, less the radius of its sphere; the angle of

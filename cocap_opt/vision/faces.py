@@ -63,7 +63,7 @@ class Planes(NamedTuple):
 class Reach(NamedTuple):
     """The places that cameras can reach by each step: growing rectangles, seen from above."""
 
-    boxes: tuple[tuple[float, ...], ...]  # m, least and greatest x and y at step 0
+    boxes: tuple[tuple[float, ...], ...]  # m, smallest and largest x and y at step 0
     growth: float  # m per step, on each side
 
     @classmethod

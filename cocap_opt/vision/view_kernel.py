@@ -82,8 +82,8 @@ class Before(NamedTuple):
     """The fixed bodies that may hide each person, like `Candidates`."""
 
     solids: Solids
-    keys: FloatArray  # of all entries, increasing
-    bodies: IntArray  # of each entry
+    keys: FloatArray  # keys of all entries, increasing
+    bodies: IntArray  # body of each entry
     nearest: FloatArray  # m, of each entry
     starts: IntArray  # [G SECTORS + 1] first entry of each target's sectors
     around: FloatArray  # [G, 2] m, of cylinders around the targets
@@ -161,10 +161,10 @@ class Found(NamedTuple):
     """The faces that views see, view by view, and the people, if requested."""
 
     counts: IntArray  # [n] number of faces that each view sees
-    faces: IntArray  # of all of them, increasing for each view
+    faces: IntArray  # numbers of all of them, increasing for each view
     pixels: FloatArray  # px/m2
     n_people: IntArray  # [n] number of people that each view sees; [0] if not requested
-    people: IntArray  # of all of them, increasing for each view
+    people: IntArray  # numbers of all of them, increasing for each view
     visible: FloatArray  # sr
     unhidden: FloatArray  # sr, without obstructions and image edges
 

@@ -24,7 +24,7 @@ class Viewpoints(NamedTuple):
         by_place = states.reshape(-1, n_places)
         is_used, n = by_place.any(axis=0), len(by_place)
         places = np.flatnonzero(is_used)
-        if (by_place.all(axis=0) == is_used).all():  # true after a few steps, and then faster
+        if (by_place.all(axis=0) == is_used).all():  # usual after a few steps, and fast
             looks, counts = np.tile(np.arange(n), len(places)), np.full(len(places), n)
         else:
             wanted = np.ascontiguousarray(by_place[:, places].T)

@@ -161,7 +161,7 @@ def _pairs(
     ----------
     corners : [M, 3, 3], x and y in cells
     shape : number of cells along x and y
-    margin : [2] cells, the least depth to which triangles must reach into a cell along x and y
+    margin : [2] cells, the smallest depth to which triangles must reach into a cell along x and y
     """
     last = np.array(shape) - 1
     low, high = corners[..., :2].min(axis=1) + margin, corners[..., :2].max(axis=1) - margin
@@ -172,7 +172,7 @@ def _pairs(
     if counts.sum() > _MOST_PAIRS:
         raise ProblemError(
             f"meshes: must reach into cells at most {_MOST_PAIRS} times, not {counts.sum()}; "
-            "coarser cells or fewer triangles make it so"
+            "use coarser cells or fewer triangles"
         )
     filled = np.flatnonzero(counts)
     parts = np.cumsum(counts[filled]) // _PAIRS

@@ -5,7 +5,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 SAME = 1e-6  # m; vertices that are closer to each other are at the same place
-_NOTHING = 1e-9  # of the bounding box; a part with less volume encloses nothing but rounding errors
+_NOTHING = 1e-9  # share of the bounding box; a smaller volume is a rounding error
 
 
 def firsts(vertices: FloatArray) -> IntArray:
@@ -29,7 +29,7 @@ def equal_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
 
     This is `numpy.unique` along an axis, but ten times as fast.
     """
-    order = np.lexsort(rows.T[::-1])  # which keeps the order of equal rows
+    order = np.lexsort(rows.T[::-1])  # lexsort keeps the order of equal rows
     sorted_rows = rows[order]
     new = np.ones(len(rows), dtype=bool)
     new[1:] = (sorted_rows[1:] != sorted_rows[:-1]).any(axis=1)
@@ -85,7 +85,7 @@ def _oriented(triangles: IntArray) -> IntArray | None:
     count = int(part.max()) + 1
     as_is, other = part[:n], part[n:]
     if (as_is == other).any():
-        return None  # it has only one side, like a Moebius strip
+        return None  # a surface with only one side, like a Moebius strip
     kept = np.bincount(as_is, minlength=count)
     turn = (kept[as_is] < kept[other]) | ((kept[as_is] == kept[other]) & (as_is > other))
     return np.where(turn[:, None], triangles[:, ::-1], triangles)

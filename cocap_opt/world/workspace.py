@@ -28,7 +28,7 @@ MOST_TRIANGLES = 1_000_000
 Place = tuple[int, int, float]  # cell x, y and flight height (m)
 
 
-_FLAT = 0.05  # least share of cells at the lowest height on flat ground with obstacles
+_FLAT = 0.05  # smallest share of cells at the lowest height on flat ground with obstacles
 _ROUNDING = 1e-6  # m
 OBSTACLE = 0.25  # m above the ground; a higher cell stands out
 

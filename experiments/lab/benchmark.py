@@ -121,8 +121,8 @@ class Benchmark:
             look = {"color": colour, "marker": mark, "ms": size, "lw": 1.4, "mew": 1.4}
             _draw_medians(time, of_method, lambda run: run.processor, look)
             _draw_medians(bound, of_method, self._shown, look)
-        time.set_title("time to prove the optimum (hollow: stopped before)", fontsize=LABEL)
-        time.set_ylabel("seconds of one processor")
+        time.set_title("time to prove the optimum (hollow: stopped by the limit)", fontsize=LABEL)
+        time.set_ylabel("CPU time (s)")
         bound.set_title("bound above the optimum (hollow: not proved)", fontsize=LABEL)
         bound.set_ylabel(f"% ({_LEAST_GAP:g}: proved)")
         bound.set_xlabel("steps")

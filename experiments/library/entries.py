@@ -24,7 +24,7 @@ from cocap_opt.scenarios.built_in.field import field
 
 DATA = Path(__file__).parent / "data"
 LIST = "instances.toml"
-FIRST_TEST_SEED = 1000  # of scenes with unlimited seeds; smaller seeds are for training
+FIRST_TEST_SEED = 1000  # for scenes with unlimited seeds; smaller seeds are for training
 
 _Seeds = tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
 

@@ -18,7 +18,7 @@ from cocap_opt.formulations.independent import cocap_check
 
 PLAN, BOUND = "plan", "bound"
 TIME_LIMIT = 3600.0  # seconds for a file
-BRANCHES = 10**12  # for searches: so many that only the time limit ends them
+BRANCHES = 10**12  # branches of searches: so many that only the time limit ends them
 NO_PLAN = -math.inf  # the bound if the checker states that no plan exists
 
 _NUMBER = r"(-?\d+\.\d+)"
@@ -89,7 +89,7 @@ def proved(instance: Path, content: bytes, name: str, time_limit: float = TIME_L
         for kind, pattern in _SAYS:
             if found := pattern.fullmatch(words):
                 value = float(found[1]) if found.groups() else NO_PLAN
-                if words.startswith("no plan exists") and value >= 0:  # rounded up to 0
+                if words.startswith("no plan exists") and value >= 0:  # a bound rounded up to 0
                     value = NO_PLAN
                 return Proved("plan" if kind == PLAN else "bound", value)
     reason = " ".join(words.removeprefix("refused: ").split()) or "the instance cannot be read"

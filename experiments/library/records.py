@@ -45,7 +45,7 @@ RECORDS, DIGESTS, FILES = "records.csv", "digests.csv", "files"
 SOLVED = 1e-6  # largest gap of a solved instance, as a share of the bound, or of LEAST if larger
 ROUNDED = 1e-6  # units of J: values in records have six decimals
 LEAST = 10.0  # units of J; smaller bounds are compared as this one, as values have six decimals
-MOST_BYTES = 1_000_000  # of a file, compressed
+MOST_BYTES = 1_000_000  # bytes of a compressed file
 _ONLY_TEXT = 80  # characters of a submitted name; longer ones are cut
 _MOST_SECONDS = 1e9
 
@@ -57,8 +57,8 @@ class Digest(NamedTuple):
     drones: int
     people: int
     steps: int
-    digest: str  # of the scene
-    sha256: str  # of the instance's text
+    digest: str  # digest of the scene
+    sha256: str  # SHA-256 of the instance's text
 
 
 class Record(NamedTuple):

@@ -243,7 +243,7 @@ def _draw_losses(ax: Axes, losses: FloatArray, most: float) -> AxesImage:
     every = max(1, math.ceil(robots / 16))
     ax.set_yticks(range(0, robots, every))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set_xlabel("step that is left")
+    ax.set_xlabel("step at which the move begins")
     ax.set_ylabel("drone")
     return drawn
 

@@ -61,7 +61,7 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     scene: str
     seed: int
     planner: str  # or BOUND
-    digest: str  # of the problem
+    digest: str  # digest of the problem
     time_limit: float  # s, for each computation
     work_limit: int | None = None  # units of work, for each computation
     rendered: bool = False  # J of the rendered pixels is computed, too
@@ -119,16 +119,16 @@ class CellFile(Document, frozen=True, kw_only=True):
     cell: SweepCell
     status: Status
     message: str = ""  # why it has no result, in words
-    traceback: str = ""  # of an error
-    seconds: float = 0.0  # of the whole cell, including coverage
+    traceback: str = ""  # traceback of an error
+    seconds: float = 0.0  # seconds of the whole cell, including coverage
     coverage_seconds: float | None = None  # time to compute coverage; None if unknown
     machine: str = ""  # name of the machine that computed it
-    row: PlannedRow | None = None  # of a planner
-    columns: BoundColumns | None = None  # of BOUND
+    row: PlannedRow | None = None  # row of a planner
+    columns: BoundColumns | None = None  # columns of BOUND
     plan: PlanFile | None = None
     # Files by name: OWN for a planner, RULES and FREE for BOUND.
     certificates: dict[str, msgspec.Raw] = msgspec.field(default_factory=dict)
-    traces: dict[str, str] = msgspec.field(default_factory=dict)  # for BOUND: RULES and FREE
+    traces: dict[str, str] = msgspec.field(default_factory=dict)  # traces of BOUND: RULES and FREE
 
     @classmethod
     def failed(

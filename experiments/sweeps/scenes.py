@@ -9,7 +9,7 @@ from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
 
-Problems = dict[tuple[str, int], Problem]  # by the scene's name as typed, and seed
+Problems = dict[tuple[str, int], Problem]  # problems by the scene's name as typed, and seed
 
 
 class Scenes:

@@ -94,7 +94,7 @@ class Task(NamedTuple):
 
     cell: SweepCell
     problem: Problem
-    start: BoundStart = _NO_START  # of BOUND
+    start: BoundStart = _NO_START  # start of BOUND
     foreign: OwnPlanner | None = None  # a third-party planner; the cell has its name
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
@@ -113,7 +113,7 @@ class Task(NamedTuple):
             found = compute(self, stop, watch or Watch())
             coverage_seconds = compiled(self.problem).tables.cost
         except OwnPlannerError as error:  # its message is complete
-            cause = error.__cause__  # what a planner raised
+            cause = error.__cause__  # the exception that a planner raised
             trace = "" if cause is None else "".join(format_exception(cause))
             found = CellFile.failed(self.cell, Status.ERROR, str(error), traceback=trace)
             coverage_seconds = None

@@ -35,7 +35,7 @@ _RESAMPLES, _SEED = 10_000, 0  # random signs, with more scenes
 _SAME = 1e-9  # relative difference that rounding can cause between equal sums
 _LEAST = 0.001  # s; shorter times count as this long, as ratios of them would mean nothing
 
-_Values = Mapping[tuple[str, int | None], float]  # by scene and seed
+_Values = Mapping[tuple[str, int | None], float]  # values by scene and seed
 
 
 class PairedTest(NamedTuple):

@@ -19,7 +19,7 @@ PROVED = ("optimal", "infeasible")
 _MISSING = {  # why there is no bound
     "stopped": "a limit stopped its search before there was one",
     "error": "its search ended in an error",
-    "exceeded": "its search took longer than a cell may",
+    "exceeded": "its search exceeded the time limit of a cell",
     "died": "the process of its search died",
 }
 _DONE = (Reason.FINISHED, Reason.OPTIMAL)

@@ -113,9 +113,9 @@ class PlanRow:
     median_error: Annotated[
         _Number,
         TableColumn(
-            "RMS error of a point, located by all drones that see it, which half of all "
-            "person-steps do not exceed; empty if more than half have no finite error. Tables of "
-            "several plans have the median over the plans.",
+            "Median over person-steps of the RMS error of a point that all drones that see it "
+            "locate together, not interpolated; empty if more than half have no finite error. "
+            "Tables of several plans have the median over the plans.",
             unit="mm",
         ),
     ] = None
@@ -171,7 +171,7 @@ class PlanRow:
             method=method,
             bound=finite(result.bound),
             gap=finite(judged.gap),
-            views=None,  # of all states
+            views=None,  # for the views of all states
             message="; ".join(messages),
         )
 

@@ -10,8 +10,8 @@ from cocap_opt.data import FloatArray
 
 _CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
-ENOUGH = 5  # least number of values for an interval
-_RESAMPLES, _SEED = 10_000, 0  # of a bootstrap interval
+ENOUGH = 5  # smallest number of values for an interval
+_RESAMPLES, _SEED = 10_000, 0  # resamples and seed of a bootstrap interval
 _SHIFT = 10.0  # s, for geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 

@@ -40,7 +40,7 @@ class TeamRow:
     ] = None
     gain_bound: Annotated[
         float | None,
-        TableColumn("Limit on that gain: bound minus J of the best plan with one drone fewer.",
+        TableColumn("Bound on that gain: bound minus J of the best plan with one drone fewer.",
                     **_REWARD),
     ] = None  # fmt: skip
     cameras: Annotated[
@@ -67,8 +67,8 @@ class TeamRow:
     median_error: Annotated[
         float | None,
         TableColumn(
-            "RMS error of a point, which half of all person-steps do not exceed, in the plan of "
-            "largest J; empty if the error is infinite for more than half.",
+            "Median over person-steps of the RMS error of a point, not interpolated, in the plan "
+            "of largest J; empty if the error is infinite for more than half.",
             unit="mm",
         ),
     ] = None
@@ -168,7 +168,7 @@ def teams_table(rows: Sequence[TeamRow]) -> Listing:
         f"{cameras}: % of person-steps that at least {cameras} drones see",
         "best: the same in the plan made for these views; none above: no plan exceeds this",
         "apart: % of person-steps that two drones see from at least 30 degrees apart",
-        "mm: RMS error of a point, which half of the person-steps do not exceed",
+        "mm: median RMS error of a point over person-steps",
     ]
     refused = [row.message for row in rows if row.message]
     return Listing("teams", table, [*notes, *dict.fromkeys(refused)])

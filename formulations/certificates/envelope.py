@@ -226,7 +226,7 @@ class Corners:
         """
         ahead: list[FloatArray] = []
         nothing = np.zeros(len(thetas))
-        most, rest = nothing, [nothing]  # of the stages of one class, and of all classes
+        most, rest = nothing, [nothing]  # for the stages of one class, and of all classes
         for stage in reversed(self._stages):
             ahead.append(most / stage.robots)
             most = np.maximum(most, (stage.pixels * thetas[:, None] - stage.values).max(axis=1))

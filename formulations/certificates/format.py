@@ -26,7 +26,7 @@ from cocap_opt.stop import Stop, never
 MOST_NODES = 1_000_000
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
 OPTIMISTIC: Literal["optimistic"] = "optimistic"
-LARGEST_ROOT = 1e50  # of a curve: far beyond that of any camera, and its square is finite
+LARGEST_ROOT = 1e50  # px^0.5/m, far more than any camera gives; its square is finite
 
 # Class numbers in a file refer either to classes of robots that differ only in their start
 # ("alike"), or to robots, each of which forms its own class ("single").

@@ -20,7 +20,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, PathCells
 from cocap_opt.problem import Cell, Problem, State
 
-MOST_MOVES = 2000  # of one resource
+MOST_MOVES = 2000  # moves of one resource
 
 
 class _Footprint(NamedTuple):

@@ -60,7 +60,7 @@ class RelaxationParameters(Section):
     broken : robots
         uses above the limit of a collision rule that are tolerated
     least_cut : of the bound
-        least violation for an envelope cut to be added
+        smallest violation for an envelope cut to be added
     most_cut_rounds : rounds
         largest number of rounds of cuts in a node
     most_cuts : cuts
@@ -69,9 +69,9 @@ class RelaxationParameters(Section):
         gap between bound and master at which cuts are added before convergence, as a share of what
         is open (field-long, seed 0, is at 1.70 % after 25 s, at 2.8 % if cuts have to wait)
     tail : of the bound
-        least gain of a round of cuts for another round to follow
+        smallest gain of a round of cuts for another round to follow
     tail_open : share
-        the same least gain, as a share of the remaining gap
+        the same smallest gain, as a share of the remaining gap
     most_penalty_raises : times
         largest number of times that the penalty of broken rules is multiplied by 10
     smoothing : share
@@ -116,12 +116,12 @@ class RootParameters(Section):
     patience : steps
         number of steps in which the gap of the first mixture must shrink by `least_closed`
     least_closed : share
-        least part of the gap to close in that number of steps
+        smallest part of the gap to close in that number of steps
     less_open : share
         the paths of better plans are tried again once the gap is at most this share of the gap at
         the last trial
     least_amount : of a robot
-        least amount of a column that enters the first master
+        smallest amount of a column that enters the first master
     most_disaggregated : robots x steps x states
         largest problem in which each robot becomes a class of its own
     least_gain : share
@@ -130,14 +130,14 @@ class RootParameters(Section):
     at_once : of the bound
         largest gap at which paths are tried before there is a master
     many_states : states of all classes
-        least number of states for such an early trial
+        smallest number of states for such an early trial
     few_joint_states : joint states of all steps
         largest number for which step envelopes precede cuts; the bottleneck has fewer, and needs
         half the time that cuts take
     far : relative gap
         gap that no tree closes soon, so that any gain above `least_gain_far` is accepted
     least_gain_far : share
-        least gain at such a gap, as a share of the remaining gap
+        smallest gain at such a gap, as a share of the remaining gap
     """
 
     enough: float = 0.003
@@ -165,7 +165,7 @@ class LargeRootParameters(Section):
     Attributes
     ----------
     many_robot_steps : robots x steps
-        least size at which masters take too long: a master of field-large (64 drones, 40 steps)
+        smallest size at which masters take too long: a master of field-large (64 drones, 40 steps)
         takes six to eight seconds and gains next to nothing
     first_steps : steps
         steps of the ascent before the first plan; new rows need as many to take effect
@@ -183,7 +183,7 @@ class LargeRootParameters(Section):
     patience : times
         factor on the expected gain of a kind of work for each turn of the others
     least_gain : share
-        least gain of a turn for more of its kind to follow, as a share of the remaining gap
+        smallest gain of a turn for more of its kind to follow, as a share of the remaining gap
     most_others : robots
         largest number of robots that are removed together with the first one
     most_turns : turns
@@ -222,7 +222,7 @@ class TreeParameters(Section):
     dive_nearly : of a robot
         fraction of a robot that a dive rounds up, so that one more robot uses the state
     dive_share : share
-        least share of the undecided states that a round of a dive decides
+        smallest share of the undecided states that a round of a dive decides
     most_dive_rounds : rounds
         largest number of rounds of a dive
     dive_pricings : pricings
@@ -288,7 +288,7 @@ class EnvelopeParameters(Section):
     nodes_of_stage : nodes
         nodes of searches after which better prices of some steps become a stage of their own
     least_of_stage : share
-        least share of the gap above the target that such a stage must close
+        smallest share of the gap above the target that such a stage must close
     responses : iterations' worth of responses
         budget for plans after each bundle
     most_corrections : times
@@ -345,12 +345,12 @@ class ListParameters(Section):
     of_all_steps : states
         largest number of states on all first lists together
     fewest_first : states
-        least number of states on the first list of a step
+        smallest number of states on the first list of a step
     most_first : states
         largest number of states on the first list of a step; with 200, searches and their checks
         take two to four times as many nodes on field (seeds 0, 3, 5, 6), and proofs take longer
     fewest : states
-        least number of states on a later list, as shorter searches save nothing
+        smallest number of states on a later list, as shorter searches save nothing
     most : states
         largest number of states on a later list, as longer searches do not end
     mean : share
@@ -403,10 +403,10 @@ class TrialParameters(Section):
     Attributes
     ----------
     fewest_nodes : nodes
-        least size of a trial in compiled code, a tenth of a second; the bottleneck and the passage
-        need 16,000 nodes before there are any stages
+        smallest size of a trial in compiled code, a tenth of a second; the bottleneck and the
+        passage need 16,000 nodes before there are any stages
     fewest_plain_nodes : nodes
-        least size of a trial without compiled code
+        smallest size of a trial without compiled code
     more_nodes : times
         factor on the size of the next trial after a failed one
     times_nodes : times
@@ -593,12 +593,12 @@ class RuledAscentParameters(Section):
         initial charge for one robot too many: a part of the cost of a conflict, so that prices of
         rows settle without oscillating
     least_factor : of a column's amount
-        least factor of a step, before the power, so that no column is lost while charges are too
+        smallest factor of a step, before the power, so that no column is lost while charges are too
         high
     least_share : of a root's multiplier
-        least share at which pixels have a multiplier of their own
+        smallest share at which pixels have a multiplier of their own
     least_cut : of the bound
-        least violation for an envelope cut to be added, half of that in masters
+        smallest violation for an envelope cut to be added, half of that in masters
     most_cuts : cuts
         largest number of cuts in a round, the most violated first, so that a round does not take
         minutes
@@ -659,7 +659,7 @@ class LocalSearchParameters(Section):
     perturbed : robots
         robots that are planned anew at a time
     least_amount : of a robot
-        least amount of a column of a mixture that is used
+        smallest amount of a column of a mixture that is used
     found_amount : of a robot
         amount that the columns of each plan found add to a pool
     most_in_vain : plans

@@ -47,7 +47,7 @@ _NOTHING: Interval = (0.0, 0.0)
 _PARTS = {  # how a side of a box is divided into two triangles
     0: ((0, 1, 2), (2, 3, 0)), 1: ((1, 2, 3), (3, 0, 1)),
 }  # fmt: skip
-_CUTS = (0, 1, 1, 0, 1)  # for the four sides and the top
+_CUTS = (0, 1, 1, 0, 1)  # diagonals of the four sides and of the top
 
 
 class Columns(NamedTuple):
@@ -179,7 +179,7 @@ def _halves(body: _Body, away: list[arb], turned: dict[int, bool]) -> tuple[list
 class _Piece(NamedTuple):
     """A convex part of a triangle of a face."""
 
-    corners: tuple[int, int, int]  # of the face
+    corners: tuple[int, int, int]  # corners of the face
     points: list[Weights]
 
 

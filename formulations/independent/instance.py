@@ -59,7 +59,7 @@ def _lines(model: Model) -> Iterator[str]:
         most = "" if group < n_roots else f" {int(problem.returns.caps[group - n_roots])}"
         yield f"weight {group} {_exact(weights[group])}{most}"
     kinds: dict[Sight, int] = {}
-    # for each kind: number of each place, by its number in the graph
+    # for each kind, the number of each place by its number in the graph
     numbers: list[dict[int, int]] = []
     for number, robot_class in enumerate(model.classes):
         if robot_class.sight not in kinds:

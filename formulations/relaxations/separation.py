@@ -159,7 +159,7 @@ def loose_view_sums(
     cuts : the known cuts
     weights : [Z] weights of the view sums in J
     sizes : number of robots of each class
-    least : least amount that a cut must cut off, in units of J
+    least : smallest amount that a cut must cut off, in units of J
     """
     known: dict[int, list[Cut]] = {}
     for cut in cuts:

@@ -15,7 +15,7 @@ from cocap_opt.world.workspace import HeightMap
 
 SIZE = 30  # cells of 1 m along x and y
 WALL = 10.0  # m, twice the flight height: a wall stops drones and their views
-NEIGHBOURS = Motion()  # of most drones: 3x3 cells, yaw by -45, 0 or 45 degrees
+NEIGHBOURS = Motion()  # motion of most drones: 3x3 cells, yaw by -45, 0 or 45 degrees
 
 Point = tuple[float, float]  # m
 

@@ -23,7 +23,7 @@ EYE_LEVEL = (0.9,)  # m, the only layer
 STRAIGHT = Motion(headings=1, layers=EYE_LEVEL)  # moves to all neighbours, looks along +x
 TURNING = Motion(radius=0, headings=4, layers=EYE_LEVEL)  # stays, turns by a right angle
 EAST, NORTH, WEST, SOUTH = range(4)  # quarter turns from +x; headings of TURNING
-MOST_STEPS = 6  # of all tiny scenes
+MOST_STEPS = 6  # steps of any tiny scene
 FRONT_ONLY = (1.0, 0.0, 0.0, 0.0, 0.0)  # weights of front, left, back, right, top
 
 

@@ -51,7 +51,7 @@ class Units(NamedTuple):
 
     across: Stated | None  # unit of x and y; None: the system has no lengths on a plane
     heights: Stated | None = None  # unit of heights; None: none stated
-    kind: str = "degrees"  # what x and y are in, if not in lengths on a plane
+    kind: str = "degrees"  # the kind of x and y, if they are not lengths on a plane
 
 
 def units_of(text: str) -> Units:

@@ -25,7 +25,7 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 class Options(NamedTuple):
     """The options that a format has, and the words that each option may have."""
 
-    values: Values = MappingProxyType({})  # by option, then by word; the first word is the default
+    values: Values = MappingProxyType({})  # by option and word; the first word is the default
 
     @property
     def allowed(self) -> Mapping[str, tuple[str, ...]]:

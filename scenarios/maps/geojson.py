@@ -73,7 +73,7 @@ class FoundPolygon(NamedTuple):
     """A polygon in GeoJSON, with the coordinates of the file."""
 
     polygon: Polygon
-    field: str  # of its feature, for messages
+    field: str  # field of its feature, for messages
     properties: dict[str, Any]
 
 

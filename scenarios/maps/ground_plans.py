@@ -50,7 +50,7 @@ class GroundPlan(NamedTuple):
     # extents of the first obstacles, as far as the file states them
     extents: tuple[Extent, ...] = ()
     properties: tuple[str, ...] = ()  # properties in GeoJSON of the features of these obstacles
-    notes: tuple[str, ...] = ()  # what was left out of the file or assumed
+    notes: tuple[str, ...] = ()  # parts that were left out, and assumptions
 
     def told(self, k: int) -> str:
         """Explains why the obstacle or border with this number has no height of its own."""

@@ -33,7 +33,7 @@ class LandCoverTable(Table):
     """
 
     file: str
-    property: str = "kind"  # of the file's features: the property that contains the kind of land
+    property: str = "kind"  # property of the file's features that contains the kind of land
     # The kinds that other words of the file stand for.
     kinds: dict[str, Land] = msgspec.field(default_factory=dict)
     unit: Unit | None = None  # None: as stated in the file, otherwise degrees

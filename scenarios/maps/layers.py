@@ -23,7 +23,7 @@ from cocap_opt.world.workspace import HeightMap, Mesh
 log = logging.getLogger(__name__)
 
 UNDERSIDE, TOP = 0.5, 1.0  # m; crowns are rounded outwards to multiples, for fewer boxes
-MOST_BOXES = 5_000  # of a layer; each box is a body that may hide people
+MOST_BOXES = 5_000  # boxes of a layer; each is a body that may hide people
 
 
 class Layered(NamedTuple):
@@ -37,7 +37,7 @@ class LayerTable(Table):
     """One of the tables `layer` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str
-    unit: Unit | None = None  # of the heights; None: as stated in the file, otherwise m
+    unit: Unit | None = None  # unit of the heights; None: as stated in the file, otherwise m
     heights: Literal["above-ground", "absolute"] = "above-ground"
     band: int | None = None
     nodata: float | None = None

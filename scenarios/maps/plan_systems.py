@@ -26,7 +26,7 @@ from cocap_opt.text import pair
 DEGREES = ("4326", "CRS84")
 MERCATOR = ("3857", "900913")
 SAYS_LENGTHS = 'if the coordinates are metres, set unit = "m" in [[walls]]'
-_DIGITS = 9  # of a code, more than any code has
+_DIGITS = 9  # more digits than any code has
 _SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
 _NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
 _MOST_EAST, _MOST_NORTH = 360.0, 90.0  # degrees; some files count longitudes from 0 to 360
@@ -40,7 +40,7 @@ class StatedSystem(NamedTuple):
 
     field: str
     name: str = ""  # in the form of GeoJSON
-    code: int | None = None  # of EPSG
+    code: int | None = None  # code of EPSG
     is_null: bool = False  # the system is unknown, which GeoJSON 2008 writes as null
 
     @classmethod

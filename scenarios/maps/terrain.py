@@ -141,7 +141,7 @@ class MapTable(Table):
     """The table `map` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str | None = None
-    unit: Unit | None = None  # of the heights in files; None: as stated in the file, otherwise m
+    unit: Unit | None = None  # unit of heights in files; None: as stated in the file, otherwise m
     size: tuple[Length, Length] | None = None
     origin: Point | None = None
     heights: Literal["above-ground", "absolute"] = "above-ground"

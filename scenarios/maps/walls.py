@@ -39,7 +39,7 @@ class WallsTable(Table):
 
     file: str
     height: Length | None = None  # m above base, of obstacles without a height in GeoJSON
-    name: str | None = None  # of a ground plan in the file; None: the only one
+    name: str | None = None  # name of a ground plan in the file; None: the only one
     polygons: Meaning | None = None  # the meaning of polygons in GeoJSON and WKT
     # None: as stated in the file, otherwise degrees in GeoJSON and m in other files
     unit: Unit | None = None

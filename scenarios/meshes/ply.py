@@ -52,7 +52,7 @@ class _Element(NamedTuple):
         return [given for given in self.properties if given.name in _CORNERS and given.length]
 
 
-Columns = dict[str, Sequence[Any]]  # for each property its numbers, or its lists of numbers
+Columns = dict[str, Sequence[Any]]  # the numbers, or lists of numbers, of each property
 
 
 def read_ply(path: Path) -> MeshFaces:

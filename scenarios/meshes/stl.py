@@ -13,8 +13,8 @@ from cocap_opt.scenarios.meshes.faces import MeshFaces, lines, numbers
 
 _HEAD = 84  # bytes before the triangles of a binary file; the last 4 are the number of triangles
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_WORDS = {"facet": 5, "outer": 2, "vertex": 4, "endloop": 1, "endfacet": 1}  # of statements
-_NEXT = {  # what may follow each statement
+_WORDS = {"facet": 5, "outer": 2, "vertex": 4, "endloop": 1, "endfacet": 1}  # numbers of words
+_NEXT = {  # statements that may follow each statement
     "solid": ("facet", "endsolid"), "facet": ("outer",), "outer": ("vertex",),
     "vertex": ("vertex", "endloop"), "endloop": ("endfacet",), "endfacet": ("facet", "endsolid"),
     "endsolid": ("solid",),

@@ -41,7 +41,7 @@ from cocap_opt.text import meant, pair
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
-_MOVED = 0.5001  # of a cell; a larger shift of a drone's start is logged
+_MOVED = 0.5001  # share of a cell; a larger shift of a drone's start is logged
 
 log = logging.getLogger(__name__)
 
@@ -126,7 +126,7 @@ def _cells_in(corners: Sequence[Point], height_map: HeightMap) -> tuple[tuple[in
     inside = shapely.intersects_xy(polygon, middles[..., 0], middles[..., 1])
     if not inside.any():
         raise ProblemError(
-            f"must have the middle of a cell of {height_map.resolution:g} m in it; the map is "
+            f"must contain the middle of a cell of {height_map.resolution:g} m; the map is "
             f"{rectangle(*height_map.ends)}"
         )
     return tuple((int(x), int(y)) for x, y in np.argwhere(inside))
@@ -195,7 +195,7 @@ class DronesTable(Table):
         homes = self._homes(around.height_map)
         team = list(team)
         if self.near is not None and self.starts is not None:
-            raise ProblemError("near: must be left out if starts are given; it is for a count")
+            raise ProblemError("near: must be left out if starts are given; it applies to a count")
         if isinstance(self.starts, _AreaTable):
             with naming("starts"):
                 area = self.starts.starts(self.motion, around.height_map)
@@ -396,7 +396,7 @@ class DronesTable(Table):
         ]
 
 
-@lru_cache(maxsize=4)  # for several tables with the same motion
+@lru_cache(maxsize=4)  # several tables may have the same motion
 def _that_can_meet(
     workspace: Workspace, motion: Motion, actors: tuple[Actor, ...], horizon: int, window: Window
 ) -> BoolArray:

@@ -24,7 +24,7 @@ from cocap_opt.scenarios.tracks.table import (
     settled_rate,
 )
 
-_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
+_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # columns by role
 _TABLE = "trajectory_data"
 _NEWEST = 2  # version of the format
 

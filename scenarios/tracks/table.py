@@ -63,7 +63,7 @@ class TrackTable(NamedTuple):
     heights: FloatArray | None  # [n] m, the column z
     # describes the place of a row, such as "line 7"; slow, for messages only
     where: Callable[[int], str]
-    unit: str  # of the file
+    unit: str  # unit of the file
     rate: float | None  # frames/s; None: the file has times
     clock: Epoch | None = None  # if times are dates
     segments: IntArray | None = None  # [n] numbers of parts between which nothing was recorded

@@ -21,7 +21,7 @@ APART = 0.2, 5.0  # m, between people and their nearest neighbours
 
 _FASTEST = 12.0  # m/s, of people between two rows
 _BLUR = 1.0  # m, possible error of a position
-_FEW = 0.1  # of all moves; if more are too fast, the cause is not a few wrong rows
+_FEW = 0.1  # share of all moves; if more are too fast, the cause is not a few wrong rows
 _CLOCKS = 0.01  # relative difference that the clocks of frames and of times may have
 _LOW = 1.3  # m; adults are taller
 _WAY, _BOB = 1.0, 0.3  # m, way of a person on the ground, and up and down of a head

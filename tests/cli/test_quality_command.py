@@ -113,7 +113,7 @@ def test_wrong_input_is_one_line(
 def test_the_face_refuses_what_it_cannot_measure(plan: Path) -> None:
     """No plan, a plan of another scene, one that cannot be flown, a number out of range."""
     problem, planned = co.load(SCENE), co.read(plan, co.Plan)
-    with pytest.raises(ValueError, match="plan: the result has no plan that could be measured"):
+    with pytest.raises(ValueError, match="plan: the result has no plan to be measured"):
         co.quality(problem, co.Result(None, -math.inf, co.Reason.FAILED))
     with pytest.raises(ValueError, match="plan: it was made for"):
         co.quality(co.load("corridor"), planned)

@@ -402,7 +402,7 @@ def test_drones_that_would_come_too_near_stop() -> None:
 
 
 def test_drones_pass_people_as_far_as_the_plan() -> None:
-    """A drone that turns at the least distance to somebody slows down where it would be nearer."""
+    """A drone that turns at the minimum distance slows down where it would be nearer."""
     one = tuple(State(x, y) for x, y in ((2, 0), (3, 1), (3, 2), (3, 3), (2, 4)))
     person = Actor(poses=np.tile([5.5, 2.5, 0.0, 0.0], (5, 1)))
     problem = Problem(
@@ -467,7 +467,7 @@ def test_the_longest_move_climbs_with_the_ground(radius: int) -> None:
 
 
 def test_a_turn_beside_somebody_is_made_where_nobody_is_near() -> None:
-    """A drone flies at the pace of somebody at the least distance, and turns before and after."""
+    """A drone flies at the pace of somebody at the minimum distance, and turns before and after."""
     one = tuple(State(x, y) for x, y in ((0, 4), (1, 3), (2, 2), (3, 2), (4, 2), (5, 3)))
     walk = np.array([[0.5 + t, 0.5, 0.0, 0.0] for t in range(6)])
     problem = Problem(

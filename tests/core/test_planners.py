@@ -1,4 +1,4 @@
-"""The contract of all planners at once, against brute force, and what each one promises."""
+"""The contract of all planners at once, against brute force, and what each one guarantees."""
 
 import json
 import math
@@ -126,7 +126,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
 
-    Those that promise it obey the rules; the exact ones attain the optimum; complete ones fail
+    Those that claim it obey the rules; the exact ones attain the optimum; complete ones fail
     only where brute force finds no plan, and call a failure of theirs a proof only there.
     """
     best = optimum(problem)

@@ -50,7 +50,7 @@ def least(one: FloatArray, others: FloatArray) -> float:
 
 @pytest.mark.parametrize("lag", [0.13, 1.7])
 def test_drones_that_lag_are_as_near_as_samples_say(lag: float) -> None:
-    """Whichever drone is late by part of a step or several: its least distance to the others."""
+    """Whichever drone is late by part of a step or several: its minimum distance to the others."""
     for _, _, flown in teams():
         times = np.linspace(0.0, flown.seconds + lag, 2001)
         punctual, late = places(flown, times), places(flown, times - lag)

@@ -225,7 +225,9 @@ def test_drones_that_are_shut_in_are_named() -> None:
     heights = np.zeros((9, 7))
     heights[4] = 9.0
     high = problem.replace(height_map=HeightMap(heights=heights))
-    with pytest.raises(ProblemError, match="drone 0 has no way from home to its place that keeps"):
+    with pytest.raises(
+        ProblemError, match="drone 0 has no way from home to its place that is clear"
+    ):
         parts_of_take(high, hovering(high))
     assert parts_of_take(place([State(7, 3)], [(1, 3)], wall), hovering(problem))  # over it
     zone = Mesh.box((1.0, 3.0, 1.0), (2.0, 4.0, 2.0))

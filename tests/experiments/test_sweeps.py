@@ -348,7 +348,7 @@ def test_the_gap_table_is_a_function(capsys: pytest.CaptureFixture[str], tmp_pat
     for wrong in ({"planners": ["best"]}, {"time_limit": -1.0}, {"work_limit": -1}):
         with pytest.raises(ValueError, match="must be"):
             gap_frame("tiny-queue", **wrong)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="called the same"):
+    with pytest.raises(ValueError, match="two have the same name"):
         gap_frame([small_field(0), small_field(1)])
 
 

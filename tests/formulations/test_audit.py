@@ -433,7 +433,7 @@ def test_the_command_says_what_agrees(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("coverage 2", "coverage 99"), "coverage: must be 2, the version that is enclosed"),
+        (("coverage 2", "coverage 99"), "coverage: must be 2, which the audit supports"),
         (("cocap-instance 1", "cocap-instance 7"), "line 1: must be cocap-instance 1"),
         (("sees 1 0 0 :", "sees 1 99 0 :"), "sees: must name places below "),
         (

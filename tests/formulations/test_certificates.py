@@ -705,8 +705,11 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
     plain = json.loads(encode(file))
     for change, words in (
         ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
-        ({"version": 8}, "version: must be 4, 5, 6, 7, not 8: a newer cocap-opt wrote it"),
-        ({"version": 3}, "version: must be 4, 5, 6, 7, not 3: an older cocap-opt wrote it, whose"),
+        ({"version": 8}, "version: must be 4, 5, 6, 7, not 8: it is from a newer cocap-opt"),
+        (
+            {"version": 3},
+            "version: must be 4, 5, 6, 7, not 3: it is from an older cocap-opt, whose",
+        ),
         ({"coverage": "sampled"}, "coverage"),
         ({"extent": 1}, "unknown field `extent`"),
         ({"classes": "any"}, "classes"),

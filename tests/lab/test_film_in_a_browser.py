@@ -117,7 +117,7 @@ def test_a_film_that_is_stopped_leaves_nothing(
     capsys.readouterr()
     assert run(*film, "--time-limit", "0") == 2
     said = capsys.readouterr().err.splitlines()[-1]
-    assert "the time limit left 0 of 76 pictures, and no film" in said
+    assert "the time limit was reached after 0 of 76 pictures, so there is no film" in said
     taken = Chromium.picture
 
     def interrupted(browser: Chromium) -> bytes:

@@ -882,7 +882,7 @@ def test_keys_that_lead_nowhere_say_so(tmp_path: Path) -> None:
         driver.go_to(2)
         kinds = {"c": plan["conflicts"], "n": plan["near"], "m": []}
         words = {"c": "no rule is broken", "n": "no close approaches",
-                 "m": "what moves cost is known only with a certificate"}  # fmt: skip
+                 "m": "the costs of moves are known only with a certificate"}  # fmt: skip
         for key, marks in kinds.items():
             assert marks == []
             press(driver, key)
@@ -920,8 +920,8 @@ def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path
         )
         badge = value(driver, "document.querySelector('.badge').textContent")
         assert (
-            badge
-            == "no plan: the time limit came during the search; all drones stay at their starts"
+            badge == "no plan: stopped by the time limit during the search; "
+            "all drones stay at their starts"
         )
         assert value(driver, "document.querySelector('.badge').className") == "badge mild"
         assert value(driver, "document.querySelector('.still').textContent") == "no drone moves"

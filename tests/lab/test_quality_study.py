@@ -325,7 +325,7 @@ def test_the_page_tells_what_is_stored() -> None:
             max((p for p in of_scene if p.seed == seed), key=lambda plan: plan.reward).by_two
             for seed in {plan.seed for plan in of_scene}
         ]
-        assert row["two views with the most J"] == f"{100 * np.mean(best):.0f} %"
+        assert row["two views, plan of largest J"] == f"{100 * np.mean(best):.0f} %"
 
 
 def test_the_words_for_and_against_the_objective_hold() -> None:

@@ -27,9 +27,9 @@ SAID = {
     "Unknown option": "plan corridor --no-such-option",
     "--step: must be given": "fly bottleneck plan.json -o flight.csv",
     "earth: must say where the scene is": "fly bottleneck plan.json --step 2 -o flight.plan",
-    "no plan: the time limit came": "plan corridor --time-limit 0.001",
+    "no plan: stopped by the time limit": "plan corridor --time-limit 0.001",
 }
-SUCCEED = ("no plan: the time limit came",)  # with a file that says so
+SUCCEED = ("no plan: stopped by the time limit",)  # with a file that says so
 
 
 @pytest.mark.slow

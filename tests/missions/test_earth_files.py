@@ -276,7 +276,7 @@ def test_files_of_the_earth_are_refused_in_one_line(
         ((scene, file, "--start", "2026-05-01T10:00:00Z"), "csv", "--start: must be left out"),
         ((scene, file, "--start", "2026-05-01T10:00:00"), "kml", "--start: .* offset from UTC"),
         ((scene, file, "--start", "noon"), "kml", "--start: must be a date"),
-        ((scene, file, "--start", "9999-12-31T23:59:59Z"), "kml", "--start: must be earlier, for"),
+        ((scene, file, "--start", "9999-12-31T23:59:59Z"), "kml", "--start: must be earlier, as"),
         ((scene, file, "--every", "0.25"), "glb", "--every: must be left out for .glb"),
     ):
         path = tmp_path / f"flight.{ending}"

@@ -128,7 +128,7 @@ def test_lines_between_rows_are_told(
 
 
 def beside_somebody() -> tuple[co.Problem, co.Plan]:
-    """A drone at the least distance ahead of somebody who walks at its pace, and its plan."""
+    """A drone at the minimum distance ahead of somebody who walks at its pace, and its plan."""
     walk = np.array([[1.5 + t, 4.5, 0.0, 0.0] for t in range(5)])
     path = tuple(co.State(4 + t, 4) for t in range(5))
     problem = co.Problem(
@@ -169,7 +169,7 @@ def saved(folder: Path, problem: co.Problem, plan: co.Plan) -> tuple[Path, Path,
 def test_bad_ground_and_tight_timing_are_told_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A drone at the least distance ahead of somebody, which ends above a wall."""
+    """A drone at the minimum distance ahead of somebody, which ends above a wall."""
     problem, plan = beside_somebody()
     heights = np.zeros((12, 9))
     heights[8, 4] = 2.0
@@ -408,7 +408,7 @@ def test_errors_name_what_is_to_be_changed(
 def test_a_new_format_is_one_module_and_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A registered format is written, named in messages, and asked only what its line promises."""
+    """A registered format is written, named in messages, and asked only for what its line says."""
     (tmp_path / "places_format.py").write_text(
         "from cocap_opt.flight.notes import Kind, Note\n"
         "from cocap_opt.missions import Export\n"

@@ -303,7 +303,7 @@ def test_too_many_items_are_refused_with_what_to_do() -> None:
         with pytest.raises(ProblemError, match=words):
             board()(flight, None)
         assert board(count)(flight, None).facts["items"] == count - home
-        with pytest.raises(ProblemError, match="plan fewer steps, longer ones, or parts"):
+        with pytest.raises(ProblemError, match="plan fewer or longer steps, or parts"):
             board(count - 1)(flight, None)
 
 
@@ -355,7 +355,7 @@ def test_the_autopilot_is_chosen_and_named(
         (".csv", ("--autopilot", "px4"), "--autopilot: must be left out for .csv"),
         (".csv", ("--items", 9), "--items: must be left out for .csv"),
         (".plan", ("--items", 0), "--items: must be more than 0"),
-        (".plan", ("--items", 3), "items, more than the 3 that PX4 takes, as --items says"),
+        (".plan", ("--items", 3), "items, more than the 3 that PX4 takes, as set by --items"),
     ):
         given = "fly", scene, plan, "--hovering", "-o", tmp_path / f"g{ending}", *options
         run = Run(capsys, *given)

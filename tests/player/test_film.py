@@ -53,7 +53,7 @@ def test_pictures_are_evenly_apart_from_the_first_step_to_the_last(
         ),
         (
             ["-o", "plan.png", "--speed", "3"],
-            "--speed: must be left out for .png, not a film such as .webm",
+            "--speed: must be left out for .png, as it is not a film",
         ),
         (["-o", "plan.pdf", "--time-limit", "3"], "--time-limit: must be left out for .pdf"),
         (["-o", "plan.html", "--view", "3d", "--time-limit", "3"], "--view, --time-limit: must be"),

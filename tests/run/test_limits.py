@@ -384,11 +384,12 @@ def test_what_a_limit_has_left_of_a_plan_is_said_in_words() -> None:
     some = Plan(paths=(moves, *plan.paths[1:]))
     assert Ending(Reason.FINISHED).left_of(plan) == ""
     assert Ending(Reason.STOPPED, Limit.TIME, in_coverage=True).left_of(plan) == (
-        "no plan: the time limit came during coverage; all drones stay at their starts"
+        "no plan: stopped by the time limit during coverage; all drones stay at their starts"
     )
     n = len(plan.paths)
     assert Ending(Reason.STOPPED, Limit.INTERRUPT).left_of(some) == (
-        f"cut short: Ctrl-C came during the search; {n - 1} of {n} drones stay at their starts"
+        "cut short: interrupted by Ctrl-C during the search; "
+        f"{n - 1} of {n} drones stay at their starts"
     )
 
 
@@ -409,7 +410,7 @@ def test_a_plan_cut_short_says_so_first_everywhere(
     )  # fmt: skip
     assert code == 0
     assert "cocap !" in out
-    assert "! cocap on corridor seed 0: no plan: the time limit" in " ".join(out.split())
+    assert "! cocap on corridor seed 0: no plan: stopped by the time limit" in " ".join(out.split())
 
 
 def test_a_plan_says_in_tables_what_its_file_says(
@@ -417,7 +418,7 @@ def test_a_plan_says_in_tables_what_its_file_says(
 ) -> None:
     """Whether a limit came during coverage is not lost on the way."""
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
-    path, told = tmp_path / "plan.json", "no plan: the time limit came during coverage"
+    path, told = tmp_path / "plan.json", "no plan: stopped by the time limit during coverage"
     run(capsys, "plan", "corridor", "--time-limit", 0, "-o", path)
     assert PlanFile.read(path).cut_short.startswith(told)
     words = ("--planner", "formation", "--plan", path, "--time-limit", 0, "--bound-limit", 0)
@@ -478,8 +479,8 @@ def test_a_limit_that_left_no_plan_comes_with_what_to_do() -> None:
 def test_results_say_first_that_a_limit_cut_them_short() -> None:
     """In summary and repr of Python."""
     result = co.plan(load_scene("corridor"), "sequential", time_limit=0)
-    assert result.summary().startswith("no plan: the time limit came during")
-    assert repr(result).startswith("Result(no plan: the time limit")
+    assert result.summary().startswith("no plan: stopped by the time limit during")
+    assert repr(result).startswith("Result(no plan: stopped by the time limit")
     assert not co.plan(load_scene("tiny-queue")).cut_short
 
 
@@ -490,7 +491,7 @@ def test_files_of_older_versions_say_it_too(tmp_path: Path) -> None:
     old.save(tmp_path / "old.json")
     ending = PlanFile.read(tmp_path / "old.json").ending
     assert ending.reason is Reason.STOPPED
-    assert ending.left_of(still()).startswith("no plan: the time")
+    assert ending.left_of(still()).startswith("no plan: stopped by the time")
     assert PlanFile(plan=still(), **parts).ending == Ending(Reason.FINISHED)
 
 
@@ -506,8 +507,12 @@ def test_a_plan_that_is_read_says_what_its_file_does(tmp_path: Path) -> None:
     problem = load_scene("corridor")
     co.save(tmp_path / "plan.json", co.plan(problem, "sequential", time_limit=0))
     plan = co.read(tmp_path / "plan.json", co.Plan)
-    assert co.show(problem, plan).data()["plans"][0]["cutShort"].startswith("no plan: the time")
-    with pytest.raises(ValueError, match=r"no drone moves .no plan: the time limit came"):
+    assert (
+        co.show(problem, plan)
+        .data()["plans"][0]["cutShort"]
+        .startswith("no plan: stopped by the time")
+    )
+    with pytest.raises(ValueError, match=r"no drone moves .no plan: stopped by the time limit"):
         co.trajectory(problem, plan, step=1.0)
     co.save(tmp_path / "again.json", plan, problem)
     again = co.read(tmp_path / "again.json", co.Plan)
@@ -528,13 +533,13 @@ def test_plans_in_which_no_drone_moves_are_not_flown(
     code, out, err = run(capsys, *words)
     assert (code, out) == (2, "")
     assert err.count("\n") == 1
-    assert "no drone moves (no plan: the time limit" in err
+    assert "no drone moves (no plan: stopped by the time limit" in err
     assert "--hovering" in err
     assert not flight.exists()
     code, out, err = run(capsys, *words, "--hovering")
     assert code == 0
     assert out.split()[0] == "ATTENTION:" and out.count("no plan: ") == 1
-    assert f"{plan}: no plan: the time limit" in caplog.text
+    assert f"{plan}: no plan: stopped by the time limit" in caplog.text
     assert flight.exists()
 
 

@@ -210,5 +210,7 @@ def test_takes_are_not_drawn_where_there_are_some(tmp_path: Path) -> None:
     """Neither by the command nor by the function, which needs some."""
     co.save(tmp_path / "scene.json", two_takes())
     assert run(["takes", str(tmp_path / "scene.json"), "--aside", "1"]) == 2
-    with pytest.raises(co.ProblemError, match=r"^problem: must have takes; `takes` draws some$"):
+    with pytest.raises(
+        co.ProblemError, match=r"^problem: must have takes; use `takes` to draw some$"
+    ):
         co.compare_takes(co.load("corridor"))

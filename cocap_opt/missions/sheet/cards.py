@@ -20,10 +20,10 @@ from cocap_opt.problem.pictures import shared_digits
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
 _ROWS = 12  # largest number of cues on a card
-_LEAST_RESERVE = 0.2  # of a battery; the crew is warned of a smaller reserve
+_LEAST_RESERVE = 0.2  # share of a battery; the crew is warned of a smaller reserve
 _AUTOPILOTS = {"px4": "PX4"}  # autopilots whose defaults are among the limits of airframes
 _STANDS = 0.05  # m/s; slower people stand still
-_DIGITS = 6  # of degrees: 0.1 m
+_DIGITS = 6  # decimals of degrees: 0.1 m
 
 
 def drone_cards(

@@ -7,7 +7,7 @@ import { groundAt } from "./rays.js";
 const ONE_ROOF = 1; // m, largest difference in height of neighbouring cells in one block
 const CUT = 0.4; // m, height of the cut above the highest ground below a block
 const HANGS = 1; // m; a cut block whose foot is higher above the ground disappears completely
-const MOST_LOOKS = 200; // most rays to the eye
+const MOST_LOOKS = 200; // largest number of rays to the eye
 const OVER = 0.1; // m above the ground, where rays from people's feet start
 
 // Disjoint sets of the numbers 0..n-1, which can be joined.

@@ -7,7 +7,7 @@ import { dot, normalOf, placed, ring } from "./geometry.js";
 import { between, colourOf, isCrowd, isThere } from "./plans.js";
 import { groundAt } from "./rays.js";
 
-const SIDES = 28; // of a cylinder
+const SIDES = 28; // sides of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
 // Of a disc: radius as a share of a person's height, and corners
 const RING = 0.3, RING_SIDES = 12;
@@ -83,7 +83,7 @@ export class Bodies {
     pen.body(body, pose, size, colourOf);
   }
 
-  // The phase of a person's pace.
+  // The phase of a person's walk cycle.
   phase(j, time) {
     const walked = this.walked[j], t = Math.floor(time), next = walked[Math.min(t + 1, walked.length - 1)];
     if (next === walked[t]) return 0;
@@ -174,7 +174,7 @@ export class Bodies {
   }
 }
 
-// For simple and fine figures in each phase: the face with the same direction as each polygon.
+// For simple and fine figures in each phase: for each polygon, the face with the same direction.
 function facesTowards({ faces }) {
   const normals = faces.map(normalOf);
   const nearest = (normal) => {

@@ -16,7 +16,7 @@ const STEEP = 60, FLAT = 60;
 const LEAST = 5; // m, smallest extent of the picture along each axis
 const PADDING = { side: 34, top: 46, bottom: 40 }; // px around the action; less above and below in low pictures
 const LOW = 500; // px, largest height of a low picture
-const ROUNDS = 8; // of moving and zooming until the action just fits
+const ROUNDS = 8; // rounds of moving and zooming until the action just fits
 
 export class Camera {
   constructor(data, rays) {

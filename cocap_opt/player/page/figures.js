@@ -48,9 +48,9 @@ function limb(part, n, [high, low], y, [along, across], angle) {
 }
 
 const STRIDE = 0.42; // rad, by which legs swing
-export const PHASES = 12; // of a pace
+export const PHASES = 12; // phases of the walk cycle
 
-// A person in a phase of a pace.
+// A person in a phase of the walk cycle.
 function person(isFine, phase) {
   const n = isFine ? 6 : 4, swing = STRIDE * Math.sin((phase / PHASES) * TAU);
   const legs = [1, -1].flatMap((side) => limb("legs", n, [0.53, 0], 0.06 * side, [0.06, 0.05], side * swing));

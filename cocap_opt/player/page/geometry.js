@@ -46,7 +46,7 @@ export function inside(flat, x, y) {
   return true;
 }
 
-// The part of a convex polygon with at least a depth, by the depths of its corners.
+// The part of a convex polygon at or beyond a depth, computed from the depths of its corners.
 export function clipped(points, depths, least) {
   const kept = [];
   points.forEach((p, i) => {

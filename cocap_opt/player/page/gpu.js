@@ -4,7 +4,7 @@
 // Polygons have the raster's form: x, y in samples, y downwards, and w, which is linear on the
 // picture. So a linear map turns w into a depth, and no division by a distance is necessary.
 
-const WORDS = 9; // of a corner: x, y, w, a colour, four numbers and a kind
+const WORDS = 9; // numbers of a corner: x, y, w, a colour, four numbers and a kind
 const FEW = 1024; // number of corners for which a batch has room at first
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of renderers in software
 

@@ -284,13 +284,13 @@ function keptWords({ people }, plan) {
 }
 
 // The drone that comes closest to a person, when, and how far away drones should be.
-const nearestPerson = ({ words, time }) => `${words} at step ${digits(time, 1)}, seen from above, and no rule forbids it. Green from 2 m on. Go there`;
+const nearestPerson = ({ words, time }) => `${words} at step ${digits(time, 1)}, seen from above, and no rule forbids it. Green: 2 m or more. Go there`;
 
 // The drones that come closest to each other, when, in which flight, and how far apart they should be.
 function nearest({ closest: { robots, apart, time, straight, kept, above }, knots }) {
   const flight = knots ? `on the smooth flight (cocap-opt fly --smooth), ${distance(straight)} on straight legs` : "on straight legs";
   return `drones ${robots.join(" and ")} are ${distance(apart)} apart at step ${digits(time, 1)}, ${flight}. `
-    + `Green from ${distance(kept)} on${above ? `, or ${distance(above)} in height` : ""}. Go there`;
+    + `Green: ${distance(kept)} or more${above ? `, or ${distance(above)} in height` : ""}. Go there`;
 }
 
 // The cost of all drones' moves from a step, in % of the bound, and the costliest drone.

@@ -11,7 +11,7 @@ export const FINE = 2; // samples per pixel of the page along x and y
 export const COARSE = 1;
 export const ROUGH = 0.7;
 export const NEAR = 0.15; // m; nothing nearer is drawn
-const MOST_CORNERS = 32; // of a polygon of a body
+const MOST_CORNERS = 32; // corners of a polygon of a body
 
 export class Pen {
   // `cut` returns the part of a polygon that is in front of the camera, `metreAt` the samples of a

@@ -167,7 +167,7 @@ function goOn(times, words) {
 function nothing(kind) {
   if (kind === "conflict") return "no rule is broken";
   if (kind === "near") return "no close approaches";
-  return data.plans.some(({ gap }) => gap) ? "no costly moves" : "what moves cost is known only with a certificate";
+  return data.plans.some(({ gap }) => gap) ? "no costly moves" : "the costs of moves are known only with a certificate";
 }
 
 // Show a line over the page for a while; screen readers read it out.
@@ -179,7 +179,7 @@ function say(words) {
 
 // Go to the next step at which fewer than two drones see a person, in any plan.
 function nextBad() {
-  goOn(data.plans.flatMap(badSteps).sort((a, b) => a - b), "nobody is seen by fewer than two drones");
+  goOn(data.plans.flatMap(badSteps).sort((a, b) => a - b), "everybody is seen by two drones or more");
 }
 
 // Pick a person of the strips, who has the same row in all plans, and a step.

@@ -12,7 +12,7 @@ export function proofBox(data, plan) {
   close.setAttribute("aria-label", "close");
   head.append(make("h2", "", "The certificate"), close);
   box.setAttribute("aria-label", "certificate");
-  const about = `No plan has more J than ${reward(plan.gap.bound)}. The numbers in this file prove it, and were verified when this page was made.`;
+  const about = `No plan has a higher J than ${reward(plan.gap.bound)}. The numbers in this file prove it, and were verified when this page was made.`;
   box.append(head, make("p", "", about), proofFile(proof), make("p", "sum256", `SHA-256 ${proof.sha256}`));
   box.append(make("p", "", "To check it again:"), make("pre", "", proof.verify[which]));
   const lines = proof.check[which];

@@ -15,7 +15,7 @@ export function groundAt(terrain, x, y, heights = terrain.heights) {
 export class Rays {
   constructor({ terrain, meshes, boxes }, blocks = null) {
     Object.assign(this, { terrain, blocks, met: new Uint8Array(blocks?.count ?? 0) });
-    this.triangles = new Map(); // by the number of a cell
+    this.triangles = new Map(); // triangles by the number of a cell
     this.boxes = new Map();
     meshes.forEach((mesh, k) => this.takeMesh(mesh, blocks?.ofTriangle[k]));
     boxes.forEach(([i, j, low, high], k) => this.keep(this.boxes, i, j, { low, high, block: blocks?.ofBox[k] }));

@@ -7,8 +7,8 @@ import { density, percent, reward } from "./numbers.js";
 import { tipAt } from "./panel.js";
 import { heightOf } from "./plans.js";
 
-const STILL = 5; // px by which a press may move
-const KEYED = 24; // px by which an arrow key turns or moves
+const STILL = 5; // px that a pointer may move during a press
+const KEYED = 24; // px that an arrow key turns or moves
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Steering {

@@ -18,9 +18,9 @@ const UNCROWDED = 60;
 const HATCH = 9; // px between lines
 // Share of the camera's distance to the middle; nothing nearer is drawn
 const CLOSEST = 0.02;
-const FARTHEST = 1.01; // times the largest depth, the end of the range of depths
+const FARTHEST = 1.01; // end of the range of depths, as a multiple of the largest depth
 const OUTLINE = 0.55; // opacity of the outlines of cut blocks
-const LAYERS = 256; // of polygons, from near to far
+const LAYERS = 256; // layers of polygons, from near to far
 
 export class View {
   constructor(data, plan, scene, camera, canvas) {

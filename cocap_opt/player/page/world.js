@@ -237,7 +237,7 @@ function addMesh(into, { vertices, triangles }, colour, blocks = []) {
   }
 }
 
-// Adds a part of a column: the part of a cell that a mesh fills which is too fine to draw.
+// Adds a part of a column; a mesh that is too fine to draw is drawn as the parts that it fills.
 function addBox(into, terrain, [i, j, low, high], colour, block = -1) {
   const [a, b] = [i, i + 1].map((k) => edgeOf(terrain, 0, k)), [c, d] = [j, j + 1].map((k) => edgeOf(terrain, 1, k));
   const side = (normal, ...points) => into.add(points, normal, lit(colour, normal), block);

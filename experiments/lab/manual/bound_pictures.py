@@ -34,9 +34,9 @@ def draw_curves() -> Figure:
     ax.plot(found.share, found.single_view, color=AMBER, lw=1.8, label="single-view cut")
     ax.plot(found.share, found.cut, color=PURPLE, lw=1.8, ls="--", label="envelope cut")
     least = np.minimum(np.minimum(found.concave, found.single_view), found.cut)
-    ax.fill_between(found.share, least, color=TEAL, alpha=0.12, lw=0, label="what all three allow")
+    ax.fill_between(found.share, least, color=TEAL, alpha=0.12, lw=0, label="allowed by all three")
     ax.plot((0, 0.5, 1), found.plans, "o", color="black", ms=6, label="plans", zorder=4)
-    ax.set(xlabel="share of each of two drones that is in the view", ylabel="root of the face",
+    ax.set(xlabel="share of each of two drones in the view", ylabel="root of the face",
            xlim=(-0.02, 1.02), ylim=(0, 24))  # fmt: skip
     add_legend(figure, ax, columns=2)
     return figure
@@ -45,8 +45,8 @@ def draw_curves() -> Figure:
 def draw_rounds() -> Figure:
     """Draws how far bound and plan are from the optimum, pricing round by pricing round.
 
-    A hollow mark is at the optimum. Plans of less than half of it are left out: the search begins
-    with any.
+    A hollow mark is at the optimum. Plans with less than half of the optimal J are left out: the
+    search may begin with any plan.
     """
     example = worked.bottleneck()
     best = example.staged.target
@@ -69,7 +69,7 @@ def draw_rounds() -> Figure:
         reached = [(k, gap) for k, gap in known if gap == _LEAST]
         ax.plot(*zip(*reached, strict=True), mark, mfc="white", mec=colour, ms=size, mew=1.4,
                 zorder=3.2 - sign / 2, clip_on=False)  # fmt: skip
-    ax.set(yscale="log", xlabel="report of the search", ylabel="% of the optimum",
+    ax.set(yscale="log", xlabel="reports of the search, in order", ylabel="% of the optimum",
            ylim=(_LEAST, 100), xlim=(0.5, len(rounds) + 0.5))  # fmt: skip
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.yaxis.set_major_formatter("{x:g}")
@@ -146,7 +146,7 @@ def draw_losses() -> Figure:
         ax.set_yticks(range(len(shares)), [f"{noun} {i}" for i in range(len(shares))])
     bottom.set_xticks(range(people.shape[1]))
     bottom.set_xlabel("step")
-    top.set_title("lost by the move that begins at the step (% of the bound)", fontsize=TITLE)
+    top.set_title("cost of the move after each step (% of the bound)", fontsize=TITLE)
     bottom.set_title("overestimate of a person's reward (% of the bound)", fontsize=TITLE)
     return figure
 

@@ -45,8 +45,8 @@ def _columns(columns: Mapping[str, TableColumn]) -> str:
 
 def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
     rows = [
-        {"method": name, "made of": method.made_of, "takes": method.scenes,
-         "promises": method.promises}
+        {"method": name, "algorithm": method.made_of, "scenes": method.scenes,
+         "guarantees": method.promises}
         for name, method in registry.items()
     ]  # fmt: skip
     return markdown(rows)

@@ -143,5 +143,5 @@ def _draw_closed_move(ax: Axes, robot: int, t: int, tail: Cell, head: Cell) -> N
     ends = [(cell.x + 0.5, cell.y - 0.12) for cell in (tail, head)]
     ax.add_patch(FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=14, color=RED, ls="--",
                                  lw=1.8, shrinkA=0, shrinkB=0, zorder=7))  # fmt: skip
-    words, right = f"not this way: drone {robot}, after step {t}", max(tail.x, head.x) + 0.62
+    words, right = f"forbidden to drone {robot} after step {t}", max(tail.x, head.x) + 0.62
     ax.text(right, tail.y - 0.12, words, color=RED, fontsize=LABEL, va="center")

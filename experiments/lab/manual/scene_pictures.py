@@ -29,7 +29,7 @@ from cocap_opt.problem import Plan, pictures
 from cocap_opt.problem.pictures import TopView
 
 _TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # the directions of four headings
-_HIDDEN = "#f3c9cf"  # of a person
+_HIDDEN = "#f3c9cf"  # colour of the hidden part of a person
 _NEAR = (5, 25)  # m, the part of the bottleneck where people walk
 
 
@@ -126,7 +126,7 @@ def draw_shadow() -> Figure:
     half = 0.7 * float(np.ptp(scene.face[:, 1]))
     image.set(xlim=(x - 2 * half, x + 2 * half), ylim=(y - half, y + half), xticks=[], yticks=[],
               aspect="equal")  # fmt: skip
-    image.set_title("in the drone's picture", fontsize=TITLE)
+    image.set_title("in the drone's image", fontsize=TITLE)
     left, right = scene.face[:, 0].min() - half / 20, scene.face[:, 0].max() + half / 20
     image.text(left - half / 3, y - 0.6 * half, "column", fontsize=LABEL, ha="right")
     image.text(right, y + half / 2, "visible", color=pictures.PERSON, fontsize=LABEL, va="center")
@@ -148,7 +148,7 @@ def _draw_side(ax: Axes) -> None:
     for low, high, colour in ((0, edge, _HIDDEN), (edge, head, pictures.PERSON)):
         ax.plot([person] * 2, [low, high], color=colour, lw=5, solid_capstyle="butt", zorder=3)
     ax.plot(x, z, "o", color=COLOURS[0], ms=10, clip_on=False, zorder=4)
-    ax.text(x + 0.4, z + 0.1, "drone: the eye", fontsize=LABEL)
+    ax.text(x + 0.4, z + 0.1, "the drone's camera", fontsize=LABEL)
     ax.text(near - 0.2, top / 2, "column", fontsize=LABEL, ha="right", va="center")
     ax.text(far + 0.3, 0.4, "shadow", fontsize=LABEL)
     ax.text(person + 0.3, head, "person", fontsize=LABEL, va="center")
@@ -201,7 +201,7 @@ def draw_cells_left() -> Figure:
     TopView.of(example.problem).draw_map(ax)
     first, *_, last = worked.stages()
     for cells, colour, words in (
-        (first.cells, "#cfe0ec", f"in reach at step {t}"),
+        (first.cells, "#cfe0ec", f"within reach at step {t}"),
         (last.cells, TEAL, "where a better plan can still be"),
     ):
         spots = np.array([example.problem.height_map.centre(*cell) for cell in sorted(cells)])

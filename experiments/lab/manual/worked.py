@@ -50,7 +50,7 @@ from cocap_opt.scenarios import load_scene
 if TYPE_CHECKING:
     import networkx as nx
 
-SEED = 4  # of the bottleneck: CoCap loses more with it than with other seeds
+SEED = 4  # seed of the bottleneck; CoCap loses more with it than with other seeds
 SHORT = 2  # steps of the bottleneck with which cone programs are quick
 BRIEF = 4  # steps with which a whole trade-off is quick
 
@@ -147,7 +147,7 @@ class _Bottleneck(NamedTuple):
     plan: Result
     bound: float
     file: CertificateFile
-    progress: tuple[Snapshot, ...]  # of the search for the bound
+    progress: tuple[Snapshot, ...]  # reports of the search for the bound
 
     @property
     def model(self) -> Model:
@@ -303,7 +303,7 @@ class _Proof(NamedTuple):
     problem: Problem
     value: float
     file: ProofFile
-    bounds: tuple[float, ...]  # of its leaves, in the order of their numbers
+    bounds: tuple[float, ...]  # bounds of its leaves, in the order of their numbers
 
 
 @cache

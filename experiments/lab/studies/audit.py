@@ -34,7 +34,7 @@ class AuditedScene(NamedTuple):
     different: int  # facts and numbers that differ from the scene's
     wide_share: float  # width of the widest other enclosure, as a share of the number
     wide_pixels: float  # width of the widest other enclosure, px/m2
-    seconds: float  # of CPU time, for the audit alone
+    seconds: float  # CPU time of the audit alone
 
     @classmethod
     def of(cls, name: str, views: int, whole: int) -> "AuditedScene":

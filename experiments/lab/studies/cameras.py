@@ -48,11 +48,11 @@ class AskedPlans(NamedTuple):
     best_views: float
     by_two: float  # share of person-steps that two drones see in that plan
     apart: float  # share that they see from at least 30 degrees apart
-    weight: float  # of a view, mean over people; 0 without views
+    weight: float  # weight of a view, mean over people; 0 without views
     planned: float  # value of the objective, for the recommended planner's plan
     value: float  # value of the objective, for the best plan
     bound: float
-    seconds: float  # of branch-and-price
+    seconds: float  # seconds of branch-and-price
     reason: str  # why branch-and-price ended
 
     @property

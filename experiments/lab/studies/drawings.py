@@ -93,7 +93,7 @@ def _giving_way() -> bytes:
         problem = load_scene("bottleneck", seed)
         found += Encounter.all_of(problem, seed, _plan(problem, "greedy"), _plan(problem, "cocap"))
     most = Encounter.most_generous(found)
-    assert most is not None, "nobody gives way"
+    assert most is not None, "no drone gives way"
     problem = load_scene("bottleneck", most.seed)
     plans = {name: _plan(problem, name) for name in _GIVING_WAY}
     return picture(encounter_figure(problem, most, plans), _SVG)
@@ -134,7 +134,7 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
     "separation.svg": _separation,
     "flight.svg": _flight,
     "growth.svg": _growth,
-    "quality.png": _quality,  # of thousands of points
+    "quality.png": _quality,  # a bitmap, as it has thousands of points
     "view.png": _view,
     "bottleneck.svg": lambda: _top_view("bottleneck", 0, 5, 11),
     **{f"gallery-{scene}.svg": partial(_top_view, scene) for scene in GALLERY},

@@ -32,10 +32,10 @@ STILLS = tuple(
     f"first-flight-{name}.png" for name in ("scene", "steps", "player", "strip", "sheet", "mission")
 )
 
-_STEP = 4  # of the still; the film starts at it, too
+_STEP = 4  # step of the still; the film starts at it, too
 _WIDE, _NARROW = (960, 800), (560, 870)  # px, size of the page for the stills and for the film
 _SCALE = 1.4  # px of a picture for each px of its page
-_EVERY, _PACE, _QUALITY = 0.5, 300, 70  # of the film: steps and ms between images; WebP quality
+_EVERY, _PACE, _QUALITY = 0.5, 300, 70  # steps and ms between images of the film; WebP quality
 _SHEET_SCALE = 1.5  # px of a picture for each point of the sheet
 _PROGRAM = "import sys; from cocap_opt.cli.main import main; sys.exit(main())"
 _STRIP, _PICTURE = ".filmed", "canvas.view"

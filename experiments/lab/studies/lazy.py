@@ -32,7 +32,7 @@ _LAYERS, _TILTS = tuple(np.arange(2.0, 16.0, 2.0).tolist()), (-0.3, 0.2, 0.6, 1.
 _PIER, _FROM_EDGE = 0.2, 0.5  # m: half of its width, and how far it is from the deck's edges
 _QUICK, _REPEATS = 1.0, 3  # s; shorter times are measured _REPEATS times
 _TEAM, _STEPS = 2, 30  # drones and steps on maps of 120 x 120 cells
-_ONE_BY_ONE = "sequential"  # for 64 drones CoCap's tree grows too large
+_ONE_BY_ONE = "sequential"  # CoCap's tree grows too large for 64 drones
 
 
 def _bridge(seed: int, is_pierced: bool = False, has_many_states: bool = False) -> Problem:

@@ -13,9 +13,9 @@ from cocap_opt.pictures.style import LABEL, SMALL, TITLE, new_figure
 from cocap_opt.problem import LandCover, Problem
 from cocap_opt.problem.pictures import LAND_COLOURS
 
-_AROUND = 0.25  # of the missions' extent, on each side
+_AROUND = 0.25  # margin on each side, as a share of the missions' extent
 _WAYPOINT = 16  # MAV_CMD_NAV_WAYPOINT
-_DIGITS = 4  # of a degree, beside the axes
+_DIGITS = 4  # decimals of degrees beside the axes
 
 
 def mission_map(problem: Problem, missions: Sequence[Path]) -> bytes:

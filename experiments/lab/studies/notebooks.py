@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from nbformat import NotebookNode
 
 _FOLDER = Path(__file__).resolve().parents[3] / "docs" / "notebooks"
-_MOST_SECONDS = 120  # for a cell
+_MOST_SECONDS = 120  # time limit of a cell
 _PNG, _HTML, _COLOURS = "image/png", "text/html", 256  # colours of a stored picture
 _INLINE = re.compile(r'(src="data:image/png;base64,)([^"]+)')
 # Who ran them last and the versions of packages are omitted.

@@ -26,7 +26,7 @@ from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
 
 PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
-_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture; the keys pick drone 2
+_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # the picture; its keys pick drone 2
 _PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
 _SIZE = 1280, 800  # px
 _PATIENCE = 30.0  # s

@@ -33,7 +33,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, TimeLimit, never
 
 _WARM_UP_SECONDS = 5.0
-_MOST_MORE_SECONDS = 900.0  # for coverage, and for a method that is slow to notice its limit
+_MOST_MORE_SECONDS = 900.0  # for coverage, and for methods that are slow to notice a limit
 BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
 _ONE_THREAD = {**ONE_THREAD, "RAYON_NUM_THREADS": "1"}
 

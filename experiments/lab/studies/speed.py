@@ -80,7 +80,7 @@ class _Speed(NamedTuple):
 def speed(*, out: Out = None) -> None:
     """Measures and prints all figures, and writes the table (speed.csv)."""
     results = Results.into(None if out is None else out.resolve())
-    os.chdir(Path(__file__).parents[2])  # for the child processes
+    os.chdir(Path(__file__).parents[2])  # working folder of the child processes
     table = Table("figure", "measured", "target", title="speed (CPU time; one core)")
     figures = list[_Speed]()
     for measure in _MEASURES:

@@ -21,7 +21,7 @@ _DRAWN_BY = ("player/page/*.*", "missions/sheet/*.py", "problem/pictures.py",
              "problem/whole_names.py")  # fmt: skip
 _PLAIN = Image.Dither.NONE
 _COLOURS = 256
-_ROUNDS = 2  # of k-means, which moves each colour to the mean of the colours that it replaces
+_ROUNDS = 2  # rounds of k-means: each colour moves to the mean of the colours that it replaces
 
 
 def made_from(*parts: str) -> str:

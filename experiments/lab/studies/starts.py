@@ -25,7 +25,7 @@ class Optimum(NamedTuple):
     scene: str
     seed: int
     starts: str
-    number: int  # of the set of random starts
+    number: int  # number of the set of random starts
     reward: float
     bound: float
     seconds: float

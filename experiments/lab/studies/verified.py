@@ -167,7 +167,7 @@ def verified_in_markdown() -> str:
     return markdown([
         {
             "claim": f"{run.scene}, {run.claim}",
-            "what it has": _parts(run),
+            "contents": _parts(run),
             "lowering (Python)": f"{run.lowering:.1f} s",
             "check": _shown(run.check),
         }

@@ -73,7 +73,7 @@ class Conflicts:
         """
         n = len(self.place_of)
         numbers, classes = np.full(n, -1), np.full(n, -1)
-        # for each number, the places that conflict with all of its places
+        # for each number, the places that conflict with all places of that number
         fits: list[BoolArray] = []
         of_place: dict[tuple[int, int], int] = {}
         for s, place in enumerate(zip(class_of.tolist(), self.place_of.tolist(), strict=True)):

@@ -175,7 +175,7 @@ class _StartWays:
         classes = [model.classes[number] for number in numbers.tolist()]
         self._graphs = [robot_class.graph for robot_class in classes]
         self._where = [model.places.positions[number] for number in numbers.tolist()]
-        # for each robot: its starts by the state at step 1
+        # for each robot, its starts by its state at step 1
         self._tails: list[dict[int, list[int]]] = []
         self._able: dict[tuple[int, ...], BoolArray] = {}
         known: dict[tuple[int, bytes], dict[int, list[int]]] = {}

@@ -20,8 +20,8 @@ class Inputs(NamedTuple):
     """The arrays that a search reads, for n states, F faces, C classes, R robots and B bounds."""
 
     first: IntArray  # [n+1] first entry of each state's coverage
-    faces: IntArray  # of each entry
-    pixels: FloatArray  # of each entry
+    faces: IntArray  # face of each entry
+    pixels: FloatArray  # pixels of each entry
     weights: FloatArray  # [F]
     n_roots: int  # number of faces before those that count drones
     caps: FloatArray  # [F - n_roots] limit k of each face that counts drones

@@ -83,8 +83,8 @@ class _Closing(NamedTuple):
 
     constants: FloatArray  # [T+1]
     floors: FloatArray  # [T+1] least worth less charges of a joint state that counts
-    slack: list[FloatArray]  # of each class [T+1, S]
-    charges: list[FloatArray]  # of each class [T+1, S], sum of price and slack
+    slack: list[FloatArray]  # slack of each state, by class [T+1, S]
+    charges: list[FloatArray]  # sum of price and slack of each state, by class [T+1, S]
 
 
 class _Sweeps(NamedTuple):
@@ -93,7 +93,7 @@ class _Sweeps(NamedTuple):
     left: list[BoolArray]  # [T+1, S]
     slack: list[FloatArray]  # [T+1, S]
     to_go: list[FloatArray]  # [T+1, S] value of the best path from each state on
-    worth: float  # of the best paths of all robots
+    worth: float  # worth of the best paths of all robots
     magnitude: float  # largest sum of absolute values along these paths
 
     @classmethod
@@ -154,7 +154,7 @@ class Narrowing:
     _prices: CertificatePrices
     _sweeps: _Sweeps
     _closing: _Closing
-    _earlier: tuple[tuple[_Earlier, ...], ...]  # by step
+    _earlier: tuple[tuple[_Earlier, ...], ...]  # earlier prices and constants by step
     # True: bounds all plans above the target; False: only plans that visit certain states
     _bounds_all: bool = True
 

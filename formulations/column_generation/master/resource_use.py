@@ -24,7 +24,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
 
 INTEGRAL = 1e-4  # amounts closer than this to an integer count as integral
-_LEAST_SEEN = 1e-7  # of a robot; columns with smaller amounts are treated as seeing nothing
+_LEAST_SEEN = 1e-7  # amount of a robot; columns with less are treated as seeing nothing
 
 
 def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:
@@ -64,7 +64,7 @@ def violated_rows(mixture: Mixture, model: Model, tolerance: float) -> list[Cell
     problem = model.problem
     if problem.rules.none:
         return []
-    occupied = defaultdict[int, _Uses[Cell]](lambda: defaultdict(float))  # by step
+    occupied = defaultdict[int, _Uses[Cell]](lambda: defaultdict(float))  # uses by step
     flown = defaultdict[int, _Uses[_CellMove]](lambda: defaultdict(float))
     for column, amount in mixture.used():
         cells = column.along.cells

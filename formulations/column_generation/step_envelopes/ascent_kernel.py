@@ -17,8 +17,8 @@ class AscentViews(NamedTuple):
     """The arrays that local search reads, for n states, F faces, R robots."""
 
     first: IntArray  # [n+1] first entry of each state's coverage
-    faces: IntArray  # of each entry
-    pixels: FloatArray  # of each entry
+    faces: IntArray  # face of each entry
+    pixels: FloatArray  # pixels of each entry
     weights: FloatArray  # [F]
     n_roots: int  # number of faces before those that count drones
     caps: FloatArray  # [F - n_roots] cap k of each of those

@@ -10,7 +10,7 @@ no better plan visits are closed; and a bundle method (`price_bundle`) finds bet
 states are found by local search, and by exact search only once local search finds none above the
 constants.
 
-If many states remain, each round has a short list of states for each step: those of least slack.
+If many states remain, each round has a short list of states for each step: those of smallest slack.
 Their prices are no lower than before, and those of all other states are so much higher that none of
 these is in a joint state above the new constant (`staged.narrowing`); so the search covers only the
 list. The next round makes new lists from the new prices, and shortens them if searches took long.
@@ -390,7 +390,7 @@ class _Envelopes:
         )
 
     def _listed(self, t: int, most: float) -> list[IntArray]:
-        """Returns, for each class, the states of a step up to a slack: those of least slack, but
+        """Returns, for each class, the states of a step up to a slack: those of smallest slack, but
         not too many.
         """
         slack = [

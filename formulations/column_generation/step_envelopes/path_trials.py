@@ -117,7 +117,7 @@ class PathTrials:
             if not targets.halve():
                 from_step = self._middle_step(narrowing, most_nodes)
                 if from_step in failed:
-                    return  # for larger explorations, no other step is better
+                    return  # no other step is better for larger explorations
 
     def _share(self, narrowing: Narrowing) -> float:
         """Returns the proved bound's distance from the best plan, as a share of the gap that the

@@ -57,7 +57,7 @@ class _RuledAscent:
         self.cuts: list[Cut] = []
         self._charges = np.zeros(0)  # [rows] multipliers
         self._shares = np.zeros(0)  # [cuts] their shares of the roots
-        # by view sum: the possible reduction at the last search that found no cut
+        # for each view sum, the possible reduction at the last search that found no cut
         self._in_vain: dict[int, float] = {}
         horizon, robots = search.model.problem.horizon, len(search.model.problem.robots)
         self._steepness = self._parameters.steepness * best.bound / (horizon * robots)

@@ -24,7 +24,7 @@ from cocap_opt.formulations.relaxations.separation import loose_view_sums
 from cocap_opt.formulations.result import certify
 from cocap_opt.mixtures.columns import Column
 
-_LEAST_SHARE = 1e-6  # of a cut in a solution; cuts with larger shares are kept
+_LEAST_SHARE = 1e-6  # share of a cut in a solution; cuts with larger shares are kept
 
 
 @dataclass
@@ -193,7 +193,7 @@ class Relaxation:
         if self.solution is None:
             return
         if self.search.incumbent is None:
-            self.round_to_plans()  # finds a first plan, from which to search
+            self.round_to_plans()  # finds a first plan to begin with
         most_in_vain = self._parameters.few_in_vain if is_quick else None
         self.search.search_by_prices(self.solution.mixture, self.best.duals, most_in_vain)
         self.has_searched_by_prices = True

@@ -39,7 +39,7 @@ _CORE = {
     "python_stdlib.zip": "python_stdlib.zip",
     "pyodide-lock.json": "pyodide-lock.json",
 }
-_FETCHED = ("pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")  # by Pyodide
+_FETCHED = ("pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")  # for Pyodide
 EXAMPLE = "corridor"
 _ALTERED = 0.99  # the altered certificate claims this times the bound
 _PATIENCE = 120.0  # s, for npm

@@ -49,7 +49,7 @@ def flight_figure(runs: Sequence[FlightRun]) -> Figure:
         for ax in (error, apart, kept):
             set_frame(ax)
     for ax, words in zip(panels[:, 0], (
-        "off the flight (m):\nmean; largest, dashed", "least distance\nof two drones (m)",
+        "off the flight (m):\nmean; largest, dashed", "minimum distance\nof two drones (m)",
         "J filmed, also between\nsteps (% of the flight's)",
     ), strict=True):  # fmt: skip
         ax.set_ylabel(words)

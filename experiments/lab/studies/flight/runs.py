@@ -30,7 +30,7 @@ from cocap_opt.stop import TimeLimit
 
 SMOOTH, STRAIGHT = "smooth", "straight"
 AIRFRAME = "px4"  # its limits decide the length of steps if a scene does not define it
-_SECONDS = 60.0  # for each plan
+_SECONDS = 60.0  # time limit of each plan
 _FINE = 2  # lengths of steps are multiples of 1 / _FINE s
 
 
@@ -45,8 +45,8 @@ class FlightRun(NamedTuple):
     span : m, width of the vehicle
     error_mean, error_most : m, distance of drones from where they should be
     late_mean, late_most : s
-    apart_planned, apart_flown : m, least distance between two drones; inf for one drone
-    clear_planned, clear_flown : m, least distance to obstacles and ground
+    apart_planned, apart_flown : m, minimum distance between two drones; inf for one drone
+    clear_planned, clear_flown : m, minimum distance to obstacles and ground
     reward, reward_flown : J at the steps, of the plan and of what was filmed
     reward_between, reward_between_flown : J between the steps, too, of the flight and as filmed
     """

@@ -20,7 +20,7 @@ from cocap_opt.formulations.result import OPTIMALITY
 
 PROVED = 100 * OPTIMALITY  # %; with at most this gap, a plan is proved optimal
 GAP = 0.03  # certified gap to which time is measured; most sizes reach it
-_LEAST_SIZES = 4  # for a fit: any two points are on a line, and three are often near one
+_LEAST_SIZES = 4  # sizes for a fit: any two points are on a line, and three are often near one
 _NEAR = 1.5  # largest factor between a median and a power law
 
 

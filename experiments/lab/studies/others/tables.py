@@ -22,7 +22,7 @@ from cocap_opt.problem import Plan
 from cocap_opt.referee import check
 from cocap_opt.result import relative_gap
 
-PLAN, BETWEEN, WORD = "plan", "no plan", "their word"  # what a reward is of
+PLAN, BETWEEN, WORD = "plan", "no plan", "their word"  # sources of a reward
 _MARKS = {
     PLAN: "",
     BETWEEN: "+",

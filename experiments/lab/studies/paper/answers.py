@@ -94,7 +94,7 @@ class SceneAnswers:
         of_cocap = self._of("cocap")
         planned = [row for row in of_cocap if row.valid and row.gap_free is not None]
         if not planned:
-            words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
+            words = "CoCap has no plan that obeys the rules; the claim cannot be tested."
             return ClaimAnswer(f"{self.scene}: {words}", OPEN)
         found = Mean.of(GapRow.percent(planned, "gap_free"))
         least = Mean.of([
@@ -205,7 +205,7 @@ class SceneAnswers:
         """
         pairs = self._pairs("cocap", "cocap-vs", _whole_seconds)
         if not pairs:
-            return ClaimAnswer(f"{self.scene}: not both low levels were timed.", OPEN)
+            return ClaimAnswer(f"{self.scene}: the times of both low levels are needed.", OPEN)
         ours = [median(times) for times in zip(*pairs.values(), strict=True)]
         log_ratio = Mean.of([math.log(a / b) for a, b in pairs.values() if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
@@ -263,7 +263,7 @@ class SceneAnswers:
         """Answers whether view search plans nearly as well as value iteration."""
         pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
         if not pairs:
-            return ClaimAnswer(f"{self.scene}: not both low levels have a plan.", OPEN)
+            return ClaimAnswer(f"{self.scene}: plans of both low levels are needed.", OPEN)
         costs = {seed: 100 * (b - a) / b for seed, (a, b) in pairs.items()}
         found = Mean.of(list(costs.values()))
         verdict = ClaimAnswer.below(found, _CLOSE)
@@ -282,7 +282,7 @@ class SceneAnswers:
         ended = [cost for seed, cost in costs.items() if seed not in stopped]
         if len(ended) == len(costs):
             return ""
-        known = f"that is {_text(Mean.of(ended))}" if ended else "nothing is known"
+        known = f"that is {_text(Mean.of(ended))}" if ended else "there is no result"
         return f" On the {len(ended)} seeds on which no limit stopped either of them, {known}."
 
     def stopped(self) -> ClaimAnswer:
@@ -338,7 +338,7 @@ class SceneAnswers:
             if shares:
                 parts.append(f"{Mean.of(shares).text(1, ' %')} with {planner}")
         if not parts:
-            return f"{self.scene}: nothing is known."
+            return f"{self.scene}: there is no result."
         share = "the share of person-steps at which two drones or more see the person"
         return f"{self.scene}: {share} is {', '.join(parts)}."
 

@@ -33,7 +33,7 @@ _STARTS = {  # where drones start, in words
     "yard": "in the yard before it",
 }
 _LAST, _SPACING, _PACE = -2.0, 2.2, 0.9  # m beyond the mouth, m between people, m per step
-_NODES = 400  # of CoCap's tree
+_NODES = 400  # nodes of CoCap's tree
 _BOUND_SECONDS = 10.0
 _PLANNED = {
     "sequential": "sequential", "rounds": "sequential-rounds", "cocap": "cocap",
@@ -59,7 +59,7 @@ class Corridor(NamedTuple):
 
     width: int  # cells of 1 m
     length: int  # cells
-    height: float  # m, of flight; the walls have 10 m
+    height: float  # m, flight height; the walls are 10 m high
     starts: str  # a key of _STARTS
     drones: int
     people: int
@@ -126,14 +126,14 @@ class Corridor(NamedTuple):
 class Trial(NamedTuple):
     """J of planners on a corridor with a seed; -inf without a plan, None if not planned."""
 
-    stage: str  # of the search: DRAWN, AGAIN, CHANGED or FRESH
+    stage: str  # stage of the search: DRAWN, AGAIN, CHANGED or FRESH
     corridor: Corridor
     seed: int
     sequential: float
-    rounds: float  # of `sequential-rounds`
+    rounds: float  # J of `sequential-rounds`
     cocap: float
-    orders: float | None  # of `best-of-orders`
-    lns: float | None  # of `cocap-lns`
+    orders: float | None  # J of `best-of-orders`
+    lns: float | None  # J of `cocap-lns`
     limit: str  # the limit that stopped CoCap, or none
     bound: float | None  # certified
     fell_back: bool = False  # CoCap was stopped, and its plan is sequential planning's
@@ -266,7 +266,7 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
 
 def read_trials(path: Path) -> list[Trial]:
     """Reads the trials of a file; raises FileError if it is not such a table."""
-    words = "is not a trial of the search; without the file it is searched again"
+    words = "is not a trial of the search; delete the file to search again"
     return read_csv(path, Trial.of, words)
 
 
@@ -334,7 +334,7 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
     with_both = planned(fresh)
     words = fresh[0].corridor.words
     if not with_both:
-        return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
+        return [f"CoCap gains most in a corridor {words}; there are no plans with fresh seeds."]
     verdict = ClaimAnswer.above(Mean.of([trial.gain() for trial in with_both]), PUBLISHED)
     many = sum(trial.gain() >= PUBLISHED for trial in with_both)
     claim = "the gain there reaches the paper's figure on average"

@@ -65,7 +65,7 @@ class StepReward(NamedTuple):
     seed: int
     planner: str
     step: int
-    reward: float  # px^0.5/m, or as the scene counts
+    reward: float  # px^0.5/m, or the unit of the scene's rewards
 
     @classmethod
     def all_of(cls, problem: Problem, seed: int, planner: str, plan: Plan) -> list[Self]:

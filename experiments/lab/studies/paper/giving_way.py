@@ -24,7 +24,7 @@ class Encounter(NamedTuple):
     scene: str
     seed: int
     robots: tuple[int, int]  # the earlier planned first
-    step: int  # of their first conflict
+    step: int  # step of their first conflict
     own_before: tuple[float, float]  # J of each one's path alone, in the unconstrained plan
     own_after: tuple[float, float]
     moved: tuple[bool, bool]  # True if the path differs

@@ -37,7 +37,7 @@ from cocap_opt.stop import Stop, TimeLimit, never
 
 MEASURED = "measured.csv"  # in the folder of the results
 POLISHED, DIVE = "cocap-polished", "cocap-vs-dive"
-_REPEATS = 3  # for quick searches
+_REPEATS = 3  # runs of quick searches
 _QUICK, _SLOW = 0.1, 10.0  # s: quicker searches are repeated; slower ones are not timed again
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",

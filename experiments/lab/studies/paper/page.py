@@ -126,7 +126,7 @@ class Page(NamedTuple):
             "How many views does view search need?": [scene.views() for scene in scenes],
             "How many cameras see people?": [scene.cameras() for scene in scenes],
             f"When does CoCap gain {conditions.PUBLISHED:g} %?": (
-                conditions.sentences(self.trials) if self.trials else ["It was not searched for."]
+                conditions.sentences(self.trials) if self.trials else ["There was no search."]
             ),
         }
 

@@ -36,9 +36,9 @@ def planner_table(rows: Sequence[GapRow]) -> Table:
         table.append(
             {
                 "planner": f"`{name}`" + (" (recommended)" if name == RECOMMENDED else ""),
-                "made of": planner.made_of,
-                "takes": _needs(planner),
-                "promises": planner.promises,
+                "algorithm": planner.made_of,
+                "requires": _needs(planner),
+                "guarantees": planner.promises,
                 **{
                     scene: _gap([row for row in of_planner if row.scene == scene])
                     for scene in scenes
@@ -99,14 +99,14 @@ def described_planners_in_markdown() -> str:
 def measured_planners_in_markdown() -> str:
     """Returns the stored gap and time of each planner."""
     rows = _rows()
-    return _with_note(_without(planner_table(rows), "made of", "takes", "promises"), rows)
+    return _with_note(_without(planner_table(rows), "algorithm", "requires", "guarantees"), rows)
 
 
 def short_planners_in_markdown() -> str:
     """Returns the rows and columns of the stored table that matter most to newcomers."""
     rows = _rows()
     table = [row for row in planner_table(rows) if row["planner"].split("`")[1] in _IN_SHORT]
-    return _with_note(_without(table, "takes", "promises"), rows)
+    return _with_note(_without(table, "requires", "guarantees"), rows)
 
 
 def numbers_in_markdown() -> str:

@@ -46,7 +46,7 @@ _SCALING = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 CONDITIONS = "conditions.csv"
 _PAGE = "paper.md"
 _AT_A_TIME = 3600.0  # s that a worker may take for a cell
-FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
+FIELD = {"actors": 6, "cells": 30, "steps": 8}  # field of the scaling experiment
 
 
 def paper(

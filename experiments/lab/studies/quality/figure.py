@@ -52,17 +52,17 @@ def quality_figure(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> Fig
         if is_good(plan.planner):
             more = 100 * (plan.by_two - first.by_two)
             good.plot(lost, more, **look)
-    _name(every, "seen by two\n(hollow: not planned for J)", "% of the most J known",
+    _name(every, "seen by two\n(hollow: not planned for J)", "% of the highest J known",
           "% of person-steps")  # fmt: skip
     _name(
         median,
         "median error of a point\n(hollow: not planned for J)",
-        "% of the most J known",
+        "% of the highest J known",
         "mm",
     )
     set_plain_log(median, "y")
     median.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    _name(good, "plans for J and\nthe one with the most J", "J below the best plan's (%)",
+    _name(good, "plans for J, and\nthe one of highest J", "J below the best plan's (%)",
           "seen by two, difference (points)")  # fmt: skip
     good.axhline(0, color=GREY, lw=0.8, ls=":")
     for ax in (errors, every, median, good):

@@ -48,7 +48,7 @@ class Hiding:
             others = self._others(t, j)
             for n, drone in enumerate(drones[k].tolist()):
                 camera = self._problem.robots[drone].camera
-                assert isinstance(camera, Camera), "films are pinhole cameras'"
+                assert isinstance(camera, Camera), "only pinhole cameras make images"
                 sides = Projection(camera).frustum_distances(points[k, :, n])
                 targets = joints[k] - self._middle
                 eyes = np.tile(cameras.places[k, 0, n] - self._middle, (len(targets), 1))

@@ -19,12 +19,12 @@ class PersonStep(NamedTuple):
     angle: float  # degrees, the widest angle between two rays
     middle: float  # predicted for the person's middle, as `quality` reports it
     predicted: float  # predicted for the joints, by the same model
-    measured: float  # by least squares
-    library: float  # by aniposelib's linear method; nan if it is not installed
+    measured: float  # error of least squares
+    library: float  # error of aniposelib's linear method; nan if it is not installed
     predicted_posed: float  # with errors of the poses, too
     measured_posed: float
     kept: float  # share of the joints that two of these cameras have in the picture, unhidden
-    predicted_kept: float  # for these joints, by the cameras that see them; nan without any
+    predicted_kept: float  # for these joints, from the cameras that see them; nan without any
 
     @classmethod
     def read(cls, path: Path) -> list[Self]:
@@ -41,7 +41,7 @@ class PlanRow(NamedTuple):
     reward: float  # J
     by_two: float  # share of person-steps seen by two drones or more
     apart: float  # share that two see from at least 30 degrees apart
-    median: float  # mm, the error that half of them do not exceed
+    median: float  # mm, median error of a point
 
     @classmethod
     def read(cls, path: Path) -> list[Self]:

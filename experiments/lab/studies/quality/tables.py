@@ -14,7 +14,7 @@ from cocap_opt.experiments.lab.studies.quality.rows import PersonStep, PlanRow
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.output.printing import Record, counted
 
-_NEAR = 0.1  # by which the median of measured over predicted may differ from 1
+_NEAR = 0.1  # largest difference of the median of measured over predicted from 1
 _ANGLES = (0, 10, 30, 90)  # degrees
 _COARSE = "tiny-"  # scenes whose cameras have 60 px of focal length
 _LARGE = 100.0  # ratios above it say no more than that
@@ -88,9 +88,11 @@ def choice_rows(plans: Sequence[PlanRow]) -> list[Record]:
             rows.append(
                 {
                     "scene": scene,
-                    "two views with the most J": _percent(c.first.by_two for c in choices),
-                    "most two views": _percent(c.best.by_two for c in choices),
-                    "its J": _percent((c.best.reward / c.first.reward for c in choices), 1),
+                    "two views, plan of largest J": _percent(c.first.by_two for c in choices),
+                    "two views, plan with most of them": _percent(c.best.by_two for c in choices),
+                    "J of the latter": _percent(
+                        (c.best.reward / c.first.reward for c in choices), 1
+                    ),
                 }
             )
     return rows

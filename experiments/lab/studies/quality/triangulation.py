@@ -17,7 +17,7 @@ _LEAST = 1e-12  # share of its sum added to the diagonal, so that a step always 
 def least_squares(
     cameras: Cameras, images: FloatArray, whitening: FloatArray, middles: FloatArray
 ) -> FloatArray:
-    """Returns the points [n, 3] (m) with the least sum of squares of whitened image errors.
+    """Returns the points [n, 3] (m) with the smallest sum of squares of whitened image errors.
 
     This is the most likely point if errors are normal. The Levenberg-Marquardt method starts from
     the point nearest to all rays, or from the middle of the person if that point is behind a
@@ -52,7 +52,7 @@ def least_squares(
 
 
 def nearest_to_rays(cameras: Cameras, images: FloatArray) -> FloatArray:
-    """Returns the points [n, 3] (m) with the least sum of squared distances from all rays."""
+    """Returns the points [n, 3] (m) with the smallest sum of squared distances from all rays."""
     rays = cameras.rays(images)
     across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
     right = (across @ cameras.places[..., None]).sum(axis=-3)

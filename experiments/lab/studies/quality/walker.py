@@ -21,7 +21,7 @@ JOINTS = (
 _MIDDLE = {"head": 0.936, "neck": 0.870, "pelvis": 0.530}  # heights
 _SHOULDER, _HIP = (0.129, 0.818), (0.0955, 0.530)  # aside, and height
 _ARM, _LEG = (0.186, 0.146), (0.245, 0.246)  # upper and lower part
-_SWING = math.radians(25)  # of thigh and upper arm, to both sides
+_SWING = math.radians(25)  # swing of thigh and upper arm, to both sides
 _STRIDE = 0.83  # length of two steps, as a share of the height
 
 

@@ -10,7 +10,7 @@ from cocap_opt.output.printing import counted, markdown_table
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
-_MUCH = 2  # times the time without a separation
+_MUCH = 2  # in multiples of the time without a separation
 _PLANNERS = ("cocap", "cocap-lns")
 
 

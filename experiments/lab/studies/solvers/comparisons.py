@@ -30,7 +30,7 @@ _BOTTLENECK_STEPS = (2, 4, 6, 8, 11)
 _CORRIDOR_STEPS = range(2, 9)
 _RELAXED = {"corridor": 5, "field": 3}  # scenes and steps, small enough for one program
 _RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
-_REPEATS = 3  # for our method, which takes a fraction of a second
+_REPEATS = 3  # runs of our method, which takes a fraction of a second
 _SAME = 1e-7  # relative difference up to which bounds count as equal
 
 

@@ -102,7 +102,7 @@ class TripodRow(NamedTuple):
     theirs_apart: float  # share that two see from 30 degrees apart
     ours: float  # share that so many cameras see, in our placement
     ours_apart: float
-    bound: float  # on this share, for all placements in our cells
+    bound: float  # bound on this share, for all placements in our cells
     proved: bool
     theirs_score: float  # its score of its placement
     ours_score: float  # its score of our placement
