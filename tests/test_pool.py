@@ -28,7 +28,7 @@ def test_stored_optima_are_those_of_brute_force(every: int) -> None:
         assert number_of_plans(drawn.problem) == drawn.plans
 
 
-@pytest.mark.slow(seconds=2)
+@pytest.mark.long(seconds=2)
 @pytest.mark.skipif(
     head().hypothesis != hypothesis.__version__, reason="another hypothesis draws others"
 )

@@ -159,7 +159,7 @@ def test_gap_calls_no_two_scenes_the_same() -> None:
     assert names == ["a.json", "b.json", "c.json", "own"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_plan_and_certificate_of_gap_is_verified(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -793,7 +793,7 @@ def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert greedy["conflicts"] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_start_is_used_or_rejected_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -1124,7 +1124,7 @@ def test_completion_knows_the_allowed_values(
         assert word in run.out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_progress_is_a_plain_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

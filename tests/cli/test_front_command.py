@@ -86,7 +86,7 @@ def test_a_folder_holds_plans_that_obey_the_rules(
     assert code == 2 and "plan-1.json" in err and "breaks a rule" in err and plan.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_scene_asks_for_a_share(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`plan` says that it is missed; `front` goes for it without being told."""
     path, plan = tmp_path / "scene.json", tmp_path / "plan.json"

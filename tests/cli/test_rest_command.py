@@ -21,7 +21,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow(seconds=4)
+@pytest.mark.long(seconds=4)
 def test_the_rest_is_planned_again_and_written(
     flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,7 +52,7 @@ class Asked(Stop):
         return Limit.TIME if self.left < 0 else None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", SETTLED)
 @examples(4)
 @given(problem=st.one_of(problems(most_plans=500), meetings(), meetings(team=3)))

@@ -31,7 +31,7 @@ def cells_of(problem: Problem, drone: int) -> tuple[tuple[int, int], ...]:
     return goal.cells if isinstance(goal, GoalArea) else (goal,)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @examples(30)
 @given(with_areas())
 def test_the_optimum_is_the_best_over_all_choices_of_goals(problem: Problem) -> None:

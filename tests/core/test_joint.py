@@ -126,7 +126,7 @@ def pair_on_a_meadow(size: int, horizon: int, motion: Motion) -> Problem:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("size", "horizon", "motion"),
     [

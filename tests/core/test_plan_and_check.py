@@ -485,6 +485,7 @@ def sampled_conflicts(problem: Problem, plan: Plan, rules: CollisionRules) -> Co
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "scene",
     [

@@ -92,6 +92,7 @@ def test_it_goes_on_from_rounds(problem: Problem) -> None:
     assert result.reason in (Reason.FINISHED, Reason.INFEASIBLE)
 
 
+@pytest.mark.long
 @examples(12)
 @given(problem=meetings(team=2))
 def test_it_is_no_worse_than_the_plan_that_it_starts_from(problem: Problem) -> None:
@@ -107,7 +108,7 @@ def test_it_is_no_worse_than_the_plan_that_it_starts_from(problem: Problem) -> N
     assert cocap_prices(problem, never, clash).value == cocap_prices(problem).value
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "steps"),
     [
@@ -130,7 +131,7 @@ def test_it_finds_more_than_neighbourhoods_alone(scene: str, steps: int) -> None
     assert scene != "field" or max(gains) > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_limit_leaves_the_best_plan_so_far() -> None:
     """The search is anytime: stopped later it is better, and never worse than the first plan."""
     problem, values = load_scene("bottleneck", 0), []

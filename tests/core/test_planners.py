@@ -799,7 +799,7 @@ def test_plans_do_not_depend_on_the_process() -> None:
     assert json.loads(here.splitlines()[0].split(" ", 1)[1])["paths"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @examples(6)
 @given(problems())
 def test_plans_do_not_depend_on_what_ran_before(problem: Problem) -> None:

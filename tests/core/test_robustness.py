@@ -147,7 +147,7 @@ def test_the_missing_distance_is_that_of_samples() -> None:
     assert 10 < missed < 60
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("over_time", [False, True])
 @pytest.mark.parametrize("people_count", [False, True])
 def test_a_lost_drone_leaves_what_another_evaluator_says(

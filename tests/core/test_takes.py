@@ -27,7 +27,7 @@ METHODS = dict(BOUNDS | EXACT)
 DRAWN = in_takes(problems(over_time=True))
 
 
-@pytest.mark.slow(seconds=14)
+@pytest.mark.long(seconds=14)
 @examples(400)
 @given(DRAWN, st.integers(0, 10**6))
 def test_j_is_the_mean_over_takes(drawn: InTakes, seed: int) -> None:
@@ -47,7 +47,7 @@ def test_j_is_the_mean_over_takes(drawn: InTakes, seed: int) -> None:
         assert problem_digest(drawn.problem.of_take(k)) == problem_digest(part)
 
 
-@pytest.mark.slow(seconds=7)
+@pytest.mark.long(seconds=7)
 @examples(120)
 @given(in_takes(problems()), st.sampled_from(sorted(PLANNERS)))
 def test_plans_are_no_better_than_the_best_on_average(drawn: InTakes, name: str) -> None:
@@ -67,7 +67,7 @@ def test_plans_are_no_better_than_the_best_on_average(drawn: InTakes, name: str)
 
 
 @pytest.mark.parametrize("name", sorted(METHODS))
-@pytest.mark.slow
+@pytest.mark.long
 @examples(12)
 @given(drawn=DRAWN)
 def test_bounds_are_no_less_than_the_best_on_average(name: str, drawn: InTakes) -> None:

@@ -91,7 +91,7 @@ def test_slow_coverage_is_charged_to_nobody(cold: Path, monkeypatch: pytest.Monk
     assert tables[0][0].coverage_seconds == tables[1][0].coverage_seconds  # the cache tells
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("planner", LAZY)
 def test_views_of_others_are_nobodys(
     planner: str, cold: Path, monkeypatch: pytest.MonkeyPatch

@@ -127,7 +127,7 @@ def own(reference: str) -> OwnPlanner:
 # -- by name ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_planner_has_a_row_by_module_and_name(
     mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -35,7 +35,7 @@ def report(folder: Path, page: Path, *options: str) -> int:
     return commands.run(["report", str(folder), "-o", str(page), *options])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_players_are_as_many_as_asked_for(results: Path, tmp_path: Path) -> None:
     """None leaves the section out; everything else stays."""
     page = tmp_path / "report.html"
@@ -62,7 +62,7 @@ def played(page: str) -> list[dict[str, Any]]:
     return [json.loads(data[1]) for data in found if data]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("is_large", [False, True])
 def test_players_have_the_bounds_that_the_report_tells(
     is_large: bool, results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

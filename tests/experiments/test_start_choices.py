@@ -47,7 +47,7 @@ def test_a_table_compares_the_choices(tmp_path: Path, capsys: pytest.CaptureFixt
     assert free["bound_reason"] == stated["bound_reason"] == "optimal"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_choices_without_reward_or_plan_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
     """J of 0 is a value; a set of starts of which it is proved that no plan exists is proved."""
     words = ("--planner", "greedy", "--time-limit", 5, "--starts")

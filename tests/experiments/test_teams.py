@@ -193,7 +193,7 @@ def test_the_command_keeps_what_it_found(
     assert code == 0 and (tmp_path / "t.svg").stat().st_size > 1000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_cameras_and_heights_are_teams_of_their_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,7 +33,7 @@ def test_workers_make_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
     assert csv_rows(folder) == csv_rows(undisturbed)
 
 
-@pytest.mark.slow(seconds=8)
+@pytest.mark.long(seconds=8)
 def test_workers_that_are_there_make_the_same_table(
     undisturbed: Path, local: Cluster, tmp_path: Path
 ) -> None:

@@ -106,7 +106,7 @@ def test_small_instances_are_their_scenes(name: str) -> None:
     require_agreement(load_scene(name))
 
 
-@pytest.mark.slow(seconds=8)
+@pytest.mark.long(seconds=8)
 @pytest.mark.parametrize("name", LARGER)
 def test_larger_instances_are_their_scenes(name: str) -> None:
     """The same, for some of the states."""
@@ -210,7 +210,7 @@ def airy() -> Problem:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_airspace_slopes_strides_and_areas_are_known() -> None:
     """A scene with all of these agrees, and parts of each are found missing."""
     with_flint()

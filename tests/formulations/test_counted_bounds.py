@@ -45,6 +45,7 @@ def test_bounds_are_no_less_than_the_optimum(name: str, problem: Problem) -> Non
     assert_bound(name, problem)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(METHODS.keys() - QUICK))
 @examples(12)
 @given(problem=COUNTED)

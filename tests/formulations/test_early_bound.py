@@ -169,7 +169,7 @@ def covered_for_some_steps() -> tuple[Problem, Model]:
         return problem, model.covered_by(Calls(30))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "planner",
     [name for name, planner in PLANNERS.items() if not (planner.lazy or planner.most_robots)],

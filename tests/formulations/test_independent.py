@@ -194,7 +194,7 @@ def test_paths_begin_at_a_step_after_fixed_starts(
         staged_bound(problem, Staged(numbers, 0.0, (), above, middle), 1.0, folder)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_harmless_changes_are_accepted_and_damaged_files_prove_nothing_false() -> None:
     """Of files damaged at random none is accepted that claims less than the optimum."""
     counts = damaged_files.hunt(300, 1)
@@ -265,7 +265,7 @@ def answered(instance_text: str, document: object, folder: Path) -> tuple[int, s
     return code, told.getvalue().splitlines()[-1].partition(": ")[2]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
     """A claim whose search takes too long has an exit code of its own, whatever it is."""
     problem = load_scene("bottleneck", 0)

@@ -230,7 +230,7 @@ def test_without_masters_plan_and_bound_come_near() -> None:
     assert root.ascent.best.bound < begun and root.ascent.cuts and root.found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("owner", "name", "calls"),
     [

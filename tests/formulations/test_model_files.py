@@ -151,7 +151,7 @@ each_solver = pytest.mark.parametrize(
 )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("ending", [".mps", ".lp"])
 @each_solver
 def test_linear_programs_have_the_optimum(
@@ -162,7 +162,7 @@ def test_linear_programs_have_the_optimum(
     require_optimum(problem, best, *SOLVERS[solver](linear(problem, tmp_path, ending)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_scip
 @each_scene
 def test_cone_programs_have_the_optimum(name: str) -> None:

@@ -41,7 +41,7 @@ def walked(model: Model, rng: np.random.Generator) -> Plan | None:
     return Plan(paths=tuple(paths))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLANS)
 def test_random_plans_are_worth_the_same(name: str, tmp_path: Path) -> None:
     """The instance and the referee part by at most 1e-12 of J; none of the plans is refused."""

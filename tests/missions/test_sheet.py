@@ -757,7 +757,7 @@ def test_texts_do_not_overlap_nor_leave_the_page() -> None:
     require_apart(pages)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sixty_people_fit_on_the_pages() -> None:
     """Strips go on in another picture, and nothing leaves the paper."""
     problem, plan = scene()
@@ -830,7 +830,7 @@ def test_a_card_is_on_one_page() -> None:
         require_apart(pages)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_pages_of_delft_are_full() -> None:
     """Cards fill two columns, and what is short has no page of its own: four pages, not five."""
     problem = load_scene("delft", 0)
@@ -936,7 +936,7 @@ def test_letters_of_other_scripts_have_fonts_or_are_told() -> None:
     assert families[0] == USUAL and "\U000f0000" not in missing  # it cannot be printed, so escaped
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A4 pages, the same each time; north is the true one; it says when the flight starts."""
     problem, plan = scene()

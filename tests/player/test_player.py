@@ -491,7 +491,7 @@ def test_show_without_a_plan_shows_the_starts(tmp_path: Path) -> None:
     assert drawn.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_plans_of_other_starts_are_not_shown_together(
     plans: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

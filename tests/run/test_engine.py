@@ -142,7 +142,7 @@ def test_only_the_engine_calls_methods_of_registries() -> None:
     assert {name: places for name, places in found.items() if places} == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", SOLVERS)
 def test_a_plan_is_worth_the_same_wherever_it_is_made(
     name: str, capsys: pytest.CaptureFixture[str]

@@ -39,7 +39,7 @@ def test_views_weigh_more_until_the_share_is_kept() -> None:
         assert ("times the weight" in result.message) == (share == 0.6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_share_that_no_plan_keeps_is_said() -> None:
     """The plan is that of the scene's own weight."""
     asked = co.with_views(co.load("tiny-doorway"), weight=1.0, share=1.0)
@@ -104,7 +104,7 @@ def test_a_bound_with_more_weight_of_views_is_one_of_the_share(
         assert bound_with_share(asked, other, bound) >= best - 1e-9 * (1 + abs(best))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_all_certificates_of_a_share_hold_for_the_scene() -> None:
     """Also where the scene's own weights, one for each person, have the least bound."""
     scene = co.load("tiny-share")

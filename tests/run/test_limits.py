@@ -581,6 +581,7 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
     assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "nan")[0] == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", ["plan", "solve", "bound", "gap", "verify"])
 def test_a_table_larger_than_the_memory_is_refused_before_it_is_begun(
     command: str,

@@ -43,6 +43,7 @@ def missions(draw: st.DrawFn, most_plans: int = 3000) -> Left:
     return problem, plan, draw(st.integers(1, problem.horizon - 1)), lost
 
 
+@pytest.mark.long
 @examples(200)
 @given(missions())
 def test_the_whole_is_what_was_flown_and_the_rest(mission: Left) -> None:
@@ -58,7 +59,7 @@ def test_the_whole_is_what_was_flown_and_the_rest(mission: Left) -> None:
     assert joined == (None if lost else plan)
 
 
-@pytest.mark.slow(seconds=10)
+@pytest.mark.long(seconds=10)
 @examples(40)
 @given(missions(most_plans=800))
 def test_a_new_rest_is_no_worse_and_its_bound_no_lower_than_the_optimum(mission: Left) -> None:

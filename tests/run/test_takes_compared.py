@@ -152,7 +152,7 @@ def test_commands_tell_takes_one_by_one(tmp_path: Path, capsys: pytest.CaptureFi
     assert take_rows(co.load("corridor"), read) == []
 
 
-@pytest.mark.slow(seconds=5)
+@pytest.mark.long(seconds=5)
 def test_takes_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A row for each plan, and what no plan exceeds; files are those of their scenes."""
     scene = str(tmp_path / "scene.json")

@@ -187,7 +187,7 @@ def test_their_evaluation_is_reproduced(name: str, planner: str) -> None:
     assert [verdict.reward_at_start, *verdict.reward_per_step] == pytest.approx(theirs, rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["priority_speaker", "cross_mix"])  # the third takes 6 s
 def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> None:
     """Each is the best path given the earlier ones, to 12 digits; without the bonus it is not."""

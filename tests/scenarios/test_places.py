@@ -134,7 +134,7 @@ def test_nothing_is_said_against_landings_of_delft(delft: Problem) -> None:
     assert not [*Touchdowns.of(Flight.of(delft, plan, False)).warnings({LANDING})]
 
 
-@pytest.mark.slow(seconds=10)
+@pytest.mark.long(seconds=10)
 def test_a_shorter_delft_is_planned_and_proved(delft: Problem) -> None:
     """The recommended plan of its first steps obeys all rules, and a proof shows its gap."""
     short = delft.until(2)

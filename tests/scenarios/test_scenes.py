@@ -187,7 +187,7 @@ def test_scenes_are_the_same_in_every_process() -> None:
 # --- corridor, bottleneck and passage: how hard they are -------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "least"),
     [
