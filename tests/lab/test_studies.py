@@ -196,7 +196,7 @@ def test_tables_of_separation_say_what_is_above_the_goal(tmp_path: Path) -> None
     points = [rules, point(1, 90.0, 95.0, 2.0, "none"), point(2, 50.0, 80.0, 5.0, "time")]
     text = separation_in_markdown(points)
     text = re.sub(" +", " ", text)
-    assert "| made | 5.00..18.18 % | 20.00..54.55 % |" in text
+    assert "| made | 5.00 to 18.18 % | 20.00 to 54.55 % |" in text
     assert "| `cocap` | made | 1 s | 2.0 | **5.0**\\* | 27.99 % |" in text
     assert "| `cocap-lns` | made | 1 s | 1.0 | 1.0 | 17.28 % |" in text
     assert "`cocap` in 1 of 2 runs and `cocap-lns` in 2 of 2 runs." in text
