@@ -19,10 +19,7 @@ MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can expand to 
 LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, read as metres, is smaller
 LOWEST, HIGHEST = -500.0, 9000.0  # m; all land on Earth lies between -430 and 8849
 SLIVER = 1e-6  # cells; smaller overlaps are rounding errors of large coordinates
-TINY_CELL, TINY_MAP = (
-    0.05,
-    10.0,
-)  # m; values this small are probably degrees: 3 arc minutes, and ten degrees
+TINY_CELL, TINY_MAP = 0.05, 10.0  # m; such small maps are probably in degrees
 MOST_CELLS = 1_000_000  # cells of a grid; coverage of larger grids cannot be computed
 SQUARE = 0.1  # cells; greatest deviation from square cells over the whole length of a raster
 ROUNDING = 1e-9  # relative; edges that differ by less are the same

@@ -110,10 +110,7 @@ def _read(
             crs, heights = told or (None, None)
             scale = metres_of_heights(heights, unit, path.name)
             raster = _read_esri_ascii(path, nodata, window, scale, in_metres=told is not None)
-            if crs:
-                with naming("the reference system beside it"):
-                    require_true(crs, *raster.origin)
-            return raster._replace(crs=crs)
+            return _in_system(raster, crs)
         case ".tif" | ".tiff":
             raster = geotiff.read(path, band, nodata, window, unit)
             if raster.crs is not None:
@@ -121,14 +118,19 @@ def _read(
             # GDAL reads a world file and .aux.xml beside it, but no .prj
             crs, heights = _beside(path, by_gdal=True) or (None, None)
             metres_of_heights(heights, unit or "m", path.name)  # rejects another unit
-            if crs:
-                with naming("the reference system beside it"):
-                    require_true(crs, *raster.origin)
-            return raster._replace(crs=crs)
+            return _in_system(raster, crs)
     raise ProblemError(
         "must be an ESRI ASCII grid (.asc) or a GeoTIFF (.tif); convert other grids, such as "
         f".xyz, .bil, .flt and .hgt, {_CONVERTED}, and scattered points with gdal_grid"
     )
+
+
+def _in_system(raster: Raster, crs: str | None) -> Raster:
+    """Returns a raster in the reference system that a file beside it states, if one does."""
+    if crs:
+        with naming("the reference system beside it"):
+            require_true(crs, *raster.origin)
+    return raster._replace(crs=crs)
 
 
 def _read_esri_ascii(

@@ -20,6 +20,7 @@ _OTHERS = {
     "micrometers", "micrometre", "micrometres",
 }  # fmt: skip
 _HEADER = 80  # bytes, of STL
+_COMMENT, _PLY_COMMENT = re.compile(rb"#(.*)"), re.compile(rb"^\s*(?:comment|obj_info) (.*)")
 
 
 def settled_unit(path: Path, unit: Unit | None) -> str:
@@ -68,12 +69,9 @@ def _comments(path: Path) -> Iterator[str]:
         if suffix == ".stl":
             yield file.readline(_HEADER).decode("latin-1")
             return
-        for line in file:
-            text = line.decode("latin-1").strip()
-            if suffix == ".ply" and text == "end_header":
+        comment = _PLY_COMMENT if suffix == ".ply" else _COMMENT
+        for line in file:  # as bytes: meshes have millions of lines
+            if suffix == ".ply" and line.strip() == b"end_header":
                 return
-            word, _, rest = text.partition(" ")
-            if suffix == ".ply" and word in ("comment", "obj_info"):
-                yield rest
-            elif suffix != ".ply" and "#" in text:
-                yield text.partition("#")[2]
+            if found := comment.search(line):
+                yield found[1].decode("latin-1")

@@ -20,7 +20,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -286,24 +286,10 @@ def _without_repeats(table: TrackTable) -> TrackTable:
     """Returns the table without rows that repeat an earlier one, as in logs and joined tables."""
     persons = np.unique(table.ids, return_inverse=True)[1]
     order = np.lexsort((table.times, persons))
-    rows = np.column_stack([persons, table.times, table.points])[order]
+    heights = () if table.heights is None else (table.heights,)
+    rows = np.column_stack([persons, table.times, table.points, *heights])[order]
     repeats = np.append(False, (rows[1:] == rows[:-1]).all(axis=1))
-    if not repeats.any():
-        return table
-    kept = np.sort(order[~repeats])
-
-    def of_kept(column: Any) -> Any:
-        return None if column is None else column[kept]
-
-    return table._replace(
-        ids=table.ids[kept],
-        times=table.times[kept],
-        points=table.points[kept],
-        heights=of_kept(table.heights),
-        segments=of_kept(table.segments),
-        stamps=of_kept(table.stamps),
-        where=lambda row: table.where(int(kept[row])),
-    )
+    return table.part(np.sort(order[~repeats])) if repeats.any() else table
 
 
 def _require_distinct(table: TrackTable, order: IntArray) -> None:

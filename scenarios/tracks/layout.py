@@ -43,6 +43,7 @@ _TIME_UNIT_OF_COMMENT = re.compile(
     re.IGNORECASE,
 )
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 _EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
 _OTHER_COMMENT = re.compile(r"\s*(?:%+|//+)\s*")
 # The whole word after it, so that 30000/1001 is not read as 30000.
@@ -107,7 +108,6 @@ _NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}
 _NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}
 # Matches "x/m", "x [m]" and "x (US survey feet)"; any word but an axis counts as a unit.
 _UNIT_OF_NAME = re.compile(r"(.*?)\s*[/\[(]\s*(([^\W_]+|\N{DEGREE SIGN})[^\])]*)")
-_BRACKET = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 _IN_BRACKETS = re.compile(r"[\[(]\s*(.*?)\s*[\])]")
 
 # Columns of a table of boxes in an image besides x and y, spelt as above.
@@ -253,7 +253,7 @@ class TextLayout(NamedTuple):
             for rate in _RATE_IN_WORDS.findall(comment)
         ]
         for rate in rates:
-            if re.fullmatch(r"[-+]?\d*,\d+", rate):
+            if DECIMAL_COMMA.fullmatch(rate):
                 raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
             if not is_number(rate):
                 raise ProblemError(
@@ -539,7 +539,7 @@ def _parts(name: str) -> tuple[str, str | None]:
     """Returns a name without its unit, and the short name of the unit or else the original word."""
     if found := _UNIT_OF_NAME.match(name):
         # "z (height) [mm]" has the unit in the second bracket
-        known = [unit for text in _BRACKET.findall(name) if (unit := _known(text))]
+        known = [unit for text in _IN_BRACKETS.findall(name) if (unit := _known(text))]
         return found[1], known[0] if known else _unit(found[2], first=found[3])
     word, _, unit = name.rpartition("_")
     short = unit.lower() if unit.lower() in _REFUSED else _known(unit)

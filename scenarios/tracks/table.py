@@ -104,6 +104,15 @@ class TrackTable(NamedTuple):
             rate=rate,
         )
 
+    def part(self, rows: IntArray) -> "TrackTable":
+        """Returns the table of some rows, given by their numbers."""
+        columns = {
+            name: column[rows]
+            for name in ("ids", "times", "points", "heights", "segments", "stamps")
+            if (column := getattr(self, name)) is not None
+        }
+        return self._replace(**columns, where=lambda row: self.where(int(rows[row])))
+
 
 # What to write if a file does not state a field.
 _EXAMPLES = {

@@ -13,7 +13,6 @@ A row of units may follow the names, as in files of Pathfinder.
 import io
 import logging
 import math
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import islice
@@ -27,6 +26,7 @@ from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
 from cocap_opt.scenarios.tracks.layout import (
+    DECIMAL_COMMA,
     Name,
     Places,
     TextLayout,
@@ -58,7 +58,6 @@ _FAR_CLEARER = 10.0
 _FASTEST = 12.0  # m/s, of people
 _AXES = {"x", "y", "latitude", "longitude"}
 _MISSING = {"", "na", "n/a", "null", "none", "-"}  # besides nan, which is a number
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
 
 def read_text_table(path: Path, form: Form, projection: MapProjection) -> TrackTable:
@@ -313,7 +312,7 @@ def _number(text: str, line: int, role: str) -> float:
         return float(text)
     if role in _AXES and text.lower() in _MISSING:
         return math.nan
-    if _DECIMAL_COMMA.fullmatch(text):
+    if DECIMAL_COMMA.fullmatch(text):
         raise ProblemError(
             f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
         )

@@ -121,6 +121,8 @@ def test_repeated_rows_are_one_row(tmp_path: Path) -> None:
     assert first.times.tolist() == [0, 1, 2]
     with pytest.raises(ProblemError, match="line 7: must not be a second row for id 1 at 2 s"):
         tracks(tmp_path, text + "1,2,2,1\n")
+    with pytest.raises(ProblemError, match="line 3: must not be a second row for id 1 at 0 s"):
+        tracks(tmp_path, "id,time,x,y,z\n1,0,0,0,1.8\n1,0,0,0,1.2\n1,1,1,0,1.8\n")
 
 
 @pytest.mark.parametrize(
