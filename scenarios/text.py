@@ -137,7 +137,7 @@ def xml_root(content: bytes, kind: str) -> Element:
         raise ProblemError(f"must be {kind} without a DOCTYPE or its own entities") from error
     except ParseError as error:
         line, _ = error.position
-        raise ProblemError(f"line {line}: must be {kind}; it is damaged or cut off") from error
+        raise ProblemError(f"line {line}: must be {kind}; it is damaged or truncated") from error
     except (ValueError, LookupError) as error:
         raise ProblemError(f"must be {kind} in UTF-8, not in an unknown encoding") from error
     return root

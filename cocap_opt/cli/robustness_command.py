@@ -181,7 +181,7 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     elif delay is not None:
         yield f"the {problem.rules} holds while no drone is {delay:.2f} s or more behind another"
     elif not problem.rules.separation and len(problem.robots) > 1:
-        yield "the scene's rules require no distance between drones between the steps"
+        yield "the scene has no rule on the distance of drones between the steps"
     yield from map(str, people_and_delay(flight, to_people))
 
 

@@ -251,7 +251,7 @@ class Flight(NamedTuple):
             return
         kind = "smooth" if self.is_smooth else "straight"
         yield Note(
-            "the scene's rules require no distance between drones between the steps: on this "
+            "the scene has no rule on the distance of drones between the steps: on this "
             f"{kind} flight they come within {nearest.distance:.2f} m of each other",
             Kind.NO_RULE,
         )

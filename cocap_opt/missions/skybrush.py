@@ -59,7 +59,8 @@ def write(flight: Flight, every: float | None) -> Export:
         "swarm": {"drones": drones},
     }
     axes = Note(
-        f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off; "
+        "x and y are measured from the map's corner, "
+        f"z from the lowest take-off at {min(grounds):g} m; "
         "yaw is 0 along x and grows clockwise (degrees)",
         Kind.READING,
     )

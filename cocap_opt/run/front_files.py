@@ -73,7 +73,7 @@ def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = N
         assert isinstance(file, CertificateFile | ProofFile)
         if (folder / path.name.replace(".bound.", ".scene.")).exists():
             raise FileError(
-                f"{path}: is from an older version, with a scene beside it; remove both"
+                f"{path}: written by an older version; remove it and the scene beside it"
             )
         try:
             direction = _direction(front, file.problem_of(front.problem), path)

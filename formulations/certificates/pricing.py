@@ -101,7 +101,7 @@ class Pricing(NamedTuple):
         total = prices.pixels.constant + prices.row_constant
         magnitude = prices.pixels.magnitude + prices.row_magnitude
         if not math.isfinite(magnitude):
-            raise CertificateError("certificate: multipliers are too large, the bound is infinite")
+            raise CertificateError("certificate: multipliers are too large: the bound is infinite")
         # The same sum with all numbers counted as positive: the sum of absolute values along a
         # path.
         sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in prices.costs]
@@ -117,7 +117,7 @@ class Pricing(NamedTuple):
             total += exact_sum(best)
             magnitude += exact_sum(made_of[starts].max() for starts in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
-            raise CertificateError("certificate: numbers are too large, the bound is infinite")
+            raise CertificateError("certificate: numbers are too large: the bound is infinite")
         rounding = prices.rounding_factor * magnitude
         return cls(math.nextafter(total + rounding, math.inf), rounding)
 
@@ -315,7 +315,7 @@ def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray
         # No path can have a larger sum: if this is finite, nothing in the sweep overflows.
         largest = float(rewards.max(axis=1).sum())
     if not (np.isfinite(paid).all() and math.isfinite(largest)):
-        raise CertificateError("certificate: numbers are too large, the bound is infinite")
+        raise CertificateError("certificate: numbers are too large: the bound is infinite")
     return rewards
 
 

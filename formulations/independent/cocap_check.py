@@ -1983,7 +1983,7 @@ def read_json(content: bytes) -> Any:
         )
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
-        raise Refused(f"{where}: must be JSON; the file is damaged or cut off") from error
+        raise Refused(f"{where}: must be JSON; the file is damaged or truncated") from error
     except RecursionError as error:
         raise Refused("is nested too deeply") from error
 

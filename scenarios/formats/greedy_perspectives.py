@@ -374,7 +374,7 @@ def _heights(path: Path) -> FloatArray:
         raise
     except Exception as error:  # NumPy does not document which errors a damaged file raises
         raise ProblemError(
-            "must be a .npy array of numbers, as numpy.save writes it; it is damaged or cut off"
+            "must be a .npy array of numbers, as numpy.save writes it; it is damaged or truncated"
         ) from error
     if heights.dtype.kind not in "iuf":
         raise ProblemError(f"must be a .npy array of numbers, not of {heights.dtype}")

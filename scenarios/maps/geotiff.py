@@ -57,7 +57,7 @@ def read(
         if isinstance(error, ProblemError) or not (is_known or _is_of_gdal(error)):
             raise
         raise ProblemError(
-            "cannot be read as GeoTIFF: it is damaged, cut off, or compressed in an unknown way"
+            "cannot be read as GeoTIFF: it is damaged, truncated, or compressed in an unknown way"
         ) from error
 
 

@@ -134,20 +134,20 @@ def _parts(content: bytes) -> tuple[bytes, bytes | None]:
     if content[:4] != b"glTF":
         return content.removeprefix(b"\xef\xbb\xbf"), None
     if len(content) < 20:
-        raise ProblemError("ends within the header of its GLB: it is cut off")
+        raise ProblemError("ends within the header of its GLB: it is truncated")
     version, length = struct.unpack_from("<II", content, 4)
     if version != 2:
         raise ProblemError(_old(f"{version}.0"))
     if length > len(content):
         raise ProblemError(
-            f"must have {length} bytes, as its header says, not {len(content)}: it is cut off"
+            f"must have {length} bytes, as its header says, not {len(content)}: it is truncated"
         )
     chunks: list[tuple[bytes, bytes]] = []
     at = 12
     while at + 8 <= length:
         (size,) = struct.unpack_from("<I", content, at)
         if at + 8 + size > length:
-            raise ProblemError("ends within a chunk of its GLB: it is cut off")
+            raise ProblemError("ends within a chunk of its GLB: it is truncated")
         chunks.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + size]))
         at += 8 + size
     if not chunks or chunks[0][0] != b"JSON":
@@ -279,8 +279,8 @@ class _Reader:
             triangles = self._triangles(primitive, len(points), place)
             if len(triangles) * len(instances) > MOST_TRIANGLES:
                 raise ProblemError(
-                    f"{place}: must be at most {MOST_TRIANGLES} triangles in all instances, not "
-                    f"{len(triangles) * len(instances)}"
+                    f"{place}: must have at most {MOST_TRIANGLES} triangles over all instances, "
+                    f"not {len(triangles) * len(instances)}"
                 )
             for matrix in instances:
                 mirrored = np.linalg.det(matrix[:3, :3]) < 0  # this reverses the triangles

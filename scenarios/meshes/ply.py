@@ -200,7 +200,7 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> Iterator[Colum
         except struct.error as error:
             raise ProblemError(
                 f"ends within its {element.rows} rows of the element {element.name}, which its "
-                "header declares: it is cut off"
+                "header declares: it is truncated"
             ) from error
         yield columns
     if at != len(body):

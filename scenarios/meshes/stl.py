@@ -30,7 +30,7 @@ def read_stl(path: Path) -> MeshFaces:
     Raises
     ------
     ProblemError
-        If it is cut off, or is not STL.
+        If it is truncated, or is not STL.
     """
     content = path.read_bytes()
     declared = int.from_bytes(content[_HEAD - 4 : _HEAD], "little")
@@ -45,7 +45,7 @@ def read_stl(path: Path) -> MeshFaces:
         raise ProblemError("must be STL, which begins with `solid`, or with 84 bytes of a header")
     raise ProblemError(
         f"must have {length} bytes, as it declares {declared} triangles, but has {len(content)}: "
-        "it is cut off, or is not STL"
+        "it is truncated, or is not STL"
     )
 
 
@@ -66,7 +66,7 @@ def _read_text(path: Path) -> MeshFaces:
                     raise ProblemError(f"line {number}: a loop must have at least 3 corners")
             last = name
     if last != "endsolid":
-        raise ProblemError("ends before its `endsolid`: it is cut off")
+        raise ProblemError("ends before its `endsolid`: it is truncated")
     vertices = np.array(places, dtype=np.float64).reshape(-1, 3)
     return MeshFaces(vertices, np.diff(ends), np.arange(len(vertices)))
 

@@ -71,9 +71,9 @@ class CameraTable(Table):
             raise ProblemError(f"{missing}: must be given beside {there}, both in mm")
         if given[0].startswith("fov") and (angle := getattr(self, given[0])) < _NARROWEST:
             raise ProblemError(
-                f"{given[0]}: must be {_NARROWEST} degrees or more, not {angle:g}; that many "
-                f"radians are {math.degrees(angle):.3g} degrees, and a narrower lens is "
-                "given by focal (px)"
+                f"{given[0]}: must be {_NARROWEST} degrees or more, not {angle:g}; "
+                f"{angle:g} radians are {math.degrees(angle):.3g} degrees; for a narrower lens, "
+                "set focal (px)"
             )
         if self.photo is not None and given[0] not in _OF_PHOTOS:
             raise ProblemError(

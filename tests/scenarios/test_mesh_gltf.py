@@ -365,10 +365,10 @@ def test_a_glb_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     """Its header declares its length, each chunk its own."""
     content = model(BOX, TRIANGLES).glb()
     for length in (6, 30, len(content) - 1):
-        with pytest.raises(ProblemError, match="it is cut off"):
+        with pytest.raises(ProblemError, match="it is truncated"):
             shape(tmp_path, content[:length])
     shorter = content[:8] + struct.pack("<I", len(content) - 4) + content[12:]
-    with pytest.raises(ProblemError, match="it is cut off"):
+    with pytest.raises(ProblemError, match="it is truncated"):
         shape(tmp_path, shorter)
     with pytest.raises(ProblemError, match=r"asset.version: must be 2\.0, not 1"):
         shape(tmp_path, content[:4] + struct.pack("<I", 1) + content[8:])

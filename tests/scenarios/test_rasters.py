@@ -480,7 +480,7 @@ def test_truncated_tiff(
     path = tiff(np.random.default_rng(0).random((80, 90)), crs="EPSG:25830")
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    refused(path, "cannot be read as GeoTIFF: it is damaged, cut off")
+    refused(path, "cannot be read as GeoTIFF: it is damaged, truncated")
     assert capfd.readouterr() == ("", "")
     assert not caplog.records
 

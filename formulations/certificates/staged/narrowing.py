@@ -386,7 +386,7 @@ class Narrowing:
     def _require_finite(self) -> None:
         """Raises an error if numbers are so large that they prove nothing (inf - inf)."""
         if not math.isfinite(self.rounding) or math.isnan(self.bound) or self.bound == math.inf:
-            raise CertificateError("certificate: too large, the bound is infinite")
+            raise CertificateError("certificate: too large: the bound is infinite")
 
     # -- the joint states of a step -----------------------------------------------------------
 
