@@ -181,7 +181,7 @@ NO_TIME = segment([("2026-05-01T10:00:00Z", 0.0, 0.0), ("", 1.0, 0.0)])
         (gpx(walk([0]).replace('lat="52.', 'lat="nan" no="')), "point 1, lat: must be within +-90"),
         (gpx(walk([0]).replace("lon=", "long=")), "point 1, lon: must be within +-180 degrees"),
         (gpx(walk([0]).replace('lon="', 'lon="1_')), "point 1, lon: must be within +-180 degrees"),
-        (gpx(walk([0])).replace("</trkseg>", ""), "line 1: must be GPX; it is damaged or truncated"),
+        (gpx(walk([0])).replace("</trkseg>", ""), "line 1: must be GPX; it is damaged or trunc"),
         (gpx(walk([0]))[:-20], "must be GPX; it is damaged or truncated"),
         (gpx(walk([0]).replace('lat="52', 'lat="42')), "latitude, longitude: must be near the map"),
         (gpx(walk([0]) + walk([0], y=3.0)), "track 1, segment 2, point 1: must not be a secon"),
