@@ -90,7 +90,9 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
         partial(_write_filmed, pages, flight, clock, phases, found),
     ]
     # Shorter content fills the first page, where maps have no room.
-    for write_part in parts_of_page if _has_room_for_maps(pages, problem) else reversed(parts_of_page):
+    for write_part in (
+        parts_of_page if _has_room_for_maps(pages, problem) else reversed(parts_of_page)
+    ):
         write_part()
     checks = [*map(_begun, to_check(flight, bool(parts)))]
     pages.checklist("Check on the spot", checks, "\N{BALLOT BOX}")
