@@ -40,6 +40,7 @@ html_theme_options = {"navigation_with_keys": True}
 
 _OUTSIDE = re.compile(r"\]\((?=\.\./[A-Z]+\.md\))")  # links to files beside this folder
 _PROSE = (nodes.paragraph, nodes.strong, nodes.emphasis)  # text that may be divided
+_PICTURE = re.compile(r'<p>(<img\b[^>]*\bsrc="([^"]+)"[^>]*>)</p>')
 _STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 
 
@@ -120,11 +121,19 @@ def _add_players(
         context["body"] = with_players(context["body"])
 
 
+def _link_pictures(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Makes each picture a link to itself: on a phone it is then shown in its full size."""
+    if body := context.get("body"):
+        context["body"] = _PICTURE.sub(r'<p><a class="picture" href="\2">\1</a></p>', body)
+
+
 def setup(app: Sphinx) -> None:
     """Writes players and llms.txt, and prepares each page before it is read."""
     app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
     app.connect("source-read", _prepare)
     app.connect("doctree-resolved", _keep_wholes)
-    for change in (_keep_stops, _divide_code, _add_check, _add_players):
+    for change in (_keep_stops, _divide_code, _add_check, _add_players, _link_pictures):
         app.connect("html-page-context", change)

@@ -54,5 +54,7 @@ def placed(
 
 def _inside(middles: FloatArray, reach: FloatArray, points: FloatArray) -> FloatArray:
     """Returns the number of points in each of several boxes of the same size [c]."""
-    within = (np.abs(middles[:, None] - points[None]) < reach).all(axis=2)
+    least, most = middles.min(axis=0) - reach, middles.max(axis=0) + reach
+    near = points[((points > least) & (points < most)).all(axis=1)]
+    within = (np.abs(middles[:, None] - near[None]) < reach).all(axis=2)
     return np.asarray(within.sum(axis=1), dtype=float)

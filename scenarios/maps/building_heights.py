@@ -98,6 +98,14 @@ def is_underground(properties: Mapping[str, Any]) -> bool:
     )
 
 
+def may_be_underground(properties: Mapping[str, Any]) -> bool:
+    """Returns True for a building of OpenStreetMap with a negative layer: many are underground, but
+    a layer only says what crosses what.
+    """
+    tags = {name.casefold(): str(value) for name, value in _flat(properties, "properties")}
+    return "building" in tags and bool(re.fullmatch(r"\s*-\d+(\.0*)?\s*", tags.get("layer", "")))
+
+
 def _require_metres(given: Mapping[str, _Given], field: str) -> None:
     """Raises a ProblemError if a property of its own states that heights are not in metres."""
     for key in (*_UNIT, *_MAYBE_UNIT):

@@ -22,7 +22,13 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WKT, Kind, kind_of_text
-from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent, is_underground
+from cocap_opt.scenarios.maps.building_heights import (
+    STOREY,
+    Extent,
+    extent,
+    is_underground,
+    may_be_underground,
+)
 from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
 from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
@@ -216,6 +222,11 @@ def _of_polygons(
         if deep:
             kept = [item for item in kept if item not in deep]
             notes.append(f"{len(deep)} of {len(found)} polygons are underground, and are left out")
+        if below := sum(may_be_underground(item.properties) for item, _ in kept):
+            notes.append(
+                f"{below} of {len(found)} polygons are buildings with a negative layer; if they "
+                "are underground, write location = underground in the file"
+            )
     if not kept:
         raise ProblemError(f"must contain at least one polygon with an area; {'; '.join(notes)}")
     polygons = tuple(polygon for _, polygon in kept)

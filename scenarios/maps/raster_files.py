@@ -11,6 +11,7 @@ is a decimal comma.
 
 import logging
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -152,6 +153,9 @@ def _read_esri_ascii(
 
 def _read_header(file: BinaryIO) -> Header:
     """Reads the lines before the first one that starts with a number."""
+    if file.read(2) in (BOM_UTF16_LE, BOM_UTF16_BE):
+        raise ProblemError("must be a grid in ASCII or UTF-8, not in UTF-16; save it as UTF-8")
+    file.seek(0)
     header: Header = {}
     line = 0
     while True:

@@ -90,14 +90,9 @@ def _of_layout(
     stamps = None
     if rate is not None:
         form.require_left_out("frames, whose rate is fps", "time_unit")
-        with suppress(ProblemError):  # values of unused columns are not checked
-            if "time" in places:
-                stamps = _values(text, layout, places, len(names), time_unit)[0]["time"]
+        stamps = _stamps(text, layout, places, len(names), time_unit)
         places.pop("time", None)
-    if "time" in places and is_date(layout.row[places["time"]]):
-        form.require_left_out("dates", "time_unit")
-    if "time" in places and is_clock(layout.row[places["time"]]):
-        form.require_left_out("times of day", "time_unit")
+    _require_no_time_unit(layout, places, form)
     values, words, clock = _values(text, layout, places, len(names), time_unit)
     if "id" not in places:
         words = _one_person(path, values, names, field)
@@ -123,6 +118,28 @@ def _of_layout(
     if "z" in places and names[places["z"]].strip().lower().startswith("height"):
         _require_heads(table, names)
     return table
+
+
+def _stamps(
+    text: str, layout: TextLayout, places: Places, columns: int, time_unit: str | None
+) -> FloatArray | None:
+    """Returns the times of rows that have frames as well; None if there are none, or no numbers,
+    since values of unused columns are not checked.
+    """
+    if "time" in places:
+        with suppress(ProblemError):
+            return _values(text, layout, places, columns, time_unit)[0]["time"]
+    return None
+
+
+def _require_no_time_unit(layout: TextLayout, places: Places, form: Form) -> None:
+    """Raises ProblemError if dates or times of day come with a unit of time."""
+    if "time" not in places:
+        return
+    first = layout.row[places["time"]]
+    for is_written, what in ((is_date, "dates"), (is_clock, "times of day")):
+        if is_written(first):
+            form.require_left_out(what, "time_unit")
 
 
 def _one_person(path: Path, values: Values, names: Sequence[str], field: str) -> NDArray[np.str_]:

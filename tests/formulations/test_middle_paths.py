@@ -17,7 +17,7 @@ from cocap_opt.formulations.certificates import CertificateError, Staged
 from cocap_opt.formulations.certificates.staged import (
     NotEndedError,
     best_plan,
-    best_plan_through,
+    best_plan_from,
     compiled_search,
     may_begin_later,
     move_searches,
@@ -51,17 +51,17 @@ def test_from_every_step_the_best_plan_is_found(problem: Problem, seed: int) -> 
     narrowing = random_narrowing(model, 0.7 * best.value - 1, rng)
     higher = narrowing.above(max(best.value * 1.01 + 1e-6, narrowing.target))
     for middle in range(1, model.problem.horizon + 1):
-        found = best_plan_through(narrowing, middle, 10**6)
+        found = best_plan_from(narrowing, middle, 10**6)
         assert found.value == pytest.approx(best.value)
         assert found.value == pytest.approx(best_plan(narrowing, 10**6).value)
         verdict = check(model.problem, model.plan(found.paths))
         assert verdict.valid
         assert verdict.reward == pytest.approx(found.value)
-        nothing = best_plan_through(higher, middle, 10**6)
+        nothing = best_plan_from(higher, middle, 10**6)
         assert nothing.value == -math.inf and not nothing.paths
         assert nothing.pricing.bound >= best.value
         with pytest.raises(NotEndedError):
-            best_plan_through(narrowing, middle, found.nodes - 1)
+            best_plan_from(narrowing, middle, found.nodes - 1)
 
 
 @pytest.mark.slow
@@ -76,12 +76,12 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     assume(value > -math.inf)
     narrowing = random_narrowing(model, 0.7 * value - 1, rng)
     middle = int(rng.integers(1, model.problem.horizon + 1))
-    plain = best_plan_through(narrowing, middle, 10**6, plain=True)
+    plain = best_plan_from(narrowing, middle, 10**6, plain=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled_search, "is_loaded", lambda: False)
         patch.setattr(move_searches, "PLAIN_NODES", -1)
         patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
-        assert best_plan_through(narrowing, middle, 10**6) == plain
+        assert best_plan_from(narrowing, middle, 10**6) == plain
 
 
 @given(st.integers(1, 6), st.integers(0, 40), st.sampled_from([1, 2, 40, 2**21, 2**62]), seeds)
@@ -109,7 +109,7 @@ def test_starts_must_be_fixed_and_joint_states_determine_j() -> None:
         model = compiled(other)
         assert not may_begin_later(model)
         with pytest.raises(ValueError, match=message):
-            best_plan_through(random_narrowing(model, -1.0, rng), 1, 100)
+            best_plan_from(random_narrowing(model, -1.0, rng), 1, 100)
         numbers = Staged(random_multipliers(model, rng), -1.0, (), -1.0, 1)
         with pytest.raises(CertificateError, match=r"paths_(from|above): not allowed"):
             price_staged(model, numbers)

@@ -59,7 +59,7 @@ def test_the_step_with_fewest_nodes_is_chosen(
 ) -> None:
     """Even if only its neighbours are tried at first; targets fall until it takes enough nodes."""
     explored = Explored(best, 1000)
-    monkeypatch.setattr(middle_step, "explored", explored)
+    monkeypatch.setattr(middle_step, "best_plan_from", explored)
     middle = MiddleStep(MiddleParameters(most_steps=most_steps))
     middle.choose(narrowing, 0.0, 1_000_000, never)
     assert middle.from_step == best
@@ -77,7 +77,7 @@ def test_the_step_stays_where_no_exploration_ends(
 ) -> None:
     """Each then counts as the largest number of nodes that it may take."""
     explored = Explored(3, 10**9)
-    monkeypatch.setattr(middle_step, "explored", explored)
+    monkeypatch.setattr(middle_step, "best_plan_from", explored)
     middle = MiddleStep(MiddleParameters(), from_step=7)
     middle.choose(narrowing, 0.0, 1_000_000, never)
     assert middle.from_step == 7 == explored.tried[0]
@@ -89,7 +89,7 @@ def test_a_bound_that_is_no_more_than_the_best_plan_is_no_error(
 ) -> None:
     """The target is then the best plan's J."""
     explored = Explored(3, 10)
-    monkeypatch.setattr(middle_step, "explored", explored)
+    monkeypatch.setattr(middle_step, "best_plan_from", explored)
     middle = MiddleStep(MiddleParameters())
     middle.choose(narrowing, narrowing.bound + 1.0, 10**6, never)
     assert middle.from_step == 3
@@ -101,7 +101,7 @@ def test_paths_begin_at_the_start_where_moves_are_rewarded(
     """Nothing is explored then."""
     model = compiled(tiny().replace(objective=Objective(keep_cell=1.0)))
     rewarded = random_narrowing(model, 0.0, np.random.default_rng(0))
-    monkeypatch.setattr(middle_step, "explored", None)
+    monkeypatch.setattr(middle_step, "best_plan_from", None)
     middle = MiddleStep(MiddleParameters())
     middle.choose(rewarded, 0.0, 1_000_000, never)
     assert (middle.from_step, middle.nodes) == (0, 0)

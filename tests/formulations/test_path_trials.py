@@ -8,7 +8,12 @@ import pytest
 
 from cocap_opt.formulations.certificates import Staged, verify
 from cocap_opt.formulations.certificates.format import Stage
-from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
+from cocap_opt.formulations.certificates.staged import (
+    Narrowing,
+    NotEndedError,
+    best_plan_from,
+    compiled_search,
+)
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
@@ -20,10 +25,7 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
 from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
-from cocap_opt.formulations.column_generation.step_envelopes.middle_step import (
-    MiddleStep,
-    explored,
-)
+from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import (
     EndedTrial,
     PathTrials,
@@ -88,7 +90,7 @@ class Ending:
 
 def replace_trials(monkeypatch: pytest.MonkeyPatch, explored: Callable[..., BestPlan]) -> None:
     """Replaces the explorations of all trials; no step in the middle is looked for."""
-    monkeypatch.setattr(path_trials, "explored", explored)
+    monkeypatch.setattr(path_trials, "best_plan_from", explored)
     monkeypatch.setattr(MiddleStep, "choose", lambda *_: None)
 
 
@@ -179,7 +181,7 @@ def test_another_step_in_the_middle_is_tried_once_a_trial_fails(
     def choose(self: MiddleStep, *_: object) -> None:
         self.from_step = (self.from_step + 1) % 3
 
-    monkeypatch.setattr(path_trials, "explored", failing)
+    monkeypatch.setattr(path_trials, "best_plan_from", failing)
     monkeypatch.setattr(MiddleStep, "choose", choose)
     trials.for_higher_targets(Stages(narrowing), 10**7, lambda: None)
     assert [*dict.fromkeys(tried)] == [1, 2, 0]
@@ -326,7 +328,7 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     def only_first(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
         if narrowing.target < above * (1 - 1e-12):
             raise NotEndedError
-        return explored(narrowing, middle, most_nodes, stop)
+        return best_plan_from(narrowing, middle, most_nodes, stop)
 
     replace_trials(monkeypatch, only_first)
     monkeypatch.setattr(MiddleStep, "choose", lambda self, *_: setattr(self, "from_step", middle))

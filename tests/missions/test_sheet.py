@@ -757,6 +757,20 @@ def test_texts_do_not_overlap_nor_leave_the_page() -> None:
     require_apart(pages)
 
 
+@pytest.mark.parametrize(("people", "least", "most"), [(1, 90.0, 120.0), (40, 160.0, 200.0)])
+def test_maps_of_a_crowd_are_taller(people: int, least: float, most: float) -> None:
+    """Small maps have no room for the numbers of so many people."""
+    problem, plan = scene()
+    problem = problem.replace(actors=people * problem.actors)
+    pages = pages_of(Flight.of(problem, plan, False), None, [USUAL])
+    inset = 9.0  # mm below a map, for its axis
+    heights = [
+        ax.get_position(original=True).height * HEIGHT + inset
+        for figure in pages.figures for ax in figure.axes if ax.get_xlabel().startswith("x")
+    ]  # fmt: skip
+    assert len(heights) == 1 and least <= heights[0] <= most + 1e-6
+
+
 @pytest.mark.long
 def test_sixty_people_fit_on_the_pages() -> None:
     """Strips go on in another picture, and nothing leaves the paper."""

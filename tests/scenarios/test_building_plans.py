@@ -439,6 +439,26 @@ def test_what_is_underground_is_left_out_with_a_word(
     assert "plan: 1 of 2 polygons are underground, and are left out" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("tags", "is_told"),
+    [
+        ({"building": "garage", "layer": "-1"}, True),
+        ({"tags": {"building": "yes", "layer": -2}}, True),
+        ({"building": "yes", "layer": "1"}, False),
+        ({"building": "yes", "layer": "-"}, False),
+        ({"layer": -1}, False),
+    ],
+)
+def test_buildings_with_a_negative_layer_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, tags: dict[str, Any], is_told: bool
+) -> None:
+    """They may be underground, which only the author of the map can know; they stay obstacles."""
+    plan = collection(house(10, 10, height=3, **tags), house(30, 10, height=3))
+    assert len(walls(tmp_path, plan)) == 2
+    words = "plan: 1 of 2 polygons are buildings with a negative layer"
+    assert (words in caplog.text) == is_told
+
+
 def test_a_block_with_a_bottom_begins_there(tmp_path: Path) -> None:
     """Above the foot of the walls; the height of the table must be above it, too."""
     skyway = house(10, 10, height=40, min_height=30)

@@ -184,6 +184,15 @@ def test_damaged_grids(grid: Callable[[str], Path], text: str, message: str) -> 
     refused(grid(text), message)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])
+def test_grids_in_utf_16_are_named(tmp_path: Path, encoding: str) -> None:
+    """PowerShell writes such files; a mark at their beginning tells them."""
+    path = tmp_path / "map.asc"
+    mark = "" if encoding == "utf-16" else "\ufeff"
+    path.write_bytes((mark + HEADER + NUMBERS).encode(encoding))
+    refused(path, "must be a grid in ASCII or UTF-8, not in UTF-16; save it as UTF-8")
+
+
 @pytest.mark.parametrize("chunk", [1, 2, 7, 64])
 def test_chunks_do_not_show(
     grid: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, chunk: int

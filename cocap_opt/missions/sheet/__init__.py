@@ -43,9 +43,13 @@ from cocap_opt.missions.sheet.words import (
     to_check,
     unchecked,
 )
+from cocap_opt.problem import Problem
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEAST_MAP = 120.0, 90.0  # mm, height of a map, and of one that fills a page
+# mm, height of a map, and of one that fills a page; the second pair if so many drones and people
+# are on it that their numbers hide the rest of a small map
+_MAP, _MAP_OF_CROWD = (120.0, 90.0), (200.0, 160.0)
+_CROWD = 30
 _LEGEND, _TITLE, _HEADING = 14.0, 6.0, 16.0  # mm
 
 
@@ -86,7 +90,9 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
         partial(_write_filmed, pages, flight, clock, phases, found),
     ]
     # Shorter content fills the first page, where maps have no room.
-    for write_part in parts_of_page if _has_room_for_maps(pages) else reversed(parts_of_page):
+    for write_part in (
+        parts_of_page if _has_room_for_maps(pages, problem) else reversed(parts_of_page)
+    ):
         write_part()
     checks = [*map(_begun, to_check(flight, bool(parts)))]
     pages.checklist("Check on the spot", checks, "\N{BALLOT BOX}")
@@ -139,22 +145,22 @@ def _write_head(pages: Pages, flight: Flight, clock: Clock, grounds: Touchdowns)
         pages.sentence("T is the time of step 0, when people get their signal.", SMALL)
 
 
-def _has_room_for_maps(pages: Pages) -> bool:
-    return pages.room - _HEADING - _LEGEND - _TITLE >= _LEAST_MAP
+def _has_room_for_maps(pages: Pages, problem: Problem) -> bool:
+    return pages.room - _HEADING - _LEGEND - _TITLE >= _map_heights(problem)[1]
 
 
 def _draw_maps(pages: Pages, flight: Flight, clock: Clock, phases: Sequence[Phase]) -> None:
     """Draws a map for each phase."""
-    ground = ground_of(flight)
-    height = _map_height(pages.room - _HEADING - _LEGEND - _TITLE)
+    problem, ground = flight.flown.problem, ground_of(flight)
+    height = _map_height(problem, pages.room - _HEADING - _LEGEND - _TITLE)
     pages.heading("Map" if len(phases) == 1 else "Maps", _LEGEND + height + _TITLE)
     legend = partial(draw_legend, flight=flight, has_homes=bool(clock.parts), ground=ground)
     pages.picture(_LEGEND, legend, Inset(0.0, 0.0))
-    actors = enumerate(flight.flown.problem.actors)
+    actors = enumerate(problem.actors)
     if named := [f"P{number} {actor.name}" for number, actor in actors if actor.name]:
         pages.sentence(f"People: {', '.join(named)}.", SMALL)
     for phase in phases:
-        height = _map_height(pages.room - _TITLE)
+        height = _map_height(problem, pages.room - _TITLE)
         pages.need(height + _TITLE)
         pages.sentence(phase.title(clock), STRONG)
         pages.picture(height, partial(draw, flight=flight, phase=phase, ground=ground))
@@ -177,9 +183,15 @@ def _write_filmed(
         pages.picture(height, draw_strips, STRIP)
 
 
-def _map_height(room: float) -> float:
+def _map_height(problem: Problem, room: float) -> float:
     """Returns the height (mm) of a map, reduced if that saves a page."""
-    return min(_MAP, room) if room >= _LEAST_MAP else _MAP
+    most, least = _map_heights(problem)
+    return min(most, room) if room >= least else most
+
+
+def _map_heights(problem: Problem) -> tuple[float, float]:
+    """Returns the height (mm) of a map, and the least to which it is reduced."""
+    return _MAP_OF_CROWD if len(problem.robots) + len(problem.actors) > _CROWD else _MAP
 
 
 def _printed(pages: Pages) -> bytes:

@@ -104,7 +104,7 @@ export class Chart {
       context.fillStyle = words.soft;
       context.fillText(short(value), MARGIN.left - 6, y(value));
     }
-    context.fillText("J per step", MARGIN.left - 2, 9);
+    context.fillText("J/step", MARGIN.left - 6, 9); // as long as the smallest margin allows
     context.textAlign = "center";
     context.textBaseline = "top";
     const every = Math.max(1, rounded(Math.max(1, (34 * this.data.steps) / this.width) * 1.99));

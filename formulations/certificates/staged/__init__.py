@@ -19,7 +19,7 @@ For staged files, the searches have to be trusted, too. After the lower storey
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.middle_paths import (
-    best_plan_through,
+    best_plan_from,
     may_begin_later,
 )
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
@@ -31,7 +31,7 @@ __all__ = [
     "Narrowing",
     "NotEndedError",
     "best_plan",
-    "best_plan_through",
+    "best_plan_from",
     "may_be_used",
     "may_begin_later",
     "most_profitable",

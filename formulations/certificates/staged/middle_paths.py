@@ -20,6 +20,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_paths import (
     BestPlan,
+    best_plan,
     may_be_used,
     require_usable,
 )
@@ -31,16 +32,16 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 
-def best_plan_through(
-    narrowing: Narrowing, middle: int, most_nodes: int, stop: Stop = never, plain: bool = False
+def best_plan_from(
+    narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop = never, plain: bool = False
 ) -> BestPlan:
     """Returns the best plan above the target among the remaining joint states.
 
-    Its J is that of `best_plan`; the numbers of nodes and of joint states differ.
+    Its J is that of `best_plan`; the numbers of nodes and of joint states depend on the step.
 
     Parameters
     ----------
-    middle : the step at which the exploration begins, 1..T
+    from_step : the step at which the exploration begins, 0..T; 0: the start
     most_nodes : largest number of nodes of all searches together
     plain : True: use the plain search only
 
@@ -51,8 +52,18 @@ def best_plan_through(
     LimitReached
         If a limit is reached.
     ValueError
-        If moves are rewarded, views do not count at step 1, or starts are free.
+        If moves are rewarded, views do not count at step 1, or starts are free and the exploration
+        begins later.
     """
+    if from_step:
+        return _best_plan_through(narrowing, from_step, most_nodes, stop, plain)
+    return best_plan(narrowing, most_nodes, stop, plain)
+
+
+def _best_plan_through(
+    narrowing: Narrowing, middle: int, most_nodes: int, stop: Stop, plain: bool
+) -> BestPlan:
+    """Returns the best plan above the target, exploring from a step in the middle, 1..T."""
     require_usable(narrowing.model)
     if not may_begin_later(narrowing.model):
         raise ValueError("joint paths: may not begin at a later step if starts are free")

@@ -18,10 +18,10 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import Visit
-from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
+from cocap_opt.formulations.certificates.staged.joint_paths import may_be_used
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.middle_paths import (
-    best_plan_through,
+    best_plan_from,
     may_begin_later,
 )
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
@@ -71,10 +71,7 @@ def price_staged(
         return narrowing.pricing._replace(nodes=nodes)
     higher = narrowing.above(above)
     try:
-        if middle is None:
-            best = best_plan(higher, searches.nodes_left, stop, plain)
-        else:
-            best = best_plan_through(higher, middle, searches.nodes_left, stop, plain)
+        best = best_plan_from(higher, middle or 0, searches.nodes_left, stop, plain)
         return best.pricing._replace(nodes=nodes + best.nodes)
     except NotEndedError as error:
         raise UnfinishedError(

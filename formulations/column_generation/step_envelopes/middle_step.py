@@ -11,31 +11,11 @@ from dataclasses import dataclass
 from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
-    best_plan,
-    best_plan_through,
+    best_plan_from,
     may_begin_later,
 )
-from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation.parameters import MiddleParameters
 from cocap_opt.stop import Stop
-
-
-def explored(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
-    """Explores the plans above the target of a narrowing.
-
-    Parameters
-    ----------
-    from_step : step from which paths are explored; 0: the start
-    most_nodes : largest number of nodes of all searches together
-
-    Raises
-    ------
-    NotEndedError, LimitReached
-        As in `best_plan`.
-    """
-    if from_step:
-        return best_plan_through(narrowing, from_step, most_nodes, stop)
-    return best_plan(narrowing, most_nodes, stop)
 
 
 @dataclass
@@ -104,7 +84,7 @@ class MiddleStep:
             most = self.parameters.times * ranked[0][0] if ranked else most_nodes
             most = min(max(most, self.parameters.least_nodes), most_nodes)
             try:
-                found = explored(narrowing, from_step, most, stop)
+                found = best_plan_from(narrowing, from_step, most, stop)
             except NotEndedError:
                 self.nodes += most
                 continue

@@ -14,12 +14,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cocap_opt.formulations.certificates.format import Stage
-from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, may_be_used
+from cocap_opt.formulations.certificates.staged import (
+    Narrowing,
+    NotEndedError,
+    best_plan_from,
+    may_be_used,
+)
 from cocap_opt.formulations.column_generation.parameters import TrialParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.recombination import searches_are_fast
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep, explored
+from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 
 
@@ -155,7 +160,7 @@ class PathTrials:
         narrowing, value = proved.narrowing, self.search.value
         target = value + share * max(narrowing.bound - value, 0.0)
         try:
-            found = explored(narrowing.above(target), from_step, most_nodes, self.search.stop)
+            found = best_plan_from(narrowing.above(target), from_step, most_nodes, self.search.stop)
         except NotEndedError:
             # counted in full, even if too many joint states ended the search earlier
             self.nodes += most_nodes
