@@ -1463,8 +1463,10 @@ class Staged:
             t, claim = whole(step["t"], "t: "), up(number_of(step["constant"], "constant: "))
             require(0 <= t <= self.instance.horizon, "t is not a step of the scene")
             claim += abs(claim) >> 44  # allows for rounding by the producer of the file
-            if t in priced or claim < self.constants[t]:
+            if t in priced:
                 self.constants[t] = self._highest(t, claim)
+            elif claim < self.constants[t]:  # at the same prices it can only fall
+                self.constants[t] = min(self.constants[t], self._highest(t, claim))
             priced.discard(t)
         require(not priced, "a step with payments has no constant")
         self._sweep()
@@ -1472,7 +1474,7 @@ class Staged:
 
     def _highest(self, t: int, claim: int) -> int:
         """Returns a constant that no joint state exceeds: the claim, or a larger one if the claim
-        is too low.
+        is too low. Earlier constants limit the profits of joint states, too.
         """
         states, search, obeyed = self._counting(t)
         now = [self.prices[k][t][s] for k, s in states]
@@ -1480,8 +1482,10 @@ class Staged:
         # out.
         conditions = [(-claim, True, now), *obeyed, *self._ceilings(t, states, -claim, now)]
         self.left = search.run(conditions, self.left, TRIES)
+        ceilings = self._ceilings(t, states, 0, now)
         for found in search.found:
-            claim = max(claim, search.worth(found) - sum(now[x] for x in found))
+            most = [high - sum(pays[x] for x in found) for high, _, pays in ceilings]
+            claim = max(claim, min([search.worth(found) - sum(now[x] for x in found), *most]))
         return claim
 
     def _counting(self, t: int) -> tuple[list[tuple[int, Ints]], Search, list[Condition]]:

@@ -11,6 +11,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from brute_force import optimum
 from counting import either
@@ -18,17 +19,21 @@ from damaged_files import document
 from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from random_certificates import random_staged, some_model
 from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
 from cocap_opt.experiments.lab.studies.verified import WITHOUT_PATHS
 from cocap_opt.experiments.library.records import Library
+from cocap_opt.files.documents import decode_document, problem_digest
 from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.certificates import CertificateFile, Staged
+from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation, searchless
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.model import compiled
-from cocap_opt.problem import Problem
+from cocap_opt.problem import COVERAGE_VERSION, Objective, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene
 
@@ -441,6 +446,93 @@ def test_prices_of_states_that_no_drone_takes_change_nothing(ask: Ask, tmp_path:
     assert ask(instance, good | {"bound": above})[0] == 1
     nowhere["payments"].append(1.0)
     assert "payments: must hold a number for each state" in ask(instance, good)[1]
+
+
+ALIKE = 1e-9  # of 1 + |bound|: by how much the bounds of the checkers may differ
+
+
+@examples(60)
+@given(
+    st.one_of(either(drawn_problems()), either(drawn_meetings(2)), drawn_meetings(3),
+              drawn_meetings(4)),
+    st.integers(0, 10**9),
+)  # fmt: skip
+def test_checkers_prove_the_same_by_random_stages(
+    ask: Ask, tmp_path_factory: pytest.TempPathFactory, problem: Problem, seed: int
+) -> None:
+    """`cocap-check` and this program accept the same claims, and `verify` no lower ones.
+
+    No target is the value of a plan: rounding then decides whether states on its path are closed.
+    """
+    rng = np.random.default_rng(seed)
+    if rng.integers(2):  # moves without rewards, so that paths can be explored
+        objective = Objective(pixels=problem.objective.pixels, views=problem.objective.views)
+        problem = problem.replace(objective=objective)
+    model, best = some_model(problem, rng), optimum(problem).value
+    value = best if math.isfinite(best) else 0.0
+    target = value - (1 + abs(value)) * 10.0 ** rng.uniform(-4, 0)
+    staged = random_staged(model, target, rng)
+    verified = price_staged(model, staged).bound
+    file = CertificateFile(
+        scene=problem.name, digest=problem_digest(problem), method="test",
+        classes="single" if model.is_disaggregated else "alike",
+        coverage_version=COVERAGE_VERSION, bound=max(verified, 0.0), certificate=staged,
+    )  # fmt: skip
+    found, text = document(file, tmp_path_factory.mktemp("random")), instance_of(compiled(problem))
+    checked, is_part = cocap_check.bound_of_file(cocap_check.Instance(text), found)
+    assert checked is not None and not is_part
+    bound = checked / cocap_check.ONE
+    allowance = ALIKE * (1 + abs(bound))
+    assert bound <= verified + allowance
+    assert ask(text, found | {"bound": bound + allowance})[0] == 0
+    assert ask(text, found | {"bound": bound - allowance})[0] == 1
+
+
+def _rising(t: int, others: float) -> dict[str, Any]:
+    return {"t": t, "robot_class": 0, "states": [], "payments": [], "others": others}
+
+
+def _of_step(t: int, constant: float) -> dict[str, Any]:
+    return {"t": t, "constant": constant}
+
+
+@pytest.mark.parametrize(
+    ("stage", "above"),
+    [
+        ({"constants": [_of_step(1, 1e3)]}, None),
+        (
+            {"payments": [_rising(1, 5.0)], "constants": [_of_step(1, -1e3), _of_step(1, -1e3)]},
+            None,
+        ),
+        ({"payments": [_rising(1, 5.0), _rising(1, 2.0)], "constants": [_of_step(1, -1e3)]}, None),
+        ({"constants": [_of_step(1, -1e3)]}, 1.5),
+    ],
+    ids=["a constant that is higher", "two of a step", "a class twice", "paths far above"],
+)
+def test_stages_are_read_as_the_other_checkers_read_them(
+    stage: dict[str, Any], above: float | None, ask: Ask, tmp_path: Path
+) -> None:
+    """A constant at the same prices can only fall, prices rise once, and stages may prove more than
+    paths."""
+    problem = load_scene("tiny-doorway", 0)
+    instance, proof = exported("tiny-doorway", tmp_path)
+    file = {k: v for k, v in proof.items() if k != "nodes"} | {
+        "format": "cocap-opt certificate", "certificate": first_leaf(proof),
+    }  # fmt: skip
+    target, best = 0.5 * file["bound"], optimum(problem).value
+    found = _staged(
+        file, target=target, stages=[stage], paths_above=above and above * file["bound"]
+    )
+    checked, _ = cocap_check.bound_of_file(cocap_check.Instance(instance), found)
+    assert checked is not None
+    bound = checked / cocap_check.ONE
+    assert target < best <= bound
+    read = decode_document(json.dumps(found).encode(), "", CertificateFile)
+    assert isinstance(read.certificate, Staged)
+    verified = price_staged(compiled(problem), read.certificate).bound
+    assert bound == pytest.approx(verified, rel=ALIKE)
+    assert ask(instance, found | {"bound": bound * (1 + ALIKE)})[0] == 0
+    assert ask(instance, found | {"bound": bound * (1 - ALIKE)})[0] == 1
 
 
 @pytest.mark.parametrize(

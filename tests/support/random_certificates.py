@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+from msgspec.structs import replace
 
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
@@ -206,22 +207,32 @@ def random_prices(model: Model, rng: np.random.Generator) -> tuple[StepPrices, .
     return tuple(found)
 
 
+def random_stage(model: Model, rng: np.random.Generator, priced: bool) -> Stage:
+    """A stage of random prices and constants; some classes and steps are there twice."""
+    problem = model.problem
+    prices = [*random_prices(model, rng)] if priced else []
+    steps = [*range(problem.first_step, problem.horizon + 1)]
+    if not priced:
+        steps = [t for t in steps if rng.integers(2)]
+    if prices and not rng.integers(3):
+        again = prices[int(rng.integers(len(prices)))]
+        half = len(again.states) // 2
+        prices.append(
+            replace(again, states=again.states[half:], prices=again.prices[: -half or None])
+        )
+    if steps and not rng.integers(3):
+        steps.append(int(rng.choice(steps)))
+    claims = rng.choice([-1e3, -1e3, 5.0, 50.0], len(steps)).tolist()
+    constants = tuple(StepConstant(t, claim) for t, claim in zip(steps, claims, strict=True))
+    return Stage(tuple(prices), constants)
+
+
 def random_staged(model: Model, target: float, rng: np.random.Generator) -> Staged:
     """A staged certificate, none of whose numbers is good; most claim less than they may."""
-    problem = model.problem
-    steps = range(problem.first_step, problem.horizon + 1)
-    stages = []
-    for k in range(int(rng.integers(1, 4))):
-        claims = rng.choice([-1e3, -1e3, 5.0, 50.0], len(steps)).tolist()
-        constants = tuple(
-            StepConstant(t, claim)
-            for t, claim in zip(steps, claims, strict=True)
-            if k or rng.integers(2)
-        )
-        stages.append(Stage(random_prices(model, rng) if k else (), constants))
+    stages = tuple(random_stage(model, rng, k > 0) for k in range(int(rng.integers(1, 4))))
     higher = target + float(rng.choice([0.0, 0.0, 0.05, 0.5])) * abs(target)
     above = higher if may_be_used(model) and rng.integers(2) else None
     begun = None
     if above is not None and may_begin_later(model) and rng.integers(2):
-        begun = int(rng.integers(1, problem.horizon + 1))
-    return Staged(random_multipliers(model, rng), target, tuple(stages), above, begun)
+        begun = int(rng.integers(1, model.problem.horizon + 1))
+    return Staged(random_multipliers(model, rng), target, stages, above, begun)

@@ -89,7 +89,7 @@ Definition closed_step (target bound : Z) (so_far : list (nat * list (PM.t Z))) 
                  fun s u => match PM.find s V with Some (Some v) => Some (- (u + v)) | _ => None end in
   let of_left (f : nat -> state -> Z -> Z) :=
     map (fun k => (k, build_map (fun s u => match slack k s u with
-                                  | Some l => if l <=? bound - target then Some (f k s l) else None
+                                  | Some l => if l <? bound - target then Some (f k s l) else None
                                   | None => None end) (nth t (of_class [] so_far k) (PM.empty Z)))) (classes I) in
   let prices := u_prices (now st) in
   Step (Upper (u_constant (now st)) (of_left (fun k s _ => number_of prices k s))) (earlier st)
@@ -470,13 +470,13 @@ Proof.
   destruct (Hsums _ _ (team_pairs N HN)) as [_ [Htogether Heach]].
   set (K := u_constant (now st)) in *. set (P := prices_sum (u_prices (now st)) t) in *.
   pose proof (HU (now st) (or_introl eq_refl)) as Hnow. fold K P in Hnow.
-  assert (Hroom : forall f, In f plan -> slack_of f <= B - target).
-  { intros f Hf. specialize (Heach f Hf). apply le_IZR.
+  assert (Hroom : forall f, In f plan -> slack_of f < B - target).
+  { intros f Hf. specialize (Heach f Hf). apply lt_IZR.
     apply IZR_le in Heach. rewrite ?plus_IZR, ?minus_IZR in *. unfold B. rewrite !plus_IZR. lra. }
   assert (Hkept : forall (h : nat -> state -> Z -> Z) f, In f plan ->
     PM.find (snd f t) (map_of (map (fun k => (k, build_map (fun s u =>
          match (match PM.find s (nth t (of_class [] (sweep_all N) k) (PM.empty _)) with Some (Some v) => Some (- (u + v)) | _ => None end) with
-         | Some l => if l <=? B - target then Some (h k s l) else None
+         | Some l => if l <? B - target then Some (h k s l) else None
          | None => None end) (nth t (of_class [] into k) (PM.empty Z)))) (classes I)) (fst f)) = Some (h (fst f) (snd f t) (slack_of f))).
   { intros h f Hf.
     pose proof (paired_of N f HN Hf) as Hd.
@@ -484,11 +484,11 @@ Proof.
     rewrite map_of_map by (apply class_in, Hf).
     apply find_build_map with (u := u); [exact Eu|]. rewrite Ev.
     assert (Es : slack_of f = - (u + v)) by (unfold slack_of; rewrite Eu, Ev; reflexivity).
-    rewrite Es. pose proof (Hroom f Hf) as Hr. rewrite Es in Hr. apply Z.leb_le in Hr. rewrite Hr. reflexivity. }
+    rewrite Es. pose proof (Hroom f Hf) as Hr. rewrite Es in Hr. apply Z.ltb_lt in Hr. rewrite Hr. reflexivity. }
   assert (Hnumbers : forall (h : nat -> state -> Z -> Z),
     prices_sum (map (fun k => (k, build_map (fun s u =>
          match (match PM.find s (nth t (of_class [] (sweep_all N) k) (PM.empty _)) with Some (Some v) => Some (- (u + v)) | _ => None end) with
-         | Some l => if l <=? B - target then Some (h k s l) else None
+         | Some l => if l <? B - target then Some (h k s l) else None
          | None => None end) (nth t (of_class [] into k) (PM.empty Z)))) (classes I)) t
     = sumZ (map (fun f => h (fst f) (snd f t) (slack_of f)) plan)).
   { intros h. unfold prices_sum. apply sumZ_ext. intros f Hf. unfold number_of. rewrite (Hkept h f Hf). reflexivity. }

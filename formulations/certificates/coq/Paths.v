@@ -1094,11 +1094,14 @@ Definition whole_bound (target : Z) (stages : list stage) (paths_above : option 
   | Some higher =>
       if staged_numbers_ok I C coarse && (target <=? higher) && Nat.leb paths_from (horizon I) then
         Some (match narrowed I C coarse memory advise mind target stages with
-              | None => higher
-              | Some N => match close I C higher N with
-                          | None => higher
-                          | Some N' => paths_bound N' higher paths_from
-                          end
+              | None => target
+              | Some N =>
+                  let by_stages := bound_of I C target N in
+                  if by_stages <=? higher then by_stages
+                  else Z.min by_stages (match close I C higher N with
+                                        | None => higher
+                                        | Some N' => paths_bound N' higher paths_from
+                                        end)
               end)
       else None
   end.
@@ -1110,33 +1113,55 @@ Definition check_staged (target : Z) (stages : list stage) (paths_above : option
   | Some b => (0 <? denominator) && (b * denominator <=? numerator * precision M)
   end.
 
+Lemma above_higher target stages higher paths_from N plan :
+  staged_numbers_ok I C coarse = true -> target <= higher -> (paths_from <= horizon I)%nat -> is_plan I plan ->
+  narrowed I C coarse memory advise mind target stages = Some N ->
+  (J I plan * IZR (precision M)
+   <= IZR (match close I C higher N with None => higher | Some N' => paths_bound N' higher paths_from end))%R.
+Proof.
+  intros Hok Hle Hfrom Hp EN.
+  destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
+  - eapply Rle_trans; [exact L|]. apply IZR_le.
+    destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound, most_of. cbv zeta.
+    match goal with |- context [fold_left _ ?l0 higher] => generalize l0 as l end. intros l.
+    assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
+    { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
+    apply H.
+  - apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
+    destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N0 [EN0 HN]].
+    rewrite EN in EN0. injection EN0 as <-.
+    destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
+    unfold paths_bound. destruct paths_from as [|from].
+    + apply (paths_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl).
+    + apply (paths_through_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl (S from) Hfrom).
+Qed.
+
+Lemma staged_bound_times target stages b plan :
+  staged_bound I C coarse memory advise mind target stages = Some b -> is_plan I plan ->
+  0 < precision M /\ (J I plan * IZR (precision M) <= IZR b)%R.
+Proof.
+  intros Hb Hp. pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
+  pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
+  pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
+  apply (Rmult_le_compat_r (IZR (precision M))) in H; [|lra]. unfold Rdiv in H.
+  rewrite Rmult_assoc, Rinv_l, Rmult_1_r in H by lra. exact H.
+Qed.
+
 Lemma whole_bound_sound target stages paths_above paths_from b plan :
   whole_bound target stages paths_above paths_from = Some b -> is_plan I plan ->
   0 < precision M /\ (J I plan * IZR (precision M) <= IZR b)%R.
 Proof.
-  unfold whole_bound. intros Hb Hp. destruct paths_above as [higher|].
-  - destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate]. simpl in Hb.
-    destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. simpl in Hb.
-    destruct (Nat.leb_spec paths_from (horizon I)) as [Hfrom | _]; [|discriminate]. injection Hb as <-.
-    pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
-    destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
-    + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
-      destruct (close _ _ _ N) as [N'|]; [|lia]. unfold paths_bound, most_of. cbv zeta.
-      match goal with |- context [fold_left _ ?l0 higher] => generalize l0 as l end. intros l.
-      assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
-      { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
-      apply H.
-    + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
-      destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
-      destruct (close_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
-      unfold paths_bound. destruct paths_from as [|from].
-      * apply (paths_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl).
-      * apply (paths_through_ok I C coarse memory advise mind N' higher (sweep_all I C N') _ plan Hok Hp G0 HN' eq_refl eq_refl (S from) Hfrom).
-  - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
-    pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
-    pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
-    apply (Rmult_le_compat_r (IZR (precision M))) in H; [|lra]. unfold Rdiv in H.
-    rewrite Rmult_assoc, Rinv_l, Rmult_1_r in H by lra. exact H.
+  unfold whole_bound. intros Hb Hp. destruct paths_above as [higher|]; [|apply (staged_bound_times target stages); assumption].
+  destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate]. simpl in Hb.
+  destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. simpl in Hb.
+  destruct (Nat.leb_spec paths_from (horizon I)) as [Hfrom | _]; [|discriminate]. injection Hb as <-.
+  pose proof (staged_bound_times target stages) as Hstages. unfold staged_bound in Hstages. rewrite Hok in Hstages.
+  destruct (narrowed I C coarse memory advise mind target stages) as [N|] eqn:EN; [|exact (Hstages _ plan eq_refl Hp)].
+  destruct (Hstages _ plan eq_refl Hp) as [Zp Hby]. split; [exact Zp|]. cbv zeta.
+  destruct (bound_of I C target N <=? higher); [exact Hby|].
+  pose proof (above_higher target stages higher paths_from N plan Hok Hle Hfrom Hp EN) as Hpaths.
+  destruct (Z.min_spec (bound_of I C target N)
+    (match close I C higher N with None => higher | Some N' => paths_bound N' higher paths_from end)) as [[_ ->] | [_ ->]]; assumption.
 Qed.
 
 (** A staged claim that passes the check is true. *)

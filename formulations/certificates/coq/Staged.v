@@ -7,9 +7,10 @@ From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker
 Import ListNotations.
 Open Scope Z_scope.
 
-Record stage := Stage {
-  payments : list (nat * nat * (list (state * Z) * Z));  (* step, class, prices of states, others' rise *)
-  step_constants : list (nat * Z) }.                     (* step, a constant, tried in this order *)
+(** A constant of a step, and new prices that come with it: of some classes, prices of some states, and
+    by how much those of all other states rise. If there are none, the constant alone is new. *)
+Record setting := Setting { of_step : nat; payments : list (nat * (list (state * Z) * Z)); claim : Z }.
+Definition stage : Type := list setting.  (* tried in this order *)
 
 (** Class and place; the place a step before, where it matters, and the state. *)
 Definition named : Type := (nat * positive) * (positive * state).
@@ -78,15 +79,24 @@ Fixpoint exact_worth (gs : list group) (zs : list Z) : Z :=
 Definition exact_of (gs : list group) (l : list candidate) : Z :=
   exact_worth gs (add_all (map (amounts named) l) (length gs)).
 
-Definition highest (gs : list group) (floor : Z) (l : list candidate) (best : Z) : Z :=
+(** The least of a number and of what a joint state is worth at most by bounds of its profit. *)
+Fixpoint least_static (j : nat) (bases : list base) (l : list candidate) (b : Z) : Z :=
+  match bases with
+  | [] => b
+  | (is_limit, c) :: rest =>
+      least_static (S j) rest l (if is_limit : bool then b else Z.min b (c + static_sum named j l))
+  end.
+
+Definition highest (gs : list group) (floor : Z) (bases : list base) (l : list candidate) (best : Z) : Z :=
   let worth := exact_of gs l in
-  if floor + sum named (charge named) l <=? worth then Z.max best (worth - sum named (price named) l) else best.
+  if floor + sum named (charge named) l <=? worth
+  then Z.max best (least_static 0 bases l (worth - sum named (price named) l)) else best.
 
 (** New prices of the states that are left at a step. *)
-Definition repriced (st : step) (t : nat) (stg : stage) : by_state :=
+Definition repriced (st : step) (new : setting) : by_state :=
   map (fun k =>
     let old := map_of (u_prices (now st)) k in
-    (k, match find (fun e => Nat.eqb t (fst (fst e)) && Nat.eqb k (snd (fst e))) (payments stg) with
+    (k, match find (fun e => Nat.eqb k (fst e)) (payments new) with
         | None => old
         | Some (_, (listed, others)) =>
             let table := fold_left (fun m sv => PM.add (fst sv) (snd sv) m) listed (PM.empty Z) in
@@ -112,14 +122,26 @@ Definition search {A : Type} (threshold : A -> Z) (take_down : list candidate ->
 (** The most that a joint state is worth at new prices, or the constant that is claimed. *)
 Definition most_profit (st : step) (t : nat) (prices : by_state) (claim : Z) : Z :=
   let gs := step_groups t in
-  search (fun best => best) (highest gs (floor st)) places_meet gs (length (team I)) []
+  search (fun best => best) (highest gs (floor st) (step_bases st)) places_meet gs (length (team I)) []
     (nothing (specs_of gs)) 0 (- floor st) (step_bases st)
     (map (fun k => (size I k, map (fun sv => step_candidate st gs t k (fst sv) (snd sv))
                                   (PM.elements (map_of prices k)))) (classes I)) mind claim.
 
-Definition after_constant (stg : stage) (t : nat) (claim : Z) (st : step) : step :=
-  let prices := repriced st t stg in
-  Step (Upper (most_profit st t prices claim) prices) (now st :: earlier st) (floor st) (charges st).
+(** A constant at the prices of before can only fall. *)
+Definition after_constant (new : setting) (st : step) : step :=
+  match payments new with
+  | [] =>
+      let prices := u_prices (now st) in
+      let before := u_constant (now st) in
+      if claim new <? before
+      then Step (Upper (Z.min before (most_profit st (of_step new) prices (claim new))) prices)
+                (earlier st) (floor st) (charges st)
+      else st
+  | _ =>
+      let prices := repriced st new in
+      Step (Upper (most_profit st (of_step new) prices (claim new)) prices)
+           (now st :: earlier st) (floor st) (charges st)
+  end.
 
 Fixpoint change {B} (t : nat) (f : B -> B) (l : list B) : list B :=
   match l, t with
@@ -129,7 +151,7 @@ Fixpoint change {B} (t : nat) (f : B -> B) (l : list B) : list B :=
   end.
 
 Definition after_stage (stg : stage) (N : narrowing) : narrowing :=
-  fold_left (fun N tc => change (fst tc) (after_constant stg (fst tc) (snd tc)) N) (step_constants stg) N.
+  fold_left (fun N new => change (of_step new) (after_constant new) N) stg N.
 
 Fixpoint after_stages (target : Z) (stages : list stage) (N : narrowing) : option narrowing :=
   match stages with
@@ -154,16 +176,14 @@ Definition narrowed (target : Z) (stages : list stage) : option narrowing :=
   | Some N => after_stages target stages N
   end.
 
-(** What no plan is above, in 1/precision; None: the certificate proves nothing. *)
+(** What no plan is above, in 1/precision, by what is left above a target. *)
+Definition bound_of (target : Z) (N : narrowing) : Z :=
+  match left_bound N (sweep_all N) with None => target | Some b => Z.max target b end.
+
+(** The same, by all stages; None: the certificate proves nothing. *)
 Definition staged_bound (target : Z) (stages : list stage) : option Z :=
   if staged_numbers_ok then
-    Some (match narrowed target stages with
-          | None => target
-          | Some N => match left_bound N (sweep_all N) with
-                      | None => target
-                      | Some b => Z.max target b
-                      end
-          end)
+    Some (match narrowed target stages with None => target | Some N => bound_of target N end)
   else None.
 
 (** * Soundness *)
@@ -260,6 +280,17 @@ Proof.
   - apply Req_le, worth_ext. intros j. unfold together. rewrite map_map. reflexivity.
   - intros zs Hzs. apply in_map_iff in Hzs. destruct Hzs as [c [<- Hc]]. rewrite Forall_forall in Hl.
     destruct (Hl c Hc) as [_ [H _]]. exact H.
+Qed.
+
+Lemma least_static_ok l (p : R) bases : forall j b,
+  (forall i is_limit c, nth_error bases i = Some (is_limit, c) ->
+     if is_limit : bool then 0 <= c + static_sum named (j + i) l else (p <= IZR (c + static_sum named (j + i) l))%R) ->
+  (p <= IZR b)%R -> (p <= IZR (least_static j bases l b))%R.
+Proof.
+  induction bases as [|[il c] bases IH]; intros j b Hall Hb; [exact Hb|]. cbn [least_static]. apply IH.
+  - intros i il' c' Hi. specialize (Hall (S i) il' c' Hi). rewrite Nat.add_succ_r in Hall. exact Hall.
+  - specialize (Hall O il c eq_refl). rewrite Nat.add_0_r in Hall. destruct il; [exact Hb|].
+    destruct (Z.min_spec b (c + static_sum named j l)) as [[_ ->] | [_ ->]]; assumption.
 Qed.
 
 (** What candidates see together is worth what their groups are. *)
@@ -464,25 +495,12 @@ Proof.
     clear - Hpool. induction Hpool as [|[n l] L p Ls [H _] HP IH]; simpl; [lia|]. simpl in H. rewrite app_length. lia.
 Qed.
 
-Lemma after_constant_ok stg t claim st : (t <= T)%nat -> step_inv t st -> step_inv t (after_constant stg t claim st).
+(** The most that is found bounds what a plan above the target is worth at the step. *)
+Lemma most_profit_ok st t prices claimed : (t <= T)%nat -> step_inv t st ->
+  (forall f, In f plan -> exists p, PM.find (snd f t) (map_of prices (fst f)) = Some p) ->
+  (FR t <= IZR (most_profit st t prices claimed + prices_sum prices t))%R.
 Proof.
-  intros Ht Hinv. pose proof Hinv as [HL [HU HF]]. unfold after_constant. set (prices := repriced st t stg).
-  (* the new prices are of the same states *)
-  assert (Hnew : forall f, In f plan -> exists p, PM.find (snd f t) (map_of prices (fst f)) = Some p).
-  { intros f Hf. unfold prices, repriced. destruct (HL f Hf) as [v E].
-    set (new := fun k => let old := map_of (u_prices (now st)) k in
-      match find (fun e => Nat.eqb t (fst (fst e)) && Nat.eqb k (snd (fst e))) (payments stg) with
-        | None => old
-        | Some (_, (listed, others)) =>
-            let table := fold_left (fun m sv => PM.add (fst sv) (snd sv) m) listed (PM.empty Z) in
-            PM.mapi (fun s v => match PM.find s table with Some p => p | None => v + others end) old
-        end).
-    change (exists p, PM.find (snd f t) (map_of (map (fun k => (k, new k)) (classes I)) (fst f)) = Some p).
-    rewrite map_of_map by (apply class_in, Hf). unfold new. cbv zeta.
-    destruct (find _ (payments stg)) as [[e [listed others]]|]; [|exists v; exact E].
-    rewrite mapi_find, E. simpl. eexists. reflexivity. }
-  split; [exact Hnew|]. split; [|exact HF].
-  intros u [<- | Hu]; [|apply HU; exact Hu]. cbn [u_constant u_prices].
+  intros Ht Hinv Hnew.
   set (gs := step_groups t).
   set (pr := fun f : flight => number_of prices (fst f) (snd f t)).
   set (cf := flown_candidate st t (fun f => here (fst f) (snd f t)) pr).
@@ -507,28 +525,31 @@ Proof.
     Forall (cand_ok named (amount_unit I) coarse (specs_of gs)) l ->
     (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of gs) l <= IZR best)%R).
   destruct (units I M units_fine) as [_ [_ [Za Zw]]]. destruct staged_parts as [_ [_ [Zc _]]].
-  assert (Hkeep : forall l l' (a : Z), Good l a -> Good l (highest gs (floor st) l' a)).
+  assert (Hkeep : forall l l' (a : Z), Good l a -> Good l (highest gs (floor st) (step_bases st) l' a)).
   { intros l l' a H H1 H2. eapply Rle_trans; [apply H; assumption|]. apply IZR_le. unfold highest. cbv zeta.
     destruct (_ <=? _); lia. }
   assert (HokLs : Forall (cand_ok named (amount_unit I) coarse (specs_of gs)) ([] ++ concat Ls)).
   { eapply Permutation_Forall; [apply Permutation_sym; exact HLs | exact Hcf]. }
   pose proof (worth_of_none t) as HF0. fold gs in HF0.
   pose proof (node_ok named places_meet places_meet_symmetric (amount_unit I) (weight_unit I) (precision M) coarse Za Zw precision_pos Zc
-    (specs_of gs) (specs_of_ok gs Hgs) Z (fun best => best) (highest gs (floor st)) Sorted.sort sorted_permutes memory (advise (specs_of gs)) named_dec Good
+    (specs_of gs) (specs_of_ok gs Hgs) Z (fun best => best) (highest gs (floor st) (step_bases st)) Sorted.sort sorted_permutes memory (advise (specs_of gs)) named_dec Good
     (fun l a H _ _ => H)
     ltac:(intros l a H1 H2; unfold highest; cbv zeta;
-          pose proof (exact_of_ok units_fine gs l Hgs H2) as HE; destruct H1 as [_ [Hfl _]];
+          pose proof (exact_of_ok units_fine gs l Hgs H2) as HE; destruct H1 as [Hstatic [Hfl _]];
           assert (Hle : floor st + sum named (charge named) l <= exact_of gs l) by (apply le_IZR; rewrite plus_IZR; lra);
-          apply Z.leb_le in Hle; rewrite Hle; unfold profitR; apply Rle_trans with (IZR (exact_of gs l - sum named (price named) l));
-          [rewrite minus_IZR; lra | apply IZR_le; lia])
+          apply Z.leb_le in Hle; rewrite Hle;
+          assert (Hleast : (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of gs) l
+              <= IZR (least_static 0 (step_bases st) l (exact_of gs l - sum named (price named) l)))%R) by
+            (apply least_static_ok; [exact Hstatic | unfold profitR; rewrite minus_IZR; lra]);
+          eapply Rle_trans; [exact Hleast | apply IZR_le; lia])
     Hkeep false
     ltac:(intros _ pre x c y post a H H1 H2;
           assert (Hp : Permutation (pre ++ x ++ c :: y ++ post) (pre ++ c :: x ++ y ++ post)) by
             (apply Permutation_app_head; symmetry; apply Permutation_middle);
           unfold profitR; rewrite (F_perm _ _ _ _ _ _ _ Hp), (sum_perm _ (price named) _ _ Hp); apply H;
           [eapply counts_perm; [exact places_meet_symmetric | exact Hp | exact H1] | eapply Permutation_Forall; eassumption])
-    (step_bases st) (floor st) (length (team I)) [] (nothing (specs_of gs)) 0 (- floor st) (step_bases st) pool_ mind claim Ls Hpool) as HN.
-  assert (HG : Good ([] ++ concat Ls) (most_profit st t prices claim)).
+    (step_bases st) (floor st) (length (team I)) [] (nothing (specs_of gs)) 0 (- floor st) (step_bases st) pool_ mind claimed Ls Hpool) as HN.
+  assert (HG : Good ([] ++ concat Ls) (most_profit st t prices claimed)).
   { apply HN.
     - exact Hpositive.
     - exact Hleft.
@@ -543,12 +564,44 @@ Proof.
   rewrite (F_perm _ _ _ _ _ _ _ HLs), (sum_perm _ (price named) _ _ HLs), HFL, Hprice in HG. simpl. rewrite plus_IZR. lra.
 Qed.
 
+Lemma repriced_ok st t new : step_inv t st ->
+  forall f, In f plan -> exists p, PM.find (snd f t) (map_of (repriced st new) (fst f)) = Some p.
+Proof.
+  intros [HL _] f Hf. destruct (HL f Hf) as [v E]. unfold repriced.
+  set (of := fun k => let old := map_of (u_prices (now st)) k in
+    match find (fun e => Nat.eqb k (fst e)) (payments new) with
+    | None => old
+    | Some (_, (listed, others)) =>
+        let table := fold_left (fun m sv => PM.add (fst sv) (snd sv) m) listed (PM.empty Z) in
+        PM.mapi (fun s v => match PM.find s table with Some p => p | None => v + others end) old
+    end).
+  change (exists p, PM.find (snd f t) (map_of (map (fun k => (k, of k)) (classes I)) (fst f)) = Some p).
+  rewrite map_of_map by (apply class_in, Hf). unfold of. cbv zeta.
+  destruct (find _ (payments new)) as [[e [listed others]]|]; [|exists v; exact E].
+  rewrite mapi_find, E. simpl. eexists. reflexivity.
+Qed.
+
+Lemma after_constant_ok new st : (of_step new <= T)%nat -> step_inv (of_step new) st ->
+  step_inv (of_step new) (after_constant new st).
+Proof.
+  intros Ht Hinv. pose proof Hinv as [HL [HU HF]]. set (t := of_step new) in *. unfold after_constant. fold t.
+  destruct (payments new) as [|e es] eqn:Ep.
+  - destruct (claim new <? u_constant (now st)); [|exact Hinv]. split; [exact HL|]. split; [|exact HF].
+    intros u [<- | Hu]; [|apply HU; right; exact Hu]. cbn [u_constant u_prices now].
+    pose proof (HU (now st) (or_introl eq_refl)) as Hnow.
+    pose proof (most_profit_ok st t (u_prices (now st)) (claim new) Ht Hinv HL) as Hmost.
+    destruct (Z.min_spec (u_constant (now st)) (most_profit st t (u_prices (now st)) (claim new))) as [[_ ->] | [_ ->]]; assumption.
+  - pose proof (repriced_ok st t new Hinv) as Hnew. split; [exact Hnew|]. split; [|exact HF].
+    intros u [<- | Hu]; [|apply HU; exact Hu]. cbn [u_constant u_prices now].
+    apply most_profit_ok; assumption.
+Qed.
+
 Lemma after_stage_ok stg N : inv N -> inv (after_stage stg N).
 Proof.
-  unfold after_stage. revert N. induction (step_constants stg) as [|[t claim] l IH]; intros N HN; [exact HN|]. simpl.
+  unfold after_stage. revert N. induction stg as [|new l IH]; intros N HN; [exact HN|]. simpl.
   apply IH. destruct HN as [Hlen HN]. split; [rewrite change_length; exact Hlen|]. intros j Hj. unfold at_.
-  rewrite change_nth by lia. fold (at_ N j). destruct (Nat.eqb_spec j t) as [<- | Hne]; [|apply HN, Hj].
-  apply after_constant_ok; [exact Hj | apply HN, Hj].
+  rewrite change_nth by lia. fold (at_ N j). destruct (Nat.eqb_spec j (of_step new)) as [E | Hne]; [|apply HN, Hj].
+  subst j. apply after_constant_ok; [exact Hj | apply HN, Hj].
 Qed.
 
 Lemma first_ok' : inv first_narrowing.
@@ -601,7 +654,7 @@ Notation worth_of := (worth_of I C).
 Theorem staged_bound_sound target stages b plan :
   staged_bound target stages = Some b -> is_plan I plan -> (J I plan <= IZR b / IZR (precision M))%R.
 Proof.
-  unfold staged_bound. intros Hb Hp. destruct staged_numbers_ok eqn:Hok; [|discriminate]. injection Hb as <-.
+  unfold staged_bound. intros Hb Hp. destruct staged_numbers_ok eqn:Hok; [|discriminate]. injection Hb as <-. unfold bound_of.
   pose proof (IZR_pos _ (precision_pos Hok)) as Pp.
   apply Rmult_le_reg_r with (IZR (precision M)); [exact Pp|]. unfold Rdiv. rewrite Rmult_assoc, Rinv_l, Rmult_1_r by lra.
   destruct (Rle_dec (J I plan * IZR (precision M)) (IZR target)) as [L | G].

@@ -75,13 +75,15 @@ let rec tree source =
 
 (* [last], [classes]: the last step, and how many classes there are. *)
 let stage last classes source =
-  let step s = let t = n s in require (t <= last) "stage: there is no such step"; t in
-  let payments = many source (fun s ->
-      let t = step s in let k = n s in
-      require (k < classes) "stage: there is no such class";
-      let listed = many s (fun s -> let state = z s in (state, z s)) in
-      ((t, k), (listed, z s))) in
-  { payments; step_constants = many source (fun s -> let t = step s in (t, z s)) }
+  many source (fun s ->
+      let t = n s in
+      require (t <= last) "stage: there is no such step";
+      let payments = many s (fun s ->
+          let k = n s in
+          require (k < classes) "stage: there is no such class";
+          let listed = many s (fun s -> let state = z s in (state, z s)) in
+          (k, (listed, z s))) in
+      { of_step = t; payments; claim = z s })
 
 let rec leaves = function Proved _ -> 1 | Divided (_, _, a, b) -> leaves a + leaves b
 
@@ -138,7 +140,7 @@ let checked most seconds instance_file lowered_file =
   watch seconds nodes;
   let lines = instance instance_file in
   let source = { file = open_in lowered_file; left = [] } in
-  if word source <> "cocap-lowered" || n source <> 1 then refuse "must begin with cocap-lowered 1";
+  if word source <> "cocap-lowered" || n source <> 2 then refuse "must begin with cocap-lowered 2";
   let single = is source in
   let numerator = z source in let denominator = z source in
   let holds, by = match word source with

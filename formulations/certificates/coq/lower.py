@@ -85,7 +85,7 @@ class Lowering:
     def claim(self) -> Words:
         """Returns the words that precede the tree."""
         bound = Fraction(-1) if self.bound is None else self.bound
-        return ["cocap-lowered", 1, int(self.single), bound.numerator, bound.denominator]
+        return ["cocap-lowered", 2, int(self.single), bound.numerator, bound.denominator]
 
     def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a leaf; `decisions` are those on the way from the root."""
@@ -215,13 +215,15 @@ class Lowering:
     def staged(self, numbers: Spec) -> Words:
         """Returns the words of a staged certificate."""
         check.only(numbers, {"multipliers", "target", "stages", "paths_above", "paths_from"})
-        target, above = self._target(numbers["target"]), numbers.get("paths_above")
+        above = numbers.get("paths_above")
+        is_higher = above is None or check.number_of(above) >= check.number_of(numbers["target"])
+        check.require(is_higher, "paths_above: must not be below the target")
         begin = self._begin(numbers)
         return [
-            target, COARSE,
+            self._target(numbers["target"]), COARSE,
             *self.multipliers(numbers["multipliers"]),
             *listed(map(self._stage, numbers["stages"])),
-            "-" if above is None else max(self._target(above), target),
+            "-" if above is None else self._target(above),
             "-" if begin is None else begin,
         ]  # fmt: skip
 
@@ -237,42 +239,44 @@ class Lowering:
         return begin
 
     def _target(self, value: object) -> int:
-        target = check.number_of(value)
-        lowered_target: int = math.floor(min(target, self.bound or target) * self.precision)
-        return lowered_target
+        target: int = math.floor(check.number_of(value) * self.precision)
+        return target
 
     def _stage(self, stage: Spec) -> Words:
+        """Returns the words of a stage: its constants in order, the first of each step with the
+        prices of that step.
+        """
         check.only(stage, {"payments", "constants"})
-        payments: list[Words] = []
-        priced: set[tuple[int, int]] = set()
+        # for each step and class, new prices of states, and by how much all others rise
+        prices: dict[int, dict[int, tuple[dict[int, int], int]]] = {}
         for step in stage.get("payments", ()):
             check.only(step, {"t", "robot_class", "states", "payments", "others"})
-            number = self._class(step.get("robot_class", 0))
-            check.require((self._step(step), number) not in priced, "stage: lists a class twice")
-            priced.add((step["t"], number))
+            number, of_step = self._class(step.get("robot_class", 0)), self._step(step)
             kind = self.instance.kinds[self.kinds[number]]
             check.require(
                 len(step["states"]) == len(step["payments"]),
                 "payments: must hold a number for each state",
             )
+            rise = self._rounded(step.get("others", 0.0))
+            before, risen = prices.setdefault(of_step, {}).get(number, ({}, 0))
+            listed_prices = {state: price + rise for state, price in before.items()}
             # No drone of a class takes a state that its kind lacks in the instance.
-            listed_prices = [
-                [place * len(kind.turns) + turn + 1, self._rounded(price)]
-                for name, price in zip(map(tuple, step["states"]), step["payments"], strict=True)
-                if name in kind.states
-                for place, turn in [kind.states[name]]
-            ]
-            others = self._rounded(step.get("others", 0.0))
-            payments.append([step["t"], number, *listed(listed_prices), others])
+            for name, price in zip(map(tuple, step["states"]), step["payments"], strict=True):
+                if name in kind.states:
+                    place, turn = kind.states[name]
+                    listed_prices[place * len(kind.turns) + turn + 1] = self._rounded(price)
+            prices[of_step][number] = listed_prices, risen + rise
+        constants: list[Words] = []
         for step in stage.get("constants", ()):
             check.only(step, {"t", "constant"})
-        constants: list[Words] = [
-            [self._step(step), self._rounded(step["constant"])]
-            for step in stage.get("constants", ())
-        ]
-        without = {t for t, _ in priced} - {step["t"] for step in stage.get("constants", ())}
-        check.require(not without, "stage: a step with payments has no constant")
-        return [*listed(payments), *listed(constants)]
+            of_classes = prices.pop(self._step(step), {})
+            payments = (
+                [number, *listed([s, price] for s, price in of_states.items()), others]
+                for number, (of_states, others) in of_classes.items()
+            )
+            constants.append([step["t"], *listed(payments), self._rounded(step["constant"])])
+        check.require(not prices, "stage: a step with payments has no constant")
+        return listed(constants)
 
     def _step(self, spec: Spec) -> int:
         t: int = check.whole(spec["t"])

@@ -72,7 +72,9 @@ def price_staged(
     higher = narrowing.above(above)
     try:
         best = best_plan_from(higher, middle or 0, searches.nodes_left, stop, plain)
-        return best.pricing._replace(nodes=nodes + best.nodes)
+        # Paths above a higher value bound J by no less than that value; stages may prove less.
+        lowest = min(best.pricing, narrowing.pricing, key=lambda pricing: pricing.bound)
+        return lowest._replace(nodes=nodes + best.nodes)
     except NotEndedError as error:
         raise UnfinishedError(
             "certificate.paths_above: not verified: too many joint states remain to explore; "
