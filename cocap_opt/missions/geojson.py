@@ -98,11 +98,11 @@ class _Features:
         times = [[self._clock.text(t) for t in part.t.tolist()] for part in parts]
         values = [_rounded({"t": part.t, **part.heights}, _METRES) for part in parts]
         if len(parts) == 1:
-            found = {"coordTimes": times[0], "coordinateProperties": values[0]}
-            return _feature("LineString", lines[0], {**properties, **found})
+            properties |= {"coordTimes": times[0], "coordinateProperties": values[0]}
+            return _feature("LineString", lines[0], properties)
         nested = {name: [by_name[name] for by_name in values] for name in values[0]}
-        found = {"coordTimes": times, "coordinateProperties": nested}
-        return _feature("MultiLineString", lines, {**properties, **found})
+        properties |= {"coordTimes": times, "coordinateProperties": nested}
+        return _feature("MultiLineString", lines, properties)
 
     def _points(self, track: EarthTrack, drone: int) -> Iterator[_Feature]:
         values = {**_rounded(track.angles, _ANGLE), **_rounded(track.heights, _METRES)}
