@@ -2,8 +2,11 @@
 
 Its positions have a third coordinate only if the scene's heights are above the ellipsoid of WGS 84,
 as section 4 defines that coordinate; all heights are properties. Times of the points of a line are
-in `coordTimes`, where togeojson writes them and Leaflet.TimeDimension and folium look for them.
-Colours follow the simplestyle specification.
+in `coordTimes`, where togeojson used to write them and Leaflet.TimeDimension and folium look for
+them; other values of these points are in `coordinateProperties`, as togeojson writes them now. A
+property of its own for each list would share its name with a number of the points, and GIS give
+all features of a file one type of field: QGIS then reads each height as a list of one. Colours
+follow the simplestyle specification.
 """
 
 from collections.abc import Iterator
@@ -91,16 +94,15 @@ class _Features:
     def _line(self, track: EarthTrack, properties: dict[str, Any]) -> _Feature:
         """Returns a line, or two if it crosses the antimeridian, with a time for each point."""
         parts = track.parts()
-        values = [
-            {"coordTimes": [self._clock.text(t) for t in part.t.tolist()],
-             "t": part.t.round(_METRES).tolist(), **_rounded(part.heights, _METRES)}
-            for part in parts
-        ]  # fmt: skip
         lines = [self._positions(part) for part in parts]
+        times = [[self._clock.text(t) for t in part.t.tolist()] for part in parts]
+        values = [_rounded({"t": part.t, **part.heights}, _METRES) for part in parts]
         if len(parts) == 1:
-            return _feature("LineString", lines[0], {**properties, **values[0]})
+            properties |= {"coordTimes": times[0], "coordinateProperties": values[0]}
+            return _feature("LineString", lines[0], properties)
         nested = {name: [by_name[name] for by_name in values] for name in values[0]}
-        return _feature("MultiLineString", lines, {**properties, **nested})
+        properties |= {"coordTimes": times, "coordinateProperties": nested}
+        return _feature("MultiLineString", lines, properties)
 
     def _points(self, track: EarthTrack, drone: int) -> Iterator[_Feature]:
         values = {**_rounded(track.angles, _ANGLE), **_rounded(track.heights, _METRES)}

@@ -7,6 +7,7 @@ pitch is in the track's extended data.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -53,21 +54,21 @@ def write(flight: Flight, every: float | None) -> Export:
     _add(document, "description", "; ".join(map(str, notes)))
     writer.add_view(document, drones)
     _add_styles(document, len(drones))
-    folder = _folder(document, "drones")
-    for i, track in enumerate(drones):
-        writer.add_track(folder, f"drone {i}", f"#drone{i}", track)
-    folder = _folder(document, "people")
-    for j, walk in enumerate(people):
-        writer.add_track(folder, flight.flown.problem.person(j), "#person", walk)
-    folder = _folder(document, "footprints")
-    for found in footprints_on_earth(flight):
-        writer.add_footprint(folder, found)
-    folder = _folder(document, "no-fly zones")
-    for zone in zones(flight, geodesy_of(flight)):
-        _add_zone(folder, zone)
-    folder = _folder(document, "take-off and landing")
-    for end in ends(flight, geodesy_of(flight)):
-        _add_end(folder, end)
+    with _folder(document, "drones") as folder:
+        for i, track in enumerate(drones):
+            writer.add_track(folder, f"drone {i}", f"#drone{i}", track)
+    with _folder(document, "people") as folder:
+        for j, walk in enumerate(people):
+            writer.add_track(folder, flight.flown.problem.person(j), "#person", walk)
+    with _folder(document, "footprints") as folder:
+        for found in footprints_on_earth(flight):
+            writer.add_footprint(folder, found)
+    with _folder(document, "no-fly zones") as folder:
+        for zone in zones(flight, geodesy_of(flight)):
+            _add_zone(folder, zone)
+    with _folder(document, "take-off and landing") as folder:
+        for end in ends(flight, geodesy_of(flight)):
+            _add_end(folder, end)
     ElementTree.indent(root, "")
     text = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
     return Export({"": text + b"\n"}, notes)
@@ -197,10 +198,14 @@ def _add_end(folder: ElementTree.Element, end: End) -> None:
     _add(point, "coordinates", f"{end.longitude:.8f},{end.latitude:.8f}")
 
 
-def _folder(document: ElementTree.Element, name: str) -> ElementTree.Element:
-    folder = _add(document, "Folder")
+@contextmanager
+def _folder(document: ElementTree.Element, name: str) -> Iterator[ElementTree.Element]:
+    """Yields a folder to be filled; an empty one is left out, as GIS make a layer of each."""
+    folder = ElementTree.Element(f"{{{_KML}}}Folder")
     _add(folder, "name", name)
-    return folder
+    yield folder
+    if len(folder) > 1:
+        document.append(folder)
 
 
 def _add_styles(document: ElementTree.Element, drones: int) -> None:

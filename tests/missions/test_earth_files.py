@@ -125,7 +125,9 @@ def test_geojson_has_tracks_steps_footprints_and_walks(
         own = truth.of_drone(values["drone"])
         assert metres(line.xy, truth.degrees(own.x, own.y)) < 0.01
         np.testing.assert_allclose([seconds(t) for t in values["coordTimes"]], own.t)
-        np.testing.assert_allclose(values["above_ground"], own.z)
+        of_points = values["coordinateProperties"]
+        np.testing.assert_allclose(of_points["t"], own.t)
+        np.testing.assert_allclose(of_points["above_ground"], own.z)
         assert line.has_z == (heights == ELLIPSOID)
         if line.has_z:
             np.testing.assert_allclose(
@@ -257,7 +259,9 @@ def test_odd_flights_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[s
     np.testing.assert_allclose([row.coord.z for row in track.track_items], 34.0)
     features = json.loads(path.read_text())["features"]
     assert shapely.geometry.shape(features[0]["geometry"]).length == 0
-    assert {"above_surface", "above_ellipsoid"} <= set(features[0]["properties"])
+    assert {"above_surface", "above_ellipsoid"} <= set(
+        features[0]["properties"]["coordinateProperties"]
+    )
     # Swiss heights are above Bessel's ellipsoid, which is not that of WGS 84.
     assert not shapely.geometry.shape(features[0]["geometry"]).has_z
 

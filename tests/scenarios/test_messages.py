@@ -34,7 +34,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty nothing x\nend_header\n
         (WALLS, "a.geojson",
          '{"type": "Feature", "properties": {"height": 1e400}, "geometry": null}',
          r"GeoJSON: properties\[...\]: must be a number within \+-1.8e308"),
-        (WALLS, "a.geojson", "[" * 100_000, "must not be nested so deeply"),
+        (WALLS, "a.geojson", "[" * 1_000_000, "must not be nested so deeply"),
         (WALLS, "a.wkt", "POLYGON ((0 0, a 0))", r"cannot be read as WKT, such as POLYG"),
         (WALLS.replace('polygons = "obstacles"', ""), "a.json", '{"a": {"walkable": [[0, 1e999]]}}',
          r"walkable\[0\]\[1\]: must be a number within \+-1.8e308; ground plans are"),
