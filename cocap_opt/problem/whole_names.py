@@ -41,11 +41,13 @@ class WholeName(Text):
         name = self.get_window_extent(renderer)
         if name.width > room.width or name.height > room.height:
             return
-        moved = np.clip(0.0, room.min - name.min, room.max - name.max)
+        low, high = (np.subtract(*ends) for ends in ((room.min, name.min), (room.max, name.max)))
+        moved = np.clip(0.0, low, high)
         if abs(moved[0]) > _MOST_MOVED * name.width:
             return
         to_px = self.axes.transData
-        self.set_position(to_px.inverted().transform(to_px.transform(place) + moved))
+        x, y = to_px.inverted().transform(to_px.transform(place) + moved).tolist()
+        self.set_position((x, y))
         name = name.translated(*moved.tolist())
         if any(name.overlaps(other) for other in (*_marks(self.axes), *self._texts(renderer))):
             return

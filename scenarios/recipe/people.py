@@ -99,10 +99,11 @@ class TracksTable(Table):
 
     def _placed(self, points: FloatArray) -> FloatArray:
         """Returns the points [n, 2] (m) of a track where they are on the map."""
-        if not self.turn:
-            return points + np.array(self.at)
-        cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
-        return points @ np.array([[cos, sin], [-sin, cos]]) + np.array(self.at)
+        if self.turn:
+            cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
+            points = points @ np.array([[cos, sin], [-sin, cos]])
+        placed: FloatArray = points + np.array(self.at)
+        return placed
 
     @property
     def _files(self) -> list[str]:
