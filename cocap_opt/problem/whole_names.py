@@ -11,7 +11,7 @@ from matplotlib.transforms import Bbox
 
 from cocap_opt.problem.land_cover import LandCover
 
-_MARGIN = 2  # px, between a name and the edges of its axes
+_MARGIN = 4  # px, between a name and the edges of its axes
 _MOST_MOVED = 1 / 3  # of the width of a name
 
 
