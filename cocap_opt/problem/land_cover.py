@@ -69,14 +69,46 @@ class LandCover(Data, frozen=True, eq=False):
     @property
     def label(self) -> tuple[float, float]:
         """A point x, y (m) inside the area, far from all rims, at which the name is written."""
-        low, high = self.box
+        inside = self._tried(*self.box)
+        x, y = self._farthest(inside if len(inside) else self.outline)
+        return x, y
+
+    def label_in(self, low: FloatArray, high: FloatArray) -> tuple[float, float] | None:
+        """Returns a point x, y (m) for the name in the part of the area inside a rectangle.
+
+        The point is far from all rims and from the rectangle's sides.
+
+        Parameters
+        ----------
+        low, high : lower and upper corner x, y (m) of the rectangle
+
+        Returns
+        -------
+        None if the rectangle shows nothing of the area, or next to nothing.
+        """
+        first, last = self.box
+        inside = self._tried(np.maximum(first, low), np.minimum(last, high))
+        if not len(inside):
+            return None
+        x, y = self._farthest(inside, np.minimum(inside - low, high - inside).min(axis=1))
+        return x, y
+
+    def _tried(self, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Returns the points [n, 2] (m) of a grid in a rectangle that are in the area."""
         apart = float((high - low).max()) / _TRIED
+        if not (low < high).all():
+            return np.empty((0, 2))
         axes = [np.arange(a + apart / 2, b, apart) for a, b in zip(low, high, strict=True)]
         tried = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-        inside = tried[self.holds(tried)]
-        points = inside if len(inside) else self.outline
-        x, y = points[self._to_rims(points).argmax()].tolist()
-        return x, y
+        return tried[self.holds(tried)]
+
+    def _farthest(self, points: FloatArray, most: FloatArray | float = np.inf) -> list[float]:
+        """Returns the point x, y (m), of points [n, 2], that is farthest from all rims.
+
+        `most` [n] (m) is an upper limit of each point's distance.
+        """
+        best: list[float] = points[np.minimum(self._to_rims(points), most).argmax()].tolist()
+        return best
 
     def _to_rims(self, points: FloatArray) -> FloatArray:
         """Returns the distances [n] (m) of points [n, 2] to the nearest rim."""

@@ -344,8 +344,8 @@ class TopView(NamedTuple):
             ax.add_patch(PathPatch(path, facecolor=colour, lw=0, zorder=-1))
             if area.name is not None:
                 name = WholeName(
-                    *area.label, area.name, fontsize=_SMALL, style="italic", color=NAME,
-                    ha="center", va="center", zorder=1, transform=ax.transData,
+                    area, fontsize=_SMALL, style="italic", color=NAME, zorder=1,
+                    transform=ax.transData,
                     path_effects=[withStroke(linewidth=2, foreground="white", alpha=0.7)],
                 )  # fmt: skip
                 name.set_in_layout(False)

@@ -71,7 +71,9 @@ begin = 37.0                # s, time of step 0 in the file; dates, and seconds 
                             # are present at all steps
 ids = [12, 15, 16]          # or: count = 3, the first three people present at all steps; no
                             # default: write one of the two
-at = [40, 20]               # added to the points; default: nothing
+turn = 90                   # degrees from x to y by which points are turned about x = y = 0 of
+                            # the file, before `at`; default: 0
+at = [40, 20]               # m, added to the points; default: nothing
 delimiter = " "             # default: guessed from the first row
 still = 0.1                 # m/s; slower people keep their heading
 shape = { type = "prism", sides = 6, apothem = 0.25, height = 1.75 }   # m; a shape that lacks

@@ -54,6 +54,7 @@ class TracksTable(Table):
     begin: float | None = None
     ids: Annotated[list[int | str], Meta(min_length=1)] | None = None
     count: Count | None = None
+    turn: Heading = 0.0  # degrees from x to y, about x = y = 0
     at: Point = (0.0, 0.0)
     shape: Shape = BODY
     views_weight: Factor | None = None
@@ -83,7 +84,7 @@ class TracksTable(Table):
         tracks = self._tracks(folder, projection)
         begin, chosen = self._chosen(tracks, step, steps)
         actors = [
-            track._replace(points=track.points + np.array(self.at)).actor(
+            track._replace(points=self._placed(track.points)).actor(
                 begin, step, steps, shape=self.shape, still=self.still, ground=terrain.floor
             )
             for track in chosen
@@ -95,6 +96,14 @@ class TracksTable(Table):
         _require_near_map(shown, actors, terrain, "`at` moves people, `origin` of [map] the map")
         clock = chosen[0].clock
         return actors, clock and clock.later(begin)
+
+    def _placed(self, points: FloatArray) -> FloatArray:
+        """Returns the points [n, 2] (m) of a track where they are on the map."""
+        if self.turn:
+            cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
+            points = points @ np.array([[cos, sin], [-sin, cos]])
+        placed: FloatArray = points + np.array(self.at)
+        return placed
 
     @property
     def _files(self) -> list[str]:

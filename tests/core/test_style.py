@@ -10,9 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import cocap_opt as co
+from cocap_opt.data import BoolArray
 from cocap_opt.output.printing import markdown_table
 from cocap_opt.pictures.style import LABEL, SERIES, TITLE, WIDTH
 from cocap_opt.problem.apart_numbers import ApartNumbers
+from cocap_opt.problem.land_cover import LandCover
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.pictures import COVERED, DRONE_COLOURS, LOW, PERSON, WALL, TopView
 from cocap_opt.problem.whole_names import WholeName
@@ -126,20 +128,52 @@ def test_a_legend_has_a_mark_for_each_drone() -> None:
         assert min(np.diff(places)) > rings[0].get_markersize() / 2
 
 
+def named(name: str, x: float, y: float, side: float = 1.0) -> LandCover:
+    """A square area with a name."""
+    corners = np.array([x, y]) + side * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+    return LandCover(kind="green", outline=corners, name=name)
+
+
+def drawn_names(*areas: LandCover, disc: tuple[float, float] | None = None) -> BoolArray:
+    """Draws names in axes of 10 x 10 m, and returns where ink is, [Y, X] from above."""
+    figure = Figure(figsize=(3, 3))
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 10), ylim=(0, 10))
+    if disc is not None:
+        ax.plot(*disc, "o", ms=10, alpha=0)
+    ax.set_axis_off()
+    for area in areas:
+        ax.add_artist(WholeName(area, transform=ax.transData))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray((np.asarray(canvas.buffer_rgba())[..., :3] < 128).any(axis=-1))
+
+
 @pytest.mark.parametrize(("at", "is_drawn"), [((5.0, 5.0), False), ((5.0, 9.0), True)])
 def test_a_name_is_left_out_where_a_disc_would_hide_it(
     at: tuple[float, float], is_drawn: bool
 ) -> None:
     """Names on the ground are whole, or are not there."""
-    figure = Figure(figsize=(3, 3))
-    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 10), ylim=(0, 10))
-    ax.plot(*at, "o", ms=10, alpha=0)
-    ax.set_axis_off()
-    ax.add_artist(WholeName(5, 5, "lane", ha="center", va="center", transform=ax.transData))
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
-    assert bool((pixels < 128).any()) == is_drawn
+    assert drawn_names(named("lane", 5, 5), disc=at).any() == is_drawn
+
+
+def test_a_name_at_an_edge_is_moved_inwards() -> None:
+    """It is whole: as much ink as in the middle, and none in the last column of pixels."""
+    middle, edge = (drawn_names(named("court", x, 5)) for x in (5, 9.4))
+    assert not edge[:, -1].any() and edge[:, edge.shape[1] // 2 :].any()
+    assert edge.sum() == pytest.approx(middle.sum(), rel=0.1)
+    assert not drawn_names(named("a long name", 9.9, 5)).any()  # it would be beside its area
+
+
+def test_a_name_is_in_the_part_of_its_area_that_is_shown() -> None:
+    """An area whose middle is outside of the picture is named, too; one outside of it is not."""
+    assert drawn_names(named("canal", 20, 5, side=30)).any()
+    assert not drawn_names(named("canal", 20, 5)).any()
+
+
+def test_names_do_not_overlap() -> None:
+    """The first of two in one place is drawn."""
+    assert (drawn_names(named("court", 5, 5), named("mound", 5.2, 5.1))
+            == drawn_names(named("court", 5, 5))).all()  # fmt: skip
 
 
 def test_pictures_say_what_they_show() -> None:

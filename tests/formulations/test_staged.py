@@ -47,6 +47,7 @@ from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
     best_plan,
+    best_plan_from,
     compiled_search,
     conflicts,
     may_be_used,
@@ -142,14 +143,16 @@ def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.Mon
         steps.append(found.nodes)
         return found
 
-    def trying(narrowing: Narrowing, most_nodes: int, stop: Stop, plain: bool) -> BestPlan:
+    def trying(
+        narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop, plain: bool
+    ) -> BestPlan:
         assert most_nodes == checker.MOST_NODES - sum(steps)
-        found = best_plan(narrowing, most_nodes, stop, plain)
+        found = best_plan_from(narrowing, from_step, most_nodes, stop, plain)
         steps.append(found.nodes)
         return found
 
     monkeypatch.setattr(checker, "most_profitable", noted)
-    monkeypatch.setattr(checker, "best_plan", trying)
+    monkeypatch.setattr(checker, "best_plan_from", trying)
     stage = Stage((), tuple(StepConstant(t, -100.0) for t in (1, 2)))
     multipliers = random_multipliers(model, np.random.default_rng(0))
     certificate = Staged(multipliers, -1.0, (stage, stage), -1.0)

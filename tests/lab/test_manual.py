@@ -28,7 +28,7 @@ from cocap_opt.experiments.lab.manual.python_reference import NAMES, PYTHON
 from cocap_opt.experiments.lab.manual.recorded_tree import recorded_tree
 from cocap_opt.experiments.lab.manual.trusted import CHECKER, TRUSTED, UPPER, storeys
 from cocap_opt.experiments.lab.manual.worked_words import told_closed
-from cocap_opt.experiments.lab.studies.drawings import GALLERY
+from cocap_opt.experiments.lab.studies.drawings import GALLERY, RECIPES
 from cocap_opt.experiments.tables.rows import COLUMNS
 from cocap_opt.files.documents import decode_document
 from cocap_opt.scenarios import SCENES
@@ -112,7 +112,7 @@ def test_lists_have_all_that_there_is() -> None:
     """Scenes and columns are all named."""
     assert all(f"| {name} " in LISTS["scenes"]() for name in SCENES)
     assert LISTS["columns"]().count("\n") == len(COLUMNS) + 2
-    assert set(GALLERY) <= set(SCENES)
+    assert set(GALLERY) <= {*SCENES, *RECIPES}
 
 
 def test_the_index_has_all_pages() -> None:

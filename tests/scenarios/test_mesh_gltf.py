@@ -192,7 +192,7 @@ def test_instances_without_end_are_refused(tmp_path: Path) -> None:
         })  # fmt: skip
         moves = {"attributes": {"TRANSLATION": len(made.json["accessors"]) - 1}}
         made.json["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": moves}
-        with pytest.raises(ProblemError, match=f"must be at most 1000000 {words}"):
+        with pytest.raises(ProblemError, match=f"must have at most 1000000 {words}"):
             shape(tmp_path, made.glb())
 
 

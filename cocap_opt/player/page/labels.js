@@ -46,7 +46,8 @@ export class Labels {
     context.font = `italic 600 11px ${FONT}`;
     for (const { name, at } of view.data.terrain.land?.names ?? []) {
       const [x, y] = view.at(at), wide = context.measureText(name).width;
-      const isWhole = x >= wide / 2 && x + wide / 2 <= view.canvas.clientWidth && this.isInside(x, y), label = { x, y, wide, high: 13 };
+      const label = { x, y, wide, high: 13 }, { clientWidth, clientHeight } = view.canvas;
+      const isWhole = x >= wide / 2 && x + wide / 2 <= clientWidth && y >= label.high / 2 && y + label.high / 2 <= clientHeight;
       if (!isWhole || view.isHidden(at) || !isClear(label, taken)) continue;
       taken.push(label);
       this.haloed(name, x, y);

@@ -43,11 +43,24 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.engine import run
 from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.scenarios.built_in import places
 
 _SVG, _PNG = ".svg", ".png"
 _GAPS_OF = ("greedy", "sequential", "sequential-rounds", "cocap", "cocap-vs", RECOMMENDED)
 _GAPS_IN = ("bottleneck", "passage")
-GALLERY = ("delft", "corridor", "bottleneck", "passage", "bridge", "field")
+GALLERY = ("delft", "delft-walkers", "corridor", "bottleneck", "passage", "bridge", "field")
+# Recipes in the folder of a built-in place that are not scenes of their own: the place, and what
+# the gallery says of the recipe.
+RECIPES = {
+    "delft-walkers": (
+        "delft",
+        "Recorded people in the lane of delft: one goes up, three come down, and five drones film "
+        "them for six seconds. They are volunteers of an experiment of Forschungszentrum Jülich, "
+        "in a corridor 4 m wide; their tracks are turned and moved into the lane, neither scaled "
+        "nor changed in time. So short a time lets drones within their autopilot's limits get 3.5 "
+        "m far, so the planner also chooses where they start.",
+    )
+}
 _GIVING_WAY = ("greedy", "sequential", "cocap")
 
 
@@ -109,8 +122,9 @@ def _view() -> bytes:
 
 @cache
 def _recommended(scene: str) -> tuple[Problem, Plan]:
-    """Returns a scene, with seed 0, and its plan by the recommended planner."""
-    problem = load_scene(scene, 0)
+    """Returns a scene of the gallery, with seed 0, and its plan by the recommended planner."""
+    path = places.FOLDER / RECIPES[scene][0] / f"{scene}.toml" if scene in RECIPES else scene
+    problem = load_scene(str(path), 0)
     return problem, _plan(problem, RECOMMENDED)
 
 
@@ -147,12 +161,16 @@ def gallery_in_markdown() -> str:
 
 
 def _scene_part(name: str) -> str:
-    about = " ".join((SCENES[name].__doc__ or "").split())
+    if name in RECIPES:
+        place, about = RECIPES[name]
+        copy, scene = f"cocap-opt recipe {place} -o shoot\n", f"shoot/{name}.toml"
+    else:
+        copy, scene, about = "", name, " ".join((SCENES[name].__doc__ or "").split())
     return (
         f"## {name}\n\n{about}\n\n"
         f"![The recommended planner's plan of {name} from above](pictures/gallery-{name}.svg)\n\n"
-        f"```sh\ncocap-opt plan {name} -o {name}.json\n"
-        f"cocap-opt show {name} {name}.json -o {name}.html\n```"
+        f"```sh\n{copy}cocap-opt plan {scene} -o {name}.json\n"
+        f"cocap-opt show {scene} {name}.json -o {name}.html\n```"
     )
 
 

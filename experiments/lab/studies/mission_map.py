@@ -10,8 +10,9 @@ from cocap_opt.data import FloatArray
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.pictures.figures import picture, robot_colour
 from cocap_opt.pictures.style import LABEL, SMALL, TITLE, new_figure
-from cocap_opt.problem import LandCover, Problem
-from cocap_opt.problem.pictures import LAND_COLOURS
+from cocap_opt.problem import Problem
+from cocap_opt.problem.pictures import LAND_COLOURS, NAME
+from cocap_opt.problem.whole_names import WholeName
 
 _AROUND = 0.25  # margin on each side, as a share of the missions' extent
 _WAYPOINT = 16  # MAV_CMD_NAV_WAYPOINT
@@ -29,7 +30,14 @@ def mission_map(problem: Problem, missions: Sequence[Path]) -> bytes:
     figure = new_figure(7.0, 5.6)
     ax = figure.add_subplot()
     for area in problem.land_cover:
-        ax.fill(*_degrees(problem, area).T, color=LAND_COLOURS[area.kind], lw=0)
+        outline, *holes = (_degrees(problem, rim) for rim in (area.outline, *area.holes))
+        ax.fill(*outline.T, color=LAND_COLOURS[area.kind], lw=0)
+        if area.name is not None:
+            shown = area.replace(outline=outline, holes=tuple(holes))
+            ax.add_artist(WholeName(
+                shown, fontsize=SMALL, style="italic", color=NAME, transform=ax.transData,
+                path_effects=[withStroke(linewidth=2, foreground="w")],
+            ))  # fmt: skip
     for drone, way in enumerate(found):
         colour = robot_colour(drone)
         ax.plot(*way.T, color=colour, lw=1.6, marker=".", ms=5)
@@ -62,9 +70,9 @@ def _waypoints(mission: Path) -> FloatArray:
     return np.array([(item.y, item.x) for item in items[1:] if item.command == _WAYPOINT])
 
 
-def _degrees(problem: Problem, area: LandCover) -> FloatArray:
-    """Returns longitudes and latitudes [n, 2] (degrees) of an area's outline."""
+def _degrees(problem: Problem, rim: FloatArray) -> FloatArray:
+    """Returns longitudes and latitudes [n, 2] (degrees) of points [n, 2] (m)."""
     assert problem.earth is not None
     geodesy = Geodesy(problem.earth, problem.height_map.centre(0, 0))
-    latitude, longitude = geodesy.degrees(*area.outline.T)
+    latitude, longitude = geodesy.degrees(*rim.T)
     return np.column_stack([longitude, latitude])

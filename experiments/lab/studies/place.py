@@ -40,15 +40,19 @@ class _Name(NamedTuple):
 
     name: str
     at: tuple[float, float]
+    certainty: str | None = None  # of a name that is not in the source map; None: a description
 
 
-# The source map has no names. All of these but one describe what is there.
+# The source map has no names, but the numbers of its houses, which published descriptions of this
+# part of the town mention: README.md of the place tells how. The others describe what is there.
 _NAMES = (
-    _Name("Rijn-Schie canal", (85012.0, 447595.0)),
-    _Name("canal", (84910.0, 447485.0)),
+    _Name("Rijn-Schie canal", (85012.0, 447595.0), "settled"),
+    _Name("Oosteinde", (84910.0, 447485.0), "settled"),
+    _Name("Oranje Plantage", (85000.0, 447560.0), "practically settled"),
+    _Name("'t Carto", (84988.0, 447511.0), "strong"),
+    _Name("Klaeuwshofje", (85015.0, 447506.0), "strong"),
     _Name("lane", (84940.0, 447543.5)),
     _Name("courtyard", (84902.0, 447555.0)),
-    _Name("courtyard", (84953.0, 447512.0)),
     _Name("mound", (84972.0, 447514.0)),
 )
 
@@ -114,6 +118,8 @@ def _features(source: Path) -> Iterator[dict[str, Any]]:
             if name is not None:
                 waiting.remove(name)
                 properties["name"] = name.name
+                if name.certainty is not None:
+                    properties["certainty"] = name.certainty
             rings = [part.exterior, *part.interiors]
             points = [[list(point) for point in ring.coords] for ring in rings]
             geometry = {"type": "Polygon", "coordinates": points}
