@@ -104,7 +104,8 @@ export class Chart {
       context.fillStyle = words.soft;
       context.fillText(short(value), MARGIN.left - 6, y(value));
     }
-    context.fillText("J/step", MARGIN.left - 6, 9); // as long as the smallest margin allows
+    const fits = context.measureText("J per step").width <= MARGIN.left - 2;
+    context.fillText(fits ? "J per step" : "J/step", MARGIN.left - 2, 9);
     context.textAlign = "center";
     context.textBaseline = "top";
     const every = Math.max(1, rounded(Math.max(1, (34 * this.data.steps) / this.width) * 1.99));
