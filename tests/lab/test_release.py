@@ -65,7 +65,7 @@ def commands_of_readme() -> list[list[str]]:
 # Endings of files that are code, looks or data.
 SHIPPED = (
     ".py", ".js", ".css", ".html", ".mplstyle", ".csv", ".gz", ".toml", ".asc", ".geojson", ".prj",
-    ".md",
+    ".md", ".txt",
 )  # fmt: skip
 
 
