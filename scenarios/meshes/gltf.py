@@ -330,7 +330,9 @@ class _Reader:
             )
         (count,) = counts
         if count > MOST_TRIANGLES:
-            raise ProblemError(f"{place}: must have at most {MOST_TRIANGLES} instances, not {count}")
+            raise ProblemError(
+                f"{place}: must have at most {MOST_TRIANGLES} instances, not {count}"
+            )
         parts = (
             found.get("TRANSLATION", np.zeros((count, 3))),
             found.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))),
