@@ -15,7 +15,7 @@ from cocap_opt.files.messages import no_text
 from cocap_opt.scenarios.kinds import Kind, require
 from cocap_opt.text import span, unread
 
-_UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
+UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE  # marks at the beginning of a file
 
 
 # A field, or a path of several fields: starts[0].height
@@ -73,12 +73,12 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     require(path, takes)
     try:
         content = path.read_bytes()
-        text = content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
+        text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
     except OSError as error:
         raise ProblemError(unread(error)) from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
-    if content in _UTF_16:
+    if content in UTF_16:
         raise ProblemError("must be a text file in UTF-8; it has only a byte order mark of UTF-16")
     if "\0" in text:
         raise ProblemError("must be a text file in UTF-8; it has NUL characters, like UTF-16")

@@ -11,7 +11,6 @@ is a decimal comma.
 
 import logging
 import re
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -32,7 +31,7 @@ from cocap_opt.scenarios.kinds import ESRI_ASCII, TIFF, kind_of, require
 from cocap_opt.scenarios.maps import geotiff
 from cocap_opt.scenarios.maps.raster import Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
-from cocap_opt.scenarios.text import integer, naming, number, plain_number, xml_root
+from cocap_opt.scenarios.text import UTF_16, integer, naming, number, plain_number, xml_root
 from cocap_opt.text import unread
 
 log = logging.getLogger(__name__)
@@ -153,7 +152,7 @@ def _read_esri_ascii(
 
 def _read_header(file: BinaryIO) -> Header:
     """Reads the lines before the first one that starts with a number."""
-    if file.read(2) in (BOM_UTF16_LE, BOM_UTF16_BE):
+    if file.read(2) in UTF_16:
         raise ProblemError("must be a grid in ASCII or UTF-8, not in UTF-16; save it as UTF-8")
     file.seek(0)
     header: Header = {}
