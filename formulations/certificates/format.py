@@ -264,6 +264,24 @@ class StepConstant(_Part, frozen=True):
     constant: float
 
 
+class MoveConstant(_Part, frozen=True):
+    """A claim that no remaining move of the team between two steps has a larger reduced profit.
+
+    The reduced profit of a move is that of its two joint states together. The constant replaces the
+    sum of the constants of both steps if it is smaller, and is checked by a search. It holds until
+    a stage sets new prices at one of the two steps, or a constant of a move that begins one step
+    earlier or later.
+
+    Attributes
+    ----------
+    t : the first of the two steps
+    constant : K, in units of J
+    """
+
+    t: int
+    constant: float
+
+
 class Stage(_Part, frozen=True, omit_defaults=True):
     """A stage of a staged certificate; at its end, further states are closed.
 
@@ -271,10 +289,12 @@ class Stage(_Part, frozen=True, omit_defaults=True):
     ----------
     payments : prices of states that replace earlier ones from this stage on
     constants : constants of steps; a step with new prices needs one
+    moves : constants of moves between two steps, at the prices and constants of this stage
     """
 
     prices: tuple[StepPrices, ...] = msgspec.field(default=(), name="payments")
     constants: tuple[StepConstant, ...] = ()
+    moves: tuple[MoveConstant, ...] = ()
 
 
 class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
@@ -372,7 +392,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     older = SAMPLED
     kind: ClassVar[str] = "certificate"
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[4, 5, 6, 7] = 7
+    version: Literal[4, 5, 6, 7, 8] = 8
     coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate | Staged
 

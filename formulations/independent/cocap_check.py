@@ -58,7 +58,7 @@ PLAN_FIELDS = {
     "plan",
 }  # fmt: skip
 VERSIONS = {
-    "cocap-opt certificate": (4, 5, 6, 7), "cocap-opt proof": (3, 4, 5, 6),
+    "cocap-opt certificate": (4, 5, 6, 7, 8), "cocap-opt proof": (3, 4, 5, 6),
     "cocap-opt plan": (2, 3, 4),
 }  # fmt: skip
 ROUNDED = 1 - Fraction(1, 10**9)  # tolerance for a plan's reward, which is a sum of doubles
