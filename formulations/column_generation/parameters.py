@@ -555,10 +555,8 @@ class MoveParameters(Section):
 
     Attributes
     ----------
-    are_on : yes or no
-        whether stages have constants of moves
     most_iterations : iterations
-        largest number of iterations without a stage
+        largest number of iterations of a bundle; 0: no stage has constants of moves
     of_stage : share
         gain for which a centre becomes a stage at once, as a share of the remaining gap
     least_gain : share
@@ -583,7 +581,6 @@ class MoveParameters(Section):
         size of a search for moves between two steps
     """
 
-    are_on: bool = True
     most_iterations: int = 12
     of_stage: Share = 0.1
     least_gain: Share = 0.01

@@ -216,7 +216,7 @@ class _Envelopes:
         """Adds stages with constants of moves as long as they lower the bound; raises
         LimitReached.
         """
-        if not (self.search.parameters.moves.are_on and is_there() and len(self.steps) > 1):
+        if not (self.search.parameters.moves.most_iterations and is_there() and self.steps[1:]):
             return
         known = KnownMoves()
         while self._is_small() and self.bound > cutoff():
