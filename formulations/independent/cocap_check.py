@@ -80,8 +80,12 @@ Flown = tuple[Ints, Ints, list[Fraction], list[Fraction]]
 Decisions = tuple[tuple[Spec, int, int], ...]  # resource, 1 for "at most" or -1 for "at least", n
 Gains = dict[int, list[tuple[int, int, int, float, float]]]  # the views of each state
 Condition = tuple[int, bool, list[int]]  # constant, whether worth is added, payments of states
-# An upper bound on what other steps add: a constant, and an amount for each state of a drone.
+# A state of a search: number of the drone or class that takes it, number of the class, state.
+Placed = tuple[int, int, Ints]
+# An upper bound on what other steps add: a constant, and an amount for each state of a class.
 Rest = tuple[int, Callable[[int, Ints], int]]
+# States of a step, a search over them, conditions that a profit is above a number, and profits.
+Profits = tuple[list[Placed], "Search", Callable[[int], list[Condition]], Callable[[Ints], int]]
 # Joint states with their values; and, for each joint state that leads to some, the F of these.
 Reached = tuple[dict[Any, int], dict[Any, dict[Any, int]]]
 # Charges of a class's drones for places, moves and states at a step; None: closed.
@@ -1301,6 +1305,11 @@ class Staged:
     that is free of conflicts and obeys (*) has more than K_t. At the end, all remaining joint
     states may be explored, step by step, above a higher target: from the start, or from a step in
     the middle on to the end and then back to the start.
+
+    A stage may also show that no move of the team from a step t to the next has more than M_t at
+    both together. Then B is less by d_t = max(0, K_t + K_{t+1} - M_t). No two such moves share a
+    step, so B is less by the sum of all d. In (*), the d of the step's own move is added to B -
+    target: the losses at all other steps, less the d of the moves between them, are not negative.
     """
 
     def __init__(self, bound: Bound, numbers: Spec, budget: int) -> None:
@@ -1317,6 +1326,8 @@ class Staged:
         self.rows = sum(value for _, value in bound.row_constants)
         classes = range(len(bound.classes))
         self.known: dict[tuple[Ints, Ints], bool] = {}  # whether pairs of moves are in conflict
+        self.of = [number for number in classes for _ in bound.members[number]]  # drones' classes
+        self.pairs: dict[int, int] = {}  # M_t, the constants of moves of the team from t to t + 1
         # For each class and step: the prices of remaining states; their moves, with rewards less
         # charges; the value of the best path from there on; and slacks, as of the last closing.
         self.prices: list[list[dict[Ints, int]]] = []
@@ -1406,17 +1417,25 @@ class Staged:
             for t, reach in enumerate(steps):
                 self.slack[number][t] = {s: self.slack[number][t][s] for s in reach}
                 self.prices[number][t] = {s: self.prices[number][t][s] for s in reach}
+        room, saved = self.total - self.target, [0, *self._saved()]
         self.closed = [
-            (constant, [dict(prices[t]) for prices in self.prices])
+            (constant, room + sum(saved[t : t + 2]), [dict(prices[t]) for prices in self.prices])
             for t, constant in enumerate(self.constants)
         ]
-        self.room = self.total - self.target
+
+    def _saved(self) -> list[int]:
+        """Returns d_t of each step, by which the move that begins there lowers the bound."""
+        saved, constants = [0] * len(self.constants), self.constants
+        for t, most in self.pairs.items():
+            saved[t] = max(0, constants[t] + constants[t + 1] - most)
+        return saved
 
     def _begin(self) -> list[dict[Ints, int]]:
         """Computes B, `total`; returns, for each class and start, the negated value of its best
         path.
         """
-        begun, self.total, is_open = [], sum(self.constants) + self.rows, True
+        begun, is_open = [], True
+        self.total = sum(self.constants) - sum(self._saved()) + self.rows
         for number, to_go in enumerate(self.to_go):
             first: dict[Ints, int] = {}
             for drone in self.bound.members[number]:
@@ -1435,7 +1454,7 @@ class Staged:
 
     def _stage(self, stage: Spec) -> None:
         """Takes new prices and constants after checking them, and closes states."""
-        only(stage, {"payments", "constants"})
+        only(stage, {"payments", "constants", "moves"})
         priced: set[int] = set()
         for step in stage.get("payments", ()):
             only(step, {"t", "robot_class", "states", "payments", "others"})
@@ -1447,6 +1466,7 @@ class Staged:
                 self.earlier[t].append(
                     (self.constants[t], [dict(prices[t]) for prices in self.prices])
                 )
+                self._end_moves(t - 1, t)
             prices, others = (
                 self.prices[number][t],
                 up(number_of(step.get("others", 0), "others: ")),
@@ -1459,75 +1479,118 @@ class Staged:
                 if state in prices:
                     prices[state] = up(number_of(payment, "payments: "))
         for step in stage.get("constants", ()):
-            only(step, {"t", "constant"})
-            t, claim = whole(step["t"], "t: "), up(number_of(step["constant"], "constant: "))
-            require(0 <= t <= self.instance.horizon, "t is not a step of the scene")
-            claim += abs(claim) >> 44  # allows for rounding by the producer of the file
+            t, claim = _claim(step, self.instance.horizon)
             if t in priced:
                 self.constants[t] = self._highest(t, claim)
             elif claim < self.constants[t]:  # at the same prices it can only fall
                 self.constants[t] = min(self.constants[t], self._highest(t, claim))
             priced.discard(t)
         require(not priced, "a step with payments has no constant")
+        for move in stage.get("moves", ()):
+            t, claim = _claim(move, self.instance.horizon - 1)
+            highest = self._highest_move(t, claim)
+            self.pairs[t] = min(highest, self.pairs.get(t, highest))
+            self._end_moves(t - 1, t + 1)
         self._sweep()
         self._close()
+
+    def _end_moves(self, *steps: int) -> None:
+        """Drops the constants of the moves that begin at these steps."""
+        for t in steps:
+            self.pairs.pop(t, None)
 
     def _highest(self, t: int, claim: int) -> int:
         """Returns a constant that no joint state exceeds: the claim, or a larger one if the claim
         is too low. Earlier constants limit the profits of joint states, too.
         """
-        states, search, obeyed = self._counting(t)
-        now = [self.prices[k][t][s] for k, s in states]
-        # Joint states above the claim that obey (*), and that earlier constants alone do not rule
-        # out.
-        conditions = [(-claim, True, now), *obeyed, *self._ceilings(t, states, -claim, now)]
-        self.left = search.run(conditions, self.left, TRIES)
-        ceilings = self._ceilings(t, states, 0, now)
-        for found in search.found:
-            most = [high - sum(pays[x] for x in found) for high, _, pays in ceilings]
-            claim = max(claim, min([search.worth(found) - sum(now[x] for x in found), *most]))
-        return claim
+        _, search, above, profit = self._profits(t)
+        self.left = search.run(above(claim), self.left, TRIES)
+        return max([claim, *map(profit, search.found)])
 
-    def _counting(self, t: int) -> tuple[list[tuple[int, Ints]], Search, list[Condition]]:
-        """Returns the states of a step, class by class, a search over them, and two conditions:
-        that joint states obey (*), and that slacks alone do not rule them out.
+    def _highest_move(self, t: int, claim: int) -> int:
+        """Returns a constant that no move of the team from a step to the next exceeds: the claim,
+        or a larger one if the claim is too low. No step adds more than its own constant.
         """
-        states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
-        search = self._search(t, states, [len(drones) for drones in self.bound.members])
-        constant, prices = self.closed[t]
-        slack = [self.slack[k][t][s] for k, s in states]
-        paid = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
-        return states, search, [(self.room - constant, True, paid), (self.room, False, slack)]
+        most, (here, there) = claim, self.constants[t : t + 2]
+        if here + there <= claim:
+            return claim
+        states, search, above, profit = self._profits(t)
+        self.left = search.run(above(claim - there), self.left, TRIES)
+        begun = {
+            tuple(s for _, _, s in sorted(states[x] for x in found)): min(here, profit(found))
+            for found in search.found
+        }
+        states, search, above, profit = self._profits(t + 1, self.of)
+        at = {(robot, s): x for x, (robot, _, s) in enumerate(states)}
+        for tails, (value, moves) in self._ways(begun, [moves[t] for moves in self.moves]).items():
+            for found in self._led_to(at, search, moves, above(claim - value)):
+                if not self._is_forbidden(tails, tuple(states[x][2] for x in found)):
+                    most = max(most, value + min(there, profit(found)))
+        return most
+
+    def _profits(self, t: int, of: list[int] | None = None) -> Profits:
+        """Returns the states of a step and a search over them, as `_search` does; the conditions
+        that a joint state counts and that its profit is above a number; and its profit, which
+        earlier constants limit.
+        """
+        states, search, obeyed = self._counting(t, of)
+        now = [self.prices[k][t][s] for _, k, s in states]
+        ceilings = self._ceilings(t, states, 0, now)
+
+        def above(least: int) -> list[Condition]:
+            limits = [(high - least, False, pays) for high, _, pays in ceilings]
+            return [(-least, True, now), *obeyed, *limits]
+
+        def profit(found: Ints) -> int:
+            most = [high - sum(pays[x] for x in found) for high, _, pays in ceilings]
+            return min([search.worth(found) - sum(now[x] for x in found), *most])
+
+        return states, search, above, profit
+
+    def _counting(
+        self, t: int, of: list[int] | None = None
+    ) -> tuple[list[Placed], Search, list[Condition]]:
+        """Returns the states of a step and a search over them, as `_search` does, and two
+        conditions: that joint states obey (*), and that slacks alone do not rule them out.
+        """
+        states, search = self._search(t, of)
+        constant, room, prices = self.closed[t]
+        slack = [self.slack[k][t][s] for _, k, s in states]
+        paid = [prices[k][s] + lost for (_, k, s), lost in zip(states, slack, strict=True)]
+        return states, search, [(room - constant, True, paid), (room, False, slack)]
 
     def _ceilings(
-        self, t: int, states: list[tuple[int, Ints]], constant: int, pays: list[int]
+        self, t: int, states: list[Placed], constant: int, pays: list[int]
     ) -> list[Condition]:
         """Returns the conditions that earlier constants of a step set for other payments."""
         return [
             (
                 high + constant,
                 False,
-                [pay - prices[k][s] for (k, s), pay in zip(states, pays, strict=True)],
+                [pay - prices[k][s] for (_, k, s), pay in zip(states, pays, strict=True)],
             )
             for high, prices in self.earlier[t]
         ]
 
-    def _search(
-        self, t: int, states: list[tuple[int, Ints]], counts: list[int], of: list[int] | None = None
-    ) -> Search:
-        """Returns a search over some states (class, state) of a step."""
-        kinds, listed = [k for _, k in self.bound.classes], []
-        for number, (p, o) in states:
-            k = kinds[number if of is None else of[number]]
-            cell = self.instance.kinds[k].cells[p]
-            views = self.bound.views[k].get((t, p, o), [])
+    def _search(self, t: int, of: list[int] | None = None) -> tuple[list[Placed], Search]:
+        """Returns the remaining states of a step, and a search over them: class by class or, given
+        the class of each drone, drone by drone.
+        """
+        counts = [1] * len(of) if of else [len(drones) for drones in self.bound.members]
+        numbers = enumerate(of or range(len(counts)))
+        states = [(number, k, s) for number, k in numbers for s in self.slack[k][t]]
+        listed = []
+        for number, k, (p, o) in states:
+            kind = self.bound.classes[k][1]
+            views = self.bound.views[kind].get((t, p, o), [])
+            cell = self.instance.kinds[kind].cells[p]
             listed.append((number, cell, [(g, c) for g, c, _ in views]))
 
         def near(x: int, y: int) -> bool:
             a, b = listed[x][1], listed[y][1]
             return self._conflict((a, a), (b, b))
 
-        return Search(self.instance, listed, counts, near)
+        return states, Search(self.instance, listed, counts, near)
 
     def _conflict(self, a: tuple[Any, Any], b: tuple[Any, Any]) -> bool:
         """True if two moves (tail, head) of cells are in conflict."""
@@ -1555,23 +1618,22 @@ class Staged:
         require(not any(i.rewards), "paths_above: not allowed if moves are rewarded")
         before, self.target = self.total, above
         self._close()
-        of = [number for number, drones in enumerate(self.bound.members) for _ in drones]
         drones = [drone for members in self.bound.members for drone in members]
         starts = [
             {s: 0 for s in i.starts[drone] if s in self.to_go[number][0]}
-            for number, drone in zip(of, drones, strict=True)
+            for number, drone in zip(self.of, drones, strict=True)
         ]
         if middle is None:
-            best = self._explore_onward(of, above, starts)
+            best = self._explore_onward(above, starts)
         else:
             ok = 1 <= whole(middle, "paths_from: ") <= i.horizon
             require(ok, f"paths_from: must be 1..{i.horizon}, not {middle}")
             ok = all(len(i.starts[drone]) == 1 for drone in drones)
             require(ok, "paths_from: not allowed if starts are free")
-            best = self._explore_from(middle, of, above, starts) if all(starts) else above
+            best = self._explore_from(middle, above, starts) if all(starts) else above
         self.value = min(self.value, max(above, min(before, best)))
 
-    def _explore_onward(self, of: list[int], above: int, starts: list[dict[Ints, int]]) -> int:
+    def _explore_onward(self, above: int, starts: list[dict[Ints, int]]) -> int:
         """Returns the largest value of a plan above the target, or the target.
 
         If starts are free and nothing is seen from them, the joint states of step 1 come first, and
@@ -1583,19 +1645,17 @@ class Staged:
         if first:
             choices = [
                 {head: 0 for s in states for head in self.moves[number][0].get(s, {})}
-                for number, states in zip(of, starts, strict=True)
+                for number, states in zip(self.of, starts, strict=True)
             ]
         reached, _ = self._step(
-            first, of, above, {(): (0, choices)}, self._later(first, of),
-            lambda _, team: not first or self._has_start(of, starts, team),
+            first, above, {(): (0, choices)}, self._later(first),
+            lambda _, team: not first or self._has_start(starts, team),
         )  # fmt: skip
         for t in range(first + 1, self.instance.horizon + 1):
-            reached, _ = self._onward(t, of, above, reached)
+            reached, _ = self._onward(t, above, reached)
         return max(reached.values(), default=above)
 
-    def _explore_from(
-        self, middle: int, of: list[int], above: int, starts: list[dict[Ints, int]]
-    ) -> int:
+    def _explore_from(self, middle: int, above: int, starts: list[dict[Ints, int]]) -> int:
         """Returns the largest value of a plan above the target, or the target.
 
         First come the joint states of the middle step that obey (*). The way to each of them is
@@ -1603,15 +1663,14 @@ class Staged:
         joint states are explored to the end. Then it is known how much each collects later. Those
         whose total is above the target are explored back to the start.
         """
-        rest, brought = self._sooner(middle, of)
+        rest, brought = self._sooner(middle)
         worth = self._obeying(middle)
         reached = most = {
-            team: gain + rest + sum(brought(robot, s) for robot, s in enumerate(team))
-            for team, gain in worth.items()
+            team: gain + rest + sum(map(brought, self.of, team)) for team, gain in worth.items()
         }
         moves = []
         for t in range(middle + 1, self.instance.horizon + 1):
-            reached, links = self._onward(t, of, above, reached)
+            reached, links = self._onward(t, above, reached)
             moves.append(links)
         gains = dict.fromkeys(reached, 0)  # F that the best path from a joint state collects later
         for links in reversed(moves):
@@ -1624,9 +1683,9 @@ class Staged:
             team: worth[team] + gain for team, gain in gains.items() if most[team] + gain > above
         }
         for t in range(middle - 1, -1, -1):
-            reached = self._back(t, of, above, reached)
+            reached = self._back(t, above, reached)
         # Drones of one class may be exchanged.
-        order = sorted(zip(of, (s for states in starts for s in states), strict=True))
+        order = sorted(zip(self.of, (s for states in starts for s in states), strict=True))
         return reached.get(tuple(s for _, s in order), above)
 
     def _obeying(self, t: int) -> dict[Any, int]:
@@ -1636,19 +1695,19 @@ class Staged:
         conditions += self._ceilings(t, states, space, paid)
         self.left = search.run(conditions, self.left, TRIES)
         return {
-            tuple(s for _, s in sorted(states[x] for x in found)): search.worth(found)
+            tuple(s for _, _, s in sorted(states[x] for x in found)): search.worth(found)
             for found in search.found
         }
 
-    def _onward(self, t: int, of: list[int], above: int, before: dict[Any, int]) -> Reached:
+    def _onward(self, t: int, above: int, before: dict[Any, int]) -> Reached:
         """Returns the joint states of a step that are reached from those of the step before."""
-        ways = _ways(of, before, [moves[t - 1] for moves in self.moves])
+        ways = self._ways(before, [moves[t - 1] for moves in self.moves])
         return self._step(
-            t, of, above, ways, self._later(t, of),
-            lambda tails, heads: not self._is_forbidden(of, tails, heads),
+            t, above, ways, self._later(t),
+            lambda tails, heads: not self._is_forbidden(tails, heads),
         )  # fmt: skip
 
-    def _back(self, t: int, of: list[int], above: int, later: dict[Any, int]) -> dict[Any, int]:
+    def _back(self, t: int, above: int, later: dict[Any, int]) -> dict[Any, int]:
         """Returns the joint states of a step that lead to those of the next step."""
         tails: list[dict[Ints, dict[Ints, int]]] = []
         for moves in self.moves:
@@ -1657,34 +1716,38 @@ class Staged:
                 for head in heads:
                     tails[-1].setdefault(head, {})[tail] = 0
         return self._step(
-            t, of, above, _ways(of, later, tails), self._sooner(t, of),
-            lambda heads, tails: not self._is_forbidden(of, tails, heads),
+            t, above, self._ways(later, tails), self._sooner(t),
+            lambda heads, tails: not self._is_forbidden(tails, heads),
         )[0]  # fmt: skip
 
-    def _later(self, t: int, of: list[int]) -> Rest:
-        """Returns the sum of later constants and rows, and the most that a state brings later."""
-
-        def brings(robot: int, s: Ints) -> int:
-            return self.to_go[of[robot]][t][s] - self.prices[of[robot]][t][s]
-
-        return sum(self.constants[t + 1 :]) + self._rows_from(t), brings
-
-    def _sooner(self, t: int, of: list[int]) -> Rest:
-        """Returns the sum of earlier constants and rows and of all drones' best paths, and the most
-        that a drone's way to a state brings, less its best path.
+    def _later(self, t: int) -> Rest:
+        """Returns the sum of later constants and rows, less what later moves save, and the most
+        that a state brings later.
         """
 
-        def brought(robot: int, s: Ints) -> int:
-            return -self.slack[of[robot]][t][s] - self.to_go[of[robot]][t][s]
+        def brings(number: int, s: Ints) -> int:
+            return self.to_go[number][t][s] - self.prices[number][t][s]
 
-        return self.total - sum(self.constants[t:]) - self._rows_from(t), brought
+        constants = sum(self.constants[t + 1 :]) - sum(self._saved()[t + 1 :])
+        return constants + self._rows_from(t), brings
+
+    def _sooner(self, t: int) -> Rest:
+        """Returns the sum of earlier constants and rows and of all drones' best paths, less what
+        earlier moves save, and the most that a drone's way to a state brings, less its best path.
+        """
+
+        def brought(number: int, s: Ints) -> int:
+            return -self.slack[number][t][s] - self.to_go[number][t][s]
+
+        constants = sum(self.constants[t:]) - sum(self._saved()[max(t - 1, 0) :])
+        return self.total - constants - self._rows_from(t), brought
 
     def _rows_from(self, t: int) -> int:
         """Returns the sum of the multipliers of the rows of a step and of later ones."""
         return sum(value for step, value in self.bound.row_constants if step >= t)
 
     def _step(
-        self, t: int, of: list[int], above: int, ways: dict[Any, Any], other: Rest,
+        self, t: int, above: int, ways: dict[Any, Any], other: Rest,
         may_move: Callable[[Any, Any], bool],
     ) -> Reached:  # fmt: skip
         """Returns the joint states of a step that are reached, each with the largest value of a way
@@ -1699,46 +1762,59 @@ class Staged:
         reached: dict[Any, int] = {}
         links: dict[Any, dict[Any, int]] = {}
         rest, adds = other
-        states = [(robot, s) for robot, number in enumerate(of) for s in self.to_go[number][t]]
-        at = {key: x for x, key in enumerate(states)}
-        search = self._search(t, states, [1] * len(of), of)
-        away = [-adds(robot, s) for robot, s in states]
-        prices = [self.prices[of[robot]][t][s] for robot, s in states]
-        limit = [pay - price for pay, price in zip(away, prices, strict=True)]
+        states, search = self._search(t, self.of)
+        away = [-adds(number, s) for _, number, s in states]
+        at = {(robot, s): x for x, (robot, _, s) in enumerate(states)}
+        limit = [pay - self.prices[k][t][s] for pay, (_, k, s) in zip(away, states, strict=True)]
         for team, (value, moves) in ways.items():
-            among = [
-                at[robot, s]
-                for robot, listed in enumerate(moves)
-                for s in listed
-                if (robot, s) in at
-            ]
             open_ = value + rest - above
-            self.left = search.run(
-                [(open_, True, away), (open_ + self.constants[t], False, limit)],
-                self.left,
-                0,
-                among,
-            )
-            for found in search.found:
-                heads = tuple(states[x][1] for x in found)
+            conditions = [(open_, True, away), (open_ + self.constants[t], False, limit)]
+            for found in self._led_to(at, search, moves, conditions):
+                heads = tuple(states[x][2] for x in found)
                 if not may_move(team, heads):
                     continue
                 gain = search.worth(found)
                 # Drones of one class may be exchanged.
-                order = sorted(zip(of, heads, strict=True))
+                order = sorted(zip(self.of, heads, strict=True))
                 key = tuple(s for _, s in order)
                 reached[key] = max(value + gain, reached.get(key, value + gain))
                 links.setdefault(team, {})[key] = gain
         return reached, links
 
-    def _has_start(
-        self, of: list[int], starts: list[dict[Ints, int]], heads: Any, before: Any = ()
-    ) -> bool:
+    def _led_to(
+        self, at: dict[Any, int], search: Search, moves: list[Any], conditions: list[Condition]
+    ) -> list[Ints]:
+        """Returns the joint states, drone by drone, to which moves lead and that meet conditions.
+
+        Parameters
+        ----------
+        at : the number of each drone's state in the search
+        moves : the states to which each drone can move
+        """
+        among = [
+            at[way] for robot, heads in enumerate(moves) for s in heads if (way := (robot, s)) in at
+        ]
+        self.left = search.run(conditions, self.left, 0, among)
+        return search.found
+
+    def _ways(self, reached: dict[Any, int], moves: list[dict[Ints, Any]]) -> dict[Any, Any]:
+        """Returns the value of each joint state, and the states to which each drone can move.
+
+        Parameters
+        ----------
+        moves : for each class and state, the states to which a drone can move
+        """
+        return {
+            team: (value, [moves[k].get(s, {}) for k, s in zip(self.of, team, strict=True)])
+            for team, value in reached.items()
+        }
+
+    def _has_start(self, starts: list[dict[Ints, int]], heads: Any, before: Any = ()) -> bool:
         """True if the drones can reach these states from some starts without a conflict."""
         if len(before) == len(heads):
             return True
         robot = len(before)
-        number, head = of[robot], heads[robot]
+        number, head = self.of[robot], heads[robot]
         cells = self.instance.kinds[self.bound.classes[number][1]].cells
         for s in starts[robot]:
             if head in self.moves[number][0].get(s, {}):
@@ -1747,28 +1823,23 @@ class Staged:
                 if not any(
                     self._conflict(move, other) or self._conflict((tail, tail), (other[0],) * 2)
                     for other in before
-                ) and self._has_start(of, starts, heads, (*before, move)):
+                ) and self._has_start(starts, heads, (*before, move)):
                     return True
         return False
 
-    def _is_forbidden(self, of: list[int], tails: Any, heads: Any) -> bool:
+    def _is_forbidden(self, tails: Any, heads: Any) -> bool:
         """True if two drones break a rule on the way between two steps."""
-        cells = [self.instance.kinds[self.bound.classes[number][1]].cells for number in of]
+        cells = [self.instance.kinds[self.bound.classes[number][1]].cells for number in self.of]
         moves = [(cell[a[0]], cell[b[0]]) for cell, a, b in zip(cells, tails, heads, strict=True)]
         return any(self._conflict(a, b) for a, b in itertools.combinations(moves, 2))
 
 
-def _ways(of: list[int], reached: dict[Any, int], moves: list[dict[Ints, Any]]) -> dict[Any, Any]:
-    """Returns the value of each joint state, and the states to which each drone can move from it.
-
-    Parameters
-    ----------
-    moves : for each class and state, the states to which a drone can move
-    """
-    return {
-        team: (value, [moves[number].get(s, {}) for number, s in zip(of, team, strict=True)])
-        for team, value in reached.items()
-    }
+def _claim(spec: Spec, last: int) -> tuple[int, int]:
+    """Returns the step and the constant that a stage claims, with an allowance for rounding."""
+    only(spec, {"t", "constant"})
+    t, claim = whole(spec["t"], "t: "), up(number_of(spec["constant"], "constant: "))
+    require(0 <= t <= last, "t is not a step of the scene")
+    return t, claim + (abs(claim) >> 44)  # allows for rounding by the producer of the file
 
 
 # -- files ----------------------------------------------------------------------------------------

@@ -4,10 +4,13 @@ import contextlib
 import io
 import itertools
 import json
+import math
 import os
+import random
 import re
 import subprocess
 import sys
+from collections import Counter
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -15,6 +18,7 @@ from typing import Any
 import damaged_files
 import numpy as np
 import pytest
+import staged_hunt
 from brute_force import optimum
 from counting import either
 from damaged_files import document
@@ -142,7 +146,7 @@ def test_staged_certificates(folder: Path, problem: Problem, seed: int) -> None:
     model = compiled(problem)
     value = best if np.isfinite(best) else 0.0
     target = float(rng.choice([value * 0.999 - 1e-3, value, rng.uniform(0, 1.2) * value, -1.0]))
-    staged = random_staged(model, target, rng)
+    staged = random_staged(model, target, rng, moves=True)
     pricing = price_staged(model, staged)
     bound = staged_bound(problem, staged, pricing.bound, folder)
     assert bound >= max(target, best) - 1e-12 * abs(best)
@@ -161,7 +165,7 @@ def test_paths_from_any_step_prove_what_whole_paths_prove(
     model = compiled(problem)
     assume(np.isfinite(best) and may_begin_later(model))
     target = best - float(rng.choice([0.0, 0.1])) * (1 + abs(best))
-    staged = random_staged(model, target, rng)
+    staged = random_staged(model, target, rng, moves=True)
     whole = replace(staged, paths_above=staged.target, paths_from=None)
     expected = staged_bound(problem, whole, best, folder)
     for middle in range(1, problem.horizon + 1):
@@ -192,6 +196,107 @@ def test_paths_begin_at_a_step_after_fixed_starts(
     numbers = random_multipliers(compiled(problem), np.random.default_rng(0))
     with pytest.raises(Refused, match=re.escape(message)):
         staged_bound(problem, Staged(numbers, 0.0, (), above, middle), 1.0, folder)
+
+
+@pytest.mark.slow
+def test_no_bound_is_false_with_constants_of_moves() -> None:
+    """Of instances of up to six steps: the best J <= the bound, and without moves it is no less."""
+    counts = staged_hunt.hunt(60, 1)
+    assert counts["lower because of moves"] > 20
+    assert counts["from the middle"] > 30
+
+
+def proved_of_exchange(*stages: dict[str, Any]) -> float:
+    """What stages prove of the two drones that may not exchange their places."""
+    known = Instance(staged_hunt.EXCHANGE)
+    bound, is_part = cocap_check.bound_of_file(known, staged_hunt.exchange_file(*stages))
+    assert bound is not None and not is_part
+    return bound / ONE
+
+
+def of_step(t: int, constant: float) -> dict[str, Any]:
+    """A claim of a stage."""
+    return {"t": t, "constant": constant}
+
+
+def zero_prices(t: int) -> dict[str, Any]:
+    """Prices that are 0 as before, and the constant that they need."""
+    prices = {"t": t, "robot_class": 0, "states": [], "payments": []}
+    return {"payments": [prices], "constants": [of_step(t, 10.0)]}
+
+
+@pytest.mark.parametrize(
+    ("stages", "expected"),
+    [
+        ([], 20.0),
+        ([{"moves": [of_step(1, 16.0)]}], 16.0),
+        ([{"moves": [of_step(1, -5.0)]}], 16.0),
+        ([{"moves": [of_step(1, 18.0)]}], 18.0),
+        ([{"moves": [of_step(1, 18.0), of_step(1, 16.0)]}], 16.0),
+        ([{"moves": [of_step(1, 16.0), of_step(1, 18.0)]}], 16.0),
+        ([{"moves": [of_step(1, 25.0)]}], 20.0),
+        ([{"moves": [of_step(1, 16.0), of_step(0, 25.0)]}], 20.0),
+        ([{"moves": [of_step(0, 25.0), of_step(1, 16.0)]}], 16.0),
+        ([{"moves": [of_step(1, 16.0)]}, zero_prices(1)], 20.0),
+        ([{"moves": [of_step(1, 16.0)]}, zero_prices(2)], 20.0),
+        ([{"moves": [of_step(1, 16.0)]}, {"constants": [of_step(1, 9.0)]}], 16.0),
+        ([{"moves": [of_step(1, 16.0)]}, zero_prices(1) | {"moves": [of_step(1, 16.0)]}], 16.0),
+    ],
+)  # fmt: skip
+def test_a_move_of_the_team_has_less_than_its_two_steps(
+    stages: list[dict[str, Any]], expected: float
+) -> None:
+    """Its constant holds until one of its steps has new prices or is part of another move."""
+    assert staged_hunt.best_plan(Instance(staged_hunt.EXCHANGE)) == 16.0
+    assert proved_of_exchange(*stages) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stage", "message"),
+    [
+        ({"moves": [of_step(-1, 16.0)]}, "t is not a step of the scene"),
+        ({"moves": [of_step(2, 16.0)]}, "t is not a step of the scene"),
+        ({"moves": [{"t": 1}]}, "must have the field 'constant'"),
+        ({"moves": [of_step(1, 16.0) | {"until": 2}]}, "must have no field ['until']"),
+        ({"moves": [of_step(1, math.inf)]}, "constant: must be a finite number"),
+        (
+            {"payments": zero_prices(1)["payments"], "moves": [of_step(1, 16.0)]},
+            "a step with payments has no constant",
+        ),
+    ],
+)
+def test_claims_of_moves_that_are_wrong_are_refused(stage: dict[str, Any], message: str) -> None:
+    """A move begins before the last step; both of its steps have constants for their prices."""
+    with pytest.raises(Refused, match=re.escape(message)):
+        proved_of_exchange(stage)
+
+
+def test_searches_for_moves_are_within_the_limit_of_the_file() -> None:
+    """If they take too many branches, only the multipliers are checked."""
+    known = Instance(staged_hunt.EXCHANGE)
+    file = staged_hunt.exchange_file({"moves": [of_step(1, 16.0)]})
+    needed = next(n for n in range(1, 100) if not cocap_check.bound_of_file(known, file, n)[1])
+    without = staged_hunt.exchange_file()
+    assert not cocap_check.bound_of_file(known, without, needed - 1)[1]
+    bound, is_part = cocap_check.bound_of_file(known, file, needed - 1)
+    assert is_part and bound is not None and bound / ONE == pytest.approx(20)
+
+
+@pytest.mark.slow
+def test_damaged_claims_of_moves_prove_nothing_false() -> None:
+    """Of files with constants of moves, damaged at random, none proves less than the best J."""
+    draw, counts = random.Random(1), Counter[str]()
+    for _ in range(40):
+        known = Instance(staged_hunt.draw_instance(draw))
+        best = staged_hunt.best_plan(known)
+        numbers = staged_hunt.draw_staged(known, best, draw)
+        bound = max(0.0, best, numbers["target"])
+        file = {"format": "cocap-opt certificate", "version": 8, "digest": "drawn", "bound": bound}
+        base = damaged_files.Base(known, best, file | {"certificate": numbers})
+        for _ in range(10):
+            damaged = damaged_files.damage(base.file, draw)
+            counts[damaged_files.judge(base, damaged, harmless=False)] += 1
+    assert counts["refused"] > 40 and counts["accepted, as it proves no less"] > 5
 
 
 @pytest.mark.long

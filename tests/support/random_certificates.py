@@ -18,7 +18,12 @@ from cocap_opt.formulations.certificates import (
     Row,
     Staged,
 )
-from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPrices
+from cocap_opt.formulations.certificates.format import (
+    MoveConstant,
+    Stage,
+    StepConstant,
+    StepPrices,
+)
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.certificates.staged import Narrowing, may_be_used, may_begin_later
 from cocap_opt.model import Model, compiled
@@ -207,8 +212,21 @@ def random_prices(model: Model, rng: np.random.Generator) -> tuple[StepPrices, .
     return tuple(found)
 
 
-def random_stage(model: Model, rng: np.random.Generator, priced: bool) -> Stage:
-    """A stage of random prices and constants; some classes and steps are there twice."""
+def random_team_moves(model: Model, rng: np.random.Generator) -> tuple[MoveConstant, ...]:
+    """Claims for moves of the team; most are too low, and some moves share a step."""
+    steps = [*range(model.problem.first_step, model.problem.horizon)]
+    some = rng.choice(steps, int(rng.integers(1, len(steps) + 2))).tolist() if steps else []
+    claims = rng.choice([-1e3, -1e3, 5.0, 50.0, 500.0], len(some)).tolist()
+    return tuple(MoveConstant(t, claim) for t, claim in zip(some, claims, strict=True))
+
+
+def random_stage(
+    model: Model, rng: np.random.Generator, priced: bool, moves: bool = False
+) -> Stage:
+    """A stage of random prices and constants; some classes and steps are there twice.
+
+    With `moves`, it often has claims for moves of the team, and new prices of some steps only.
+    """
     problem = model.problem
     prices = [*random_prices(model, rng)] if priced else []
     steps = [*range(problem.first_step, problem.horizon + 1)]
@@ -224,12 +242,22 @@ def random_stage(model: Model, rng: np.random.Generator, priced: bool) -> Stage:
         steps.append(int(rng.choice(steps)))
     claims = rng.choice([-1e3, -1e3, 5.0, 50.0], len(steps)).tolist()
     constants = tuple(StepConstant(t, claim) for t, claim in zip(steps, claims, strict=True))
-    return Stage(tuple(prices), constants)
+    if not moves:
+        return Stage(tuple(prices), constants)
+    kept = {t for t in steps if rng.integers(2)}
+    few = tuple(part for part in prices if part.t in kept)
+    claimed = random_team_moves(model, rng) if rng.integers(4) else ()
+    return Stage(few, constants, claimed)
 
 
-def random_staged(model: Model, target: float, rng: np.random.Generator) -> Staged:
-    """A staged certificate, none of whose numbers is good; most claim less than they may."""
-    stages = tuple(random_stage(model, rng, k > 0) for k in range(int(rng.integers(1, 4))))
+def random_staged(
+    model: Model, target: float, rng: np.random.Generator, moves: bool = False
+) -> Staged:
+    """A staged certificate, none of whose numbers is good; most claim less than they may.
+
+    With `moves`, stages claim constants of moves of the team, too.
+    """
+    stages = tuple(random_stage(model, rng, k > 0, moves) for k in range(int(rng.integers(1, 4))))
     higher = target + float(rng.choice([0.0, 0.0, 0.05, 0.5])) * abs(target)
     above = higher if may_be_used(model) and rng.integers(2) else None
     begun = None
