@@ -2,6 +2,7 @@
 
 import json
 import math
+import random
 import re
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import staged_hunt
 from brute_force import optimum
 from counting import either
 from damaged_files import document
@@ -471,7 +473,7 @@ def test_checkers_prove_the_same_by_random_stages(
     model, best = some_model(problem, rng), optimum(problem).value
     value = best if math.isfinite(best) else 0.0
     target = value - (1 + abs(value)) * 10.0 ** rng.uniform(-4, 0)
-    staged = random_staged(model, target, rng)
+    staged = random_staged(model, target, rng, moves=True)
     verified = price_staged(model, staged).bound
     file = CertificateFile(
         scene=problem.name, digest=problem_digest(problem), method="test",
@@ -483,9 +485,86 @@ def test_checkers_prove_the_same_by_random_stages(
     assert checked is not None and not is_part
     bound = checked / cocap_check.ONE
     allowance = ALIKE * (1 + abs(bound))
-    assert bound <= verified + allowance
+    assert max(best, 0.0) - allowance <= bound <= verified + allowance
     assert ask(text, found | {"bound": bound + allowance})[0] == 0
     assert ask(text, found | {"bound": bound - allowance})[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("claims", "expected"),
+    [
+        ([], 20.0),
+        ([(1, 18.0)], 18.0),
+        ([(1, 16.0)], 16.0),
+        ([(1, -5.0)], 16.0),
+        ([(1, 25.0)], 20.0),
+        ([(1, 16.0), (1, 18.0)], 16.0),
+        ([(1, 16.0), (0, 25.0)], 20.0),
+        ([(0, 25.0), (1, 16.0)], 16.0),
+    ],
+)
+def test_moves_of_the_team_save_what_their_search_finds(
+    claims: list[tuple[int, float]], expected: float, ask: Ask, ask_misled: Ask
+) -> None:
+    """A claim may be too high, and is raised if it is too low; it ends those that share a step."""
+    file = staged_hunt.exchange_file({"moves": [_of_step(*claim) for claim in claims]})
+    for asked in (ask, ask_misled):
+        assert asked(staged_hunt.EXCHANGE, file | {"bound": expected * (1 + ALIKE)})[0] == 0
+        assert asked(staged_hunt.EXCHANGE, file | {"bound": expected * (1 - ALIKE)})[0] == 1
+
+
+@pytest.mark.parametrize("stage", [0, 1])
+@pytest.mark.parametrize("t", [1, 2])
+def test_new_prices_end_moves_of_the_team(stage: int, t: int, ask: Ask) -> None:
+    """Moves to a step and from it end if it has new prices later, not in the same stage."""
+    file = staged_hunt.exchange_file({"moves": [_of_step(1, 16.0)]}, {})
+    new = {"payments": [_rising(t, 0.0)], "constants": [_of_step(t, 10.0)]}
+    file["certificate"]["stages"][1 + stage] |= new
+    expected = 20.0 if stage else 16.0
+    assert ask(staged_hunt.EXCHANGE, file | {"bound": expected * (1 + ALIKE)})[0] == 0
+    assert ask(staged_hunt.EXCHANGE, file | {"bound": expected * (1 - ALIKE)})[0] == 1
+
+
+def test_no_move_begins_at_the_last_step(ask: Ask) -> None:
+    """Such claims are refused before the program is asked, and by the program, too."""
+    file = staged_hunt.exchange_file({"moves": [_of_step(2, 16.0)]})
+    code, words = ask(staged_hunt.EXCHANGE, file)
+    assert code == 1 and "moves: no move begins at the last step" in words
+    file = staged_hunt.exchange_file({"moves": [_of_step(1, 16.0)]})
+    assert ask(staged_hunt.EXCHANGE, file)[0] == 0
+
+    def of_last_step(text: str) -> str:
+        *words, t, claim, above, begun = text.split()
+        assert t == "1"
+        return " ".join([*words, "2", claim, above, begun]) + "\n"
+
+    code, words = ask(staged_hunt.EXCHANGE, file, of_last_step)
+    assert code == 1 and "stage: no move begins at this step" in words
+
+
+def test_checkers_prove_the_same_by_moves_of_the_team(ask: Ask, ask_misled: Ask) -> None:
+    """Whatever the advice, it proves what `cocap-check` proves, and never less than the best J."""
+    draw, lower = random.Random(0), 0
+    for _ in range(20):
+        text = staged_hunt.draw_instance(draw)
+        instance = cocap_check.Instance(text)
+        best = staged_hunt.best_plan(instance)
+        numbers = staged_hunt.draw_staged(instance, best, draw)
+        file = staged_hunt.exchange_file() | {"digest": "drawn", "bound": 1e9}
+        moving, plain = (
+            cocap_check.bound_of_file(instance, file | {"certificate": certificate})[0]
+            for certificate in (numbers, staged_hunt.without_moves(numbers))
+        )
+        assert moving is not None and plain is not None
+        bound = moving / cocap_check.ONE
+        allowance = ALIKE * (1 + abs(bound))
+        assert bound >= best - allowance
+        file["certificate"] = numbers
+        assert ask(text, file | {"bound": bound + allowance})[0] == 0
+        for asked in (ask, ask_misled):
+            assert asked(text, file | {"bound": bound - allowance})[0] == 1
+        lower += bound < plain / cocap_check.ONE - allowance
+    assert lower > 2
 
 
 def _rising(t: int, others: float) -> dict[str, Any]:

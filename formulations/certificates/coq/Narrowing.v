@@ -16,10 +16,13 @@ Definition number_of (b : by_state) (k : nat) (s : state) : Z :=
 (** What joint states are worth at a step is at most a constant and the prices of their states. *)
 Record upper := Upper { u_constant : Z; u_prices : by_state }.
 
-(** A step: the bound of now, whose prices are of the states that are left; earlier ones; and what
-    joint states are worth at least: a floor and what their states are charged. *)
-Record step := Step { now : upper; earlier : list upper; floor : Z; charges : by_state }.
-Definition no_step : step := Step (Upper 0 []) [] 0 [].
+(** A step: the bound of now, whose prices are of the states that are left; earlier ones; what joint
+    states are worth at least: a floor and what their states are charged; and what they and those of
+    the next step, to which the team moves, are worth at most together: a constant, if there is one,
+    and the prices of now. *)
+Record step := Step {
+  now : upper; earlier : list upper; floor : Z; charges : by_state; with_next : option Z }.
+Definition no_step : step := Step (Upper 0 []) [] 0 [] None.
 
 Section Narrowing.
 Variables (I : instance) (C : certificate) (coarse : Z).
@@ -64,7 +67,18 @@ Definition first_of {B} (l : list (PM.t B)) : PM.t B := match l with [] => PM.em
 Definition bests_of (Vs : list (PM.t (option Z))) (k : nat) : list (list state * Z) :=
   map (fun starts => (starts, match best_start (first_of Vs) starts with Some b => b | None => 0 end)) (starts_in k).
 
-Definition total_constant (N : narrowing) : Z := sumZ (map (fun st => u_constant (now st)) N).
+(** By how much the constants of a step and of the next one exceed that of the move between them. *)
+Definition saved (N : narrowing) (t : nat) : Z :=
+  match with_next (at_ N t) with
+  | None => 0
+  | Some m => Z.max 0 (u_constant (now (at_ N t)) + u_constant (now (at_ N (S t))) - m)
+  end.
+
+(** What the moves to a step and from it save. *)
+Definition own_saved (N : narrowing) (t : nat) : Z :=
+  match t with O => saved N t | S before => saved N before + saved N t end.
+
+Definition total_constant (N : narrowing) : Z := sumZ (map (fun st => u_constant (now st)) N) - total T (saved N).
 
 (** The bound on plans that visit only states that are left; None: there are none. *)
 Definition left_bound (N : narrowing) (Vs : list (nat * list (PM.t (option Z)))) : option Z :=
@@ -82,8 +96,9 @@ Definition sweep_so_far (N : narrowing) (Vs : list (nat * list (PM.t (option Z))
   map (fun k => (k, left_forward N k (step_price N k) (toll' k)
                       (map (fun sv => (fst sv, - snd sv)) (bests_of (of_class [] Vs k) k)))) (classes I).
 
-(** Closes states of so much slack that no plan above the target visits them. *)
-Definition closed_step (target bound : Z) (so_far : list (nat * list (PM.t Z))) (Vs : list (nat * list (PM.t (option Z))))
+(** Closes states of so much slack that no plan above the target visits them. own: what moves save
+    that is no loss of this step. *)
+Definition closed_step (target bound own : Z) (so_far : list (nat * list (PM.t Z))) (Vs : list (nat * list (PM.t (option Z))))
   (t : nat) (st : step) : step :=
   let slack k := let V := nth t (of_class [] Vs k) (PM.empty _) in
                  fun s u => match PM.find s V with Some (Some v) => Some (- (u + v)) | _ => None end in
@@ -93,7 +108,7 @@ Definition closed_step (target bound : Z) (so_far : list (nat * list (PM.t Z))) 
                                   | None => None end) (nth t (of_class [] so_far k) (PM.empty Z)))) (classes I) in
   let prices := u_prices (now st) in
   Step (Upper (u_constant (now st)) (of_left (fun k s _ => number_of prices k s))) (earlier st)
-       (target - bound + u_constant (now st)) (of_left (fun k s l => number_of prices k s + l)).
+       (target - bound + u_constant (now st) - own) (of_left (fun k s l => number_of prices k s + l)) (with_next st).
 
 Fixpoint with_steps {B} (f : nat -> B -> B) (t : nat) (l : list B) : list B :=
   match l with [] => [] | b :: rest => f t b :: with_steps f (S t) rest end.
@@ -103,7 +118,9 @@ Definition close (target : Z) (N : narrowing) : option narrowing :=
   let Vs := sweep_all N in
   match left_bound N Vs with
   | None => None
-  | Some bound => Some (with_steps (closed_step target bound (sweep_so_far N Vs) Vs) 0 N)
+  | Some bound =>
+      let so_far := sweep_so_far N Vs in
+      Some (with_steps (fun t => closed_step target bound (own_saved N t) so_far Vs t) 0 N)
   end.
 
 Definition staged_numbers_ok : bool :=
@@ -217,8 +234,15 @@ Definition step_inv (t : nat) (st : step) : Prop :=
   /\ (forall u, In u (now st :: earlier st) -> (FR t <= IZR (u_constant u + prices_sum (u_prices u) t))%R)
   /\ (IZR (floor st + prices_sum (charges st) t) <= FR t)%R.
 
+(** What is paid at a step for the plan's states. *)
+Definition paid_now (N : narrowing) (t : nat) : Z := prices_sum (u_prices (now (at_ N t))) t.
+
+(** Constants of moves hold, and no two of them share a step. *)
+Definition moves_inv (N : narrowing) : Prop := forall t m, with_next (at_ N t) = Some m ->
+  (t < T)%nat /\ with_next (at_ N (S t)) = None /\ (FR t + FR (S t) <= IZR (m + paid_now N t + paid_now N (S t)))%R.
+
 Definition inv (N : narrowing) : Prop :=
-  length N = S T /\ forall t, (t <= T)%nat -> step_inv t (at_ N t).
+  (length N = S T /\ moves_inv N) /\ forall t, (t <= T)%nat -> step_inv t (at_ N t).
 
 Definition worth_of (N : narrowing) (f : flight) : Z := value T (step_price N (fst f)) (toll' (fst f)) (snd f).
 
@@ -264,29 +288,111 @@ Proof.
     + apply IZR_le. lia.
 Qed.
 
+(** ** What moves save *)
+
+Lemma total_constant_is N : inv N -> total_constant N = total (S T) (fun t => u_constant (now (at_ N t))) - total T (saved N).
+Proof.
+  intros [[Hlen _] _]. unfold total_constant, at_. rewrite (sum_nth (fun st => u_constant (now st)) no_step), Hlen. reflexivity.
+Qed.
+
+Lemma step_at_most N t : inv N -> (t <= T)%nat -> (FR t <= IZR (u_constant (now (at_ N t)) + paid_now N t))%R.
+Proof. intros [_ HN] Ht. destruct (HN t Ht) as [_ [HU _]]. exact (HU (now (at_ N t)) (or_introl eq_refl)). Qed.
+
+Lemma saved_ok N t : inv N -> (S t <= T)%nat -> (FR t + FR (S t) <=
+  IZR (u_constant (now (at_ N t)) + paid_now N t) + IZR (u_constant (now (at_ N (S t))) + paid_now N (S t)) - IZR (saved N t))%R.
+Proof.
+  intros HN Ht. pose proof (step_at_most N t HN ltac:(lia)) as H1. pose proof (step_at_most N (S t) HN Ht) as H2.
+  unfold saved. destruct (with_next (at_ N t)) as [m|] eqn:E; [|lra].
+  destruct HN as [[_ HM] _]. destruct (HM t m E) as [_ [_ Hm]]. rewrite !plus_IZR in *.
+  destruct (Z.max_spec 0 (u_constant (now (at_ N t)) + u_constant (now (at_ N (S t))) - m)) as [[_ ->] | [_ ->]];
+    rewrite ?minus_IZR, ?plus_IZR; lra.
+Qed.
+
+Lemma saved_apart N t : inv N -> saved N t = 0 \/ saved N (S t) = 0.
+Proof.
+  intros [[_ HM] _]. unfold saved at 1. destruct (with_next (at_ N t)) as [m|] eqn:E; [|left; reflexivity].
+  right. destruct (HM t m E) as [_ [E' _]]. unfold saved. rewrite E'. reflexivity.
+Qed.
+
+Lemma saved_last N : inv N -> saved N T = 0.
+Proof.
+  intros [[_ HM] _]. unfold saved. destruct (with_next (at_ N T)) as [m|] eqn:E; [|reflexivity].
+  destruct (HM T m E) as [H _]. lia.
+Qed.
+
+(** What a plan is worth at some steps in a row. *)
+Lemma steps_at_most N a n : inv N -> (a + n <= S T)%nat -> (sumR (map FR (seq a n))
+  <= IZR (total n (fun i => u_constant (now (at_ N (a + i)%nat)) + paid_now N (a + i)%nat)%Z - total (pred n) (fun i => saved N (a + i)%nat)))%R.
+Proof.
+  intros HN Hn. rewrite sumR_from, minus_IZR, (IZR_total n). apply sumR_less.
+  - intros i Hi. apply step_at_most; [exact HN | lia].
+  - intros i Hi. replace (a + S i)%nat with (S (a + i)) by lia. apply saved_ok; [exact HN | lia].
+  - intros i. replace (a + S i)%nat with (S (a + i)) by lia. apply saved_apart, HN.
+Qed.
+
+(** The bound on plans that visit only states that are left. *)
+Lemma J_left N : inv N -> (J I plan * IZR (precision M)
+  <= IZR (total_constant N + row_constant C [] + sumZ (map (worth_of N) plan)))%R.
+Proof.
+  intros HN. eapply Rle_trans; [apply (J_steps N)|]. pose proof (steps_at_most N 0 (S T) HN (le_n _)) as H.
+  rewrite total_add in H. change (total (S T) (fun t => paid_now N (0 + t)%nat)) with (all_prices N) in H.
+  change (total (pred (S T)) (fun i => saved N (0 + i)%nat)) with (total T (saved N)) in H.
+  change (total (S T) (fun t => u_constant (now (at_ N (0 + t)%nat)))) with (total (S T) (fun t => u_constant (now (at_ N t)))) in H.
+  rewrite (total_constant_is N HN). rewrite !plus_IZR, !minus_IZR in *. rewrite !plus_IZR in *. lra.
+Qed.
+
+Lemma total_without_own N t : inv N -> (t <= T)%nat ->
+  total T (fun i => if (Nat.eqb t i || Nat.eqb t (S i))%bool then 0 else saved N i) = total T (saved N) - own_saved N t.
+Proof.
+  intros HN Ht. pose proof (saved_last N HN) as Hlast.
+  assert (E : total T (saved N) = total T (fun i => if (Nat.eqb t i || Nat.eqb t (S i))%bool then 0 else saved N i)
+      + total T (fun i => if Nat.eqb t i then saved N i else 0)
+      + total T (fun i => if Nat.eqb t (S i) then saved N i else 0)).
+  { rewrite <- !total_add. apply total_ext. intros i _.
+    destruct (Nat.eqb_spec t i), (Nat.eqb_spec t (S i)); simpl; lia. }
+  rewrite total_pick in E.
+  assert (E' : own_saved N t = (if Nat.ltb t T then saved N t else 0) + total T (fun i => if Nat.eqb t (S i) then saved N i else 0)).
+  { unfold own_saved. destruct t as [|b].
+    - rewrite total_zero by reflexivity. destruct (Nat.ltb_spec 0 T); [lia|]. replace T with O in Hlast by lia. lia.
+    - change (fun i => if Nat.eqb (S b) (S i) then saved N i else 0) with (fun i => if Nat.eqb b i then saved N i else 0).
+      rewrite total_pick. destruct (Nat.ltb_spec b T); [|lia]. destruct (Nat.ltb_spec (S b) T); [lia|].
+      replace (S b) with T by lia. lia. }
+  lia.
+Qed.
+
 Section Above.
 Variable target : Z.
 Hypothesis above : (IZR target < J I plan * IZR (precision M))%R.
 
-(** What a plan above the target loses at a step, and on its drones' paths, is less than there is. *)
+(** What a plan above the target loses at a step, and on its drones' paths, is less than there is and
+    than the moves to the step and from it save. *)
 Lemma losses N t : inv N -> (t <= T)%nat ->
-  (IZR target < FR t - IZR (u_constant (now (at_ N t)) + prices_sum (u_prices (now (at_ N t))) t)
+  (IZR target < FR t - IZR (u_constant (now (at_ N t)) + paid_now N t) + IZR (own_saved N t)
      + IZR (total_constant N + row_constant C [] + sumZ (map (worth_of N) plan)))%R.
 Proof.
-  intros [Hlen HN] Ht. eapply Rlt_le_trans; [exact above|]. eapply Rle_trans; [apply (J_steps N)|].
-  set (p := fun t => prices_sum (u_prices (now (at_ N t))) t). set (K := fun t => u_constant (now (at_ N t))).
-  assert (EK : total_constant N = total (S T) K).
-  { unfold total_constant, K, at_. rewrite (sum_nth (fun st => u_constant (now st)) no_step), Hlen. reflexivity. }
-  assert (Hsum : forall n, (n <= S T)%nat -> (sumR (map FR (seq 0 n)) <= IZR (total n (fun t => K t + p t)%Z) + (if Nat.ltb t n then FR t - IZR (K t + p t) else 0))%R).
-  { induction n as [|n IH]; intros Hn; [simpl; lra|].
-    rewrite seq_S, map_app, sumR_app. cbn [map sumR total plus]. rewrite plus_IZR. specialize (IH ltac:(lia)).
-    destruct (HN n ltac:(lia)) as [_ [HU _]]. specialize (HU (now (at_ N n)) (or_introl eq_refl)). fold (K n) (p n) in HU.
-    destruct (Nat.ltb_spec t n), (Nat.ltb_spec t (S n)); try lia; try lra.
-    assert (t = n) by lia. subst n. lra. }
-  specialize (Hsum (S T) (le_n _)). destruct (Nat.ltb_spec t (S T)); [|lia].
-  fold (p t) (K t). unfold all_prices. fold p.
-  rewrite total_add in Hsum. rewrite EK.
-  rewrite ?plus_IZR, ?minus_IZR in *. fold p. lra.
+  intros HN Ht. eapply Rlt_le_trans; [exact above|]. eapply Rle_trans; [apply (J_steps N)|].
+  set (Kp := fun i => u_constant (now (at_ N i)) + paid_now N i).
+  (* the other steps have their constants, less what other moves save *)
+  pose proof (sumR_less FR (fun i => if Nat.eqb t i then FR i else IZR (Kp i))
+    (fun i => if (Nat.eqb t i || Nat.eqb t (S i))%bool then 0 else saved N i) (S T)) as Hsum. cbn [pred] in Hsum.
+  rewrite (total_without_own N t HN Ht) in Hsum.
+  assert (Ec : (sumR (map (fun i => if Nat.eqb t i then FR i else IZR (Kp i)) (seq 0 (S T))) = IZR (total (S T) Kp) + (FR t - IZR (Kp t)))%R).
+  { rewrite IZR_total. assert (X : forall n, sumR (map (fun i => if Nat.eqb t i then FR i else IZR (Kp i)) (seq 0 n))
+        = (sumR (map (fun i => IZR (Kp i)) (seq 0 n)) + (if Nat.ltb t n then FR t - IZR (Kp t) else 0))%R).
+    { induction n as [|n IH]; [simpl; lra|]. rewrite !sumR_next, IH.
+      destruct (Nat.ltb_spec t n), (Nat.ltb_spec t (S n)), (Nat.eqb_spec t n); try lia; try lra. subst n. lra. }
+    rewrite X. destruct (Nat.ltb_spec t (S T)); [reflexivity | lia]. }
+  assert (EK : total (S T) Kp = total (S T) (fun i => u_constant (now (at_ N i))) + all_prices N) by (unfold Kp; apply total_add).
+  rewrite Ec, EK in Hsum. rewrite (total_constant_is N HN). change (u_constant (now (at_ N t)) + paid_now N t) with (Kp t).
+  assert (Hle : (sumR (map FR (seq 0 (S T))) <= IZR (total (S T) (fun i => u_constant (now (at_ N i))) + all_prices N) + (FR t - IZR (Kp t))
+      - IZR (total T (saved N) - own_saved N t))%R).
+  { apply Hsum.
+    - intros i Hi. destruct (Nat.eqb t i); [lra | apply step_at_most; [exact HN | lia]].
+    - intros i Hi. pose proof (step_at_most N i HN ltac:(lia)) as H1. pose proof (step_at_most N (S i) HN ltac:(lia)) as H2.
+      pose proof (saved_ok N i HN ltac:(lia)) as H3. fold (Kp i) in H1, H3. fold (Kp (S i)) in H2, H3.
+      destruct (Nat.eqb_spec t i), (Nat.eqb_spec t (S i)); cbn [orb]; lra.
+    - intros i. destruct (saved_apart N i HN) as [-> | ->]; [left | right]; match goal with |- (if ?b then _ else _) = _ => destruct b; reflexivity end. }
+  clear Hsum Ec EK. rewrite !plus_IZR, !minus_IZR in *. rewrite ?plus_IZR in *. lra.
 Qed.
 
 (** ** Sweeps *)
@@ -341,7 +447,7 @@ Lemma to_go_ok N f : inv N -> In f plan ->
   Forall2 (fun V j => comes_to V (snd f j) (to_go (step_price N (fst f)) (toll' (fst f)) (snd f) (T - j) j))
     (to_go_of N (fst f)) (seq 0 (S T)).
 Proof.
-  intros [Hlen HN] Hf. destruct (of_plan f Hf) as [starts [Hd [Hs [Ho Hm]]]]. unfold to_go_of.
+  intros [[Hlen _] HN] Hf. destruct (of_plan f Hf) as [starts [Hd [Hs [Ho Hm]]]]. unfold to_go_of.
   apply (backward_ok T (moves I (fst f)) (step_price N (fst f)) (toll' (fst f)) (snd f) Hm T 0); [lia|].
   apply Forall2_map_seq with (d := no_step); [exact Hlen|]. intros t Ht. rewrite Nat.add_0_l.
   destruct (HN t ltac:(lia)) as [HL _]. exact (HL f Hf).
@@ -436,12 +542,20 @@ Lemma close_ok N : inv N -> exists N', close target N = Some N' /\ inv N'.
 Proof.
   intros HN. unfold close. destruct (team_best_is N HN) as [EB Hworths]. rewrite EB.
   set (B := total_constant N + row_constant C [] + sumZ (map (best_number N) (team I))) in *.
-  eexists. split; [reflexivity|]. destruct HN as [Hlen Hsteps]. pose proof (conj Hlen Hsteps : inv N) as HN.
-  split; [rewrite with_steps_length; exact Hlen|]. intros t Ht.
-  unfold at_. rewrite with_steps_nth by lia. rewrite Nat.add_0_l. fold (at_ N t).
-  set (into := sweep_so_far N (sweep_all N)).
+  eexists. split; [reflexivity|]. cbv zeta. set (into := sweep_so_far N (sweep_all N)).
+  set (N' := with_steps _ 0 N). pose proof HN as [[Hlen Hmoves] Hsteps].
+  assert (Hat : forall t, (t <= T)%nat -> at_ N' t = closed_step target B (own_saved N t) into (sweep_all N) t (at_ N t)).
+  { intros t Ht. unfold at_, N'. rewrite with_steps_nth by lia. reflexivity. }
+  enough (Hclosed : forall t, (t <= T)%nat -> step_inv t (at_ N' t) /\ paid_now N' t = paid_now N t).
+  { split; [split|]; [unfold N'; rewrite with_steps_length; exact Hlen | | intros; apply Hclosed; assumption].
+    intros t m E. destruct (Nat.le_gt_cases t T) as [Ht | Ht].
+    - rewrite Hat in E by exact Ht. destruct (Hmoves t m E) as [H1 [H2 H3]]. split; [exact H1|]. split; [rewrite Hat by lia; exact H2|].
+      rewrite !(fun t Ht => proj2 (Hclosed t Ht)) by lia. exact H3.
+    - unfold at_, N' in E. rewrite nth_overflow in E by (rewrite with_steps_length; lia). discriminate. }
+  intros t Ht. unfold paid_now. rewrite (Hat t Ht).
   set (st := at_ N t). destruct (Hsteps t Ht) as [HL [HU HF]].
-  pose proof (losses N t HN Ht) as Hloss. fold st in Hloss, HL, HU, HF.
+  pose proof (losses N t HN Ht) as Hloss. pose proof (J_left N HN) as Hleft. unfold paid_now in Hloss. fold st in Hloss, HL, HU, HF.
+  set (own := own_saved N t) in *.
   set (slack_of := fun f : flight => match PM.find (snd f t) (nth t (of_class [] into (fst f)) (PM.empty Z)),
       PM.find (snd f t) (nth t (of_class [] (sweep_all N) (fst f)) (PM.empty _)) with
       | Some u, Some (Some v) => - (u + v) | _, _ => 0 end).
@@ -492,17 +606,19 @@ Proof.
          | None => None end) (nth t (of_class [] into k) (PM.empty Z)))) (classes I)) t
     = sumZ (map (fun f => h (fst f) (snd f t) (slack_of f)) plan)).
   { intros h. unfold prices_sum. apply sumZ_ext. intros f Hf. unfold number_of. rewrite (Hkept h f Hf). reflexivity. }
-  unfold closed_step. cbv zeta. fold K. split; [|split].
+  unfold closed_step. cbv zeta. fold K. split; [split; [|split]|].
   - intros f Hf. simpl. eexists. apply (Hkept (fun k s _ => number_of (u_prices (now st)) k s) f Hf).
   - simpl. intros u [<- | Hu].
     + simpl. rewrite (Hnumbers (fun k s _ => number_of (u_prices (now st)) k s)). exact Hnow.
     + apply HU. right. exact Hu.
   - simpl. rewrite (Hnumbers (fun k s l => number_of (u_prices (now st)) k s + l)).
     rewrite sumZ_add. change (sumZ (map (fun f => number_of (u_prices (now st)) (fst f) (snd f t)) plan)) with P.
-    clear Hkept Hnumbers Heach Hroom Hsums. set (slacks := sumZ (map slack_of plan)) in Htogether.
+    clear Hkept Hnumbers Heach Hroom Hsums Hleft. set (slacks := sumZ (map slack_of plan)) in Htogether.
     change (sumZ (map _ plan)) with slacks. set (worths := sumZ (map (worth_of N) plan)) in *.
     set (bests := sumZ (map (best_number N) (team I))) in *.
-    apply IZR_le in Htogether. unfold B. rewrite ?plus_IZR, ?minus_IZR in *. rewrite ?plus_IZR in *. lra.
+    apply IZR_le in Htogether. unfold B. rewrite ?plus_IZR, ?minus_IZR in *. rewrite ?plus_IZR, ?minus_IZR in *.
+    rewrite ?plus_IZR in *. lra.
+  - exact (Hnumbers (fun k s _ => number_of (u_prices (now st)) k s)).
 Qed.
 
 End Above.

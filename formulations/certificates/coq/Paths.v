@@ -6,167 +6,10 @@
     states of that step that plans above the target may visit. From these, paths are explored to the
     end, and the prices bound what was collected before the step. From those that may still exceed
     the target, paths are then explored back to step 0, with the worth of all later steps known. *)
-From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
-From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Staged.
+From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive.
+From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Joints Steps Moves Staged.
 Import ListNotations.
 Open Scope Z_scope.
-
-(** * Joint states, and what the best way to each is worth *)
-
-Definition joint : Type := list (nat * state).  (* of each drone, class and state, in no order *)
-Definition joints : Type := PM.t (list (joint * Z)).
-
-Fixpoint same_joint (a b : joint) : bool :=
-  match a, b with
-  | [], [] => true
-  | (k, s) :: a', (k', s') :: b' => Nat.eqb k k' && Pos.eqb s s' && same_joint a' b'
-  | _, _ => false
-  end.
-
-Definition same_drone (a b : nat * state) : bool := Nat.eqb (fst a) (fst b) && Pos.eqb (snd a) (snd b).
-
-Fixpoint take_out (a : nat * state) (j : joint) : option joint :=
-  match j with
-  | [] => None
-  | b :: rest => if same_drone a b then Some rest else option_map (cons b) (take_out a rest)
-  end.
-
-(** True if both have the same drones and states, in any order. *)
-Fixpoint same_drones (i j : joint) : bool :=
-  match i with
-  | [] => match j with [] => true | _ => false end
-  | a :: rest => match take_out a j with Some j' => same_drones rest j' | None => false end
-  end.
-
-(** An order, so that joint states of the same drones and states are the same; nothing more. *)
-Module ByState <: TotalLeBool.
-  Definition t : Type := nat * state.
-  Definition leb (a b : t) : bool := Nat.ltb (fst a) (fst b) || (Nat.eqb (fst a) (fst b) && Pos.leb (snd a) (snd b)).
-  Lemma leb_total a b : leb a b = true \/ leb b a = true.
-  Proof.
-    unfold leb. destruct (Nat.ltb_spec (fst a) (fst b)), (Nat.ltb_spec (fst b) (fst a)); simpl; auto.
-    assert (E : fst a = fst b) by lia. rewrite E, Nat.eqb_refl. simpl.
-    destruct (Pos.leb_spec (snd a) (snd b)); [auto|]. right. apply Pos.leb_le. lia.
-  Qed.
-End ByState.
-Module Ordered := Sort ByState.
-
-(** Joint states of one key are told apart. *)
-Definition key_of (j : joint) : positive := fold_left (fun key ks => (key * 4096 + snd ks)%positive) j xH.
-
-Fixpoint put (j : joint) (v : Z) (l : list (joint * Z)) : list (joint * Z) :=
-  match l with
-  | [] => [(j, v)]
-  | (j', v') :: rest => if same_joint j j' then (j', Z.max v v') :: rest else (j', v') :: put j v rest
-  end.
-
-Definition insert (j : joint) (v : Z) (m : joints) : joints :=
-  let k := key_of j in PM.add k (put j v (match PM.find k m with Some l => l | None => [] end)) m.
-
-Definition listed (m : joints) : list (joint * Z) := flat_map snd (PM.elements m).
-
-(** The value recorded for a joint state; None if there is none. *)
-Definition value_at (j : joint) (m : joints) : option Z :=
-  match PM.find (key_of j) m with
-  | None => None
-  | Some l => largest (fun jv : joint * Z => if same_joint j (fst jv) then Some (snd jv) else None) l None
-  end.
-
-Definition recorded (j : joint) (c : R) (m : joints) : Prop :=
-  exists l v, PM.find (key_of j) m = Some l /\ In (j, v) l /\ (c <= IZR v)%R.
-
-Lemma same_joint_eq a : forall b, same_joint a b = true -> a = b.
-Proof.
-  induction a as [|[k s] a IH]; intros [|[k' s'] b] H; simpl in H; try discriminate; [reflexivity|].
-  split_andb. match goal with H : Nat.eqb _ _ = true |- _ => apply Nat.eqb_eq in H; subst k' end.
-  match goal with H : Pos.eqb _ _ = true |- _ => apply Pos.eqb_eq in H; subst s' end. f_equal. apply IH. assumption.
-Qed.
-
-Lemma take_out_ok a j : In a j -> exists j', take_out a j = Some j' /\ Permutation j (a :: j').
-Proof.
-  induction j as [|b j IH]; intros Hin; [contradiction|]. simpl. unfold same_drone.
-  destruct (Nat.eqb_spec (fst a) (fst b)) as [E1 | N1]; [destruct (Pos.eqb_spec (snd a) (snd b)) as [E2 | N2]|]; simpl.
-  - exists j. split; [reflexivity|]. destruct a, b. simpl in *. subst. reflexivity.
-  - destruct Hin as [-> | Hin]; [contradiction|]. destruct (IH Hin) as [j' [-> Hp]]. exists (b :: j'). split; [reflexivity|].
-    eapply Permutation_trans; [apply perm_skip, Hp | apply perm_swap].
-  - destruct Hin as [-> | Hin]; [contradiction|]. destruct (IH Hin) as [j' [-> Hp]]. exists (b :: j'). split; [reflexivity|].
-    eapply Permutation_trans; [apply perm_skip, Hp | apply perm_swap].
-Qed.
-
-Lemma same_drones_ok i : forall j, Permutation i j -> same_drones i j = true.
-Proof.
-  induction i as [|a i IH]; intros j Hp; simpl.
-  - apply Permutation_nil in Hp. subst j. reflexivity.
-  - destruct (take_out_ok a j (Permutation_in a Hp (or_introl eq_refl))) as [j' [-> Hj]].
-    apply IH. apply (Permutation_cons_inv (a := a)). eapply Permutation_trans; eassumption.
-Qed.
-
-Lemma put_new j v l : exists v', In (j, v') (put j v l) /\ v <= v'.
-Proof.
-  induction l as [|[j' w] l IH]; simpl; [exists v; split; [left; reflexivity | lia]|].
-  destruct (same_joint j j') eqn:E.
-  - apply same_joint_eq in E. subst j'. exists (Z.max v w). split; [left; reflexivity | lia].
-  - destruct IH as [v' [H1 H2]]. exists v'. split; [right; exact H1 | exact H2].
-Qed.
-
-Lemma put_old j v l i w : In (i, w) l -> exists w', In (i, w') (put j v l) /\ w <= w'.
-Proof.
-  induction l as [|[j' u] l IH]; simpl; [intros []|]. intros Hin. destruct (same_joint j j') eqn:E.
-  - destruct Hin as [Hin | Hin].
-    + injection Hin as -> ->. exists (Z.max v w). split; [left; reflexivity | lia].
-    + exists w. split; [right; exact Hin | lia].
-  - destruct Hin as [Hin | Hin].
-    + injection Hin as -> ->. exists w. split; [left; reflexivity | lia].
-    + destruct (IH Hin) as [w' [H1 H2]]. exists w'. split; [right; exact H1 | exact H2].
-Qed.
-
-Lemma insert_new j v m c : (c <= IZR v)%R -> recorded j c (insert j v m).
-Proof.
-  intros Hc. unfold recorded, insert. cbv zeta. rewrite PM.gss.
-  match goal with |- context [put j v ?l] => destruct (put_new j v l) as [v' [H1 H2]] end.
-  eexists _, v'. split; [reflexivity|]. split; [exact H1|]. apply IZR_le in H2. lra.
-Qed.
-
-Lemma insert_old j v m i c : recorded i c m -> recorded i c (insert j v m).
-Proof.
-  intros [l [w [E [Hin Hc]]]]. unfold recorded, insert. cbv zeta.
-  destruct (Pos.eq_dec (key_of i) (key_of j)) as [Ek | Ek].
-  - rewrite <- Ek, PM.gss, E. destruct (put_old j v l i w Hin) as [w' [H1 H2]].
-    eexists _, w'. split; [reflexivity|]. split; [exact H1|]. apply IZR_le in H2. lra.
-  - rewrite PM.gso by exact Ek. exists l, w. auto.
-Qed.
-
-Lemma recorded_less j c c' m : (c' <= c)%R -> recorded j c m -> recorded j c' m.
-Proof. intros H [l [v [H1 [H2 H3]]]]. exists l, v. repeat split; try assumption. lra. Qed.
-
-Definition recorded_in (j : joint) (c : R) (l : list (joint * Z)) : Prop := exists v, In (j, v) l /\ (c <= IZR v)%R.
-
-Lemma recorded_listed j c m : recorded j c m -> recorded_in j c (listed m).
-Proof.
-  intros [l [v [E [Hin Hc]]]]. exists v. split; [|exact Hc]. unfold listed. apply in_flat_map.
-  exists (key_of j, l). split; [apply PM.elements_correct, E | exact Hin].
-Qed.
-
-Lemma same_joint_refl a : same_joint a a = true.
-Proof. induction a as [|[k s] a IH]; simpl; [reflexivity|]. rewrite Nat.eqb_refl, Pos.eqb_refl. exact IH. Qed.
-
-Lemma recorded_value j c m : recorded j c m -> exists v, value_at j m = Some v /\ (c <= IZR v)%R.
-Proof.
-  intros [l [v [E [Hin Hc]]]]. unfold value_at. rewrite E.
-  destruct (largest_in (fun jv : joint * Z => if same_joint j (fst jv) then Some (snd jv) else None) l None (j, v) v Hin) as [w [Ew Hw]].
-  { cbn [fst snd]. rewrite same_joint_refl. reflexivity. }
-  exists w. split; [exact Ew|]. apply IZR_le in Hw. lra.
-Qed.
-
-(** A fold over a list keeps what one of its items records, if no other item removes it. *)
-Lemma fold_records {B} (f : joints -> B -> joints) (j : joint) (c : R) (l : list B) b :
-  (forall m x, recorded j c m -> recorded j c (f m x)) -> (forall m, recorded j c (f m b)) -> In b l ->
-  forall m, recorded j c (fold_left f l m).
-Proof.
-  intros Hkeep Hnew. assert (Hold : forall l m, recorded j c m -> recorded j c (fold_left f l m)).
-  { induction l0 as [|x l0 IH]; intros m H; simpl; [exact H | apply IH, Hkeep, H]. }
-  induction l as [|x l IH]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin]; [apply Hold, Hnew | apply IH, Hin].
-Qed.
 
 (** * The iteration *)
 
@@ -178,6 +21,7 @@ Variable mind : memory.
 Notation T := (horizon I).
 Notation M := (numbers C).
 Notation rs := (all_rows C []).
+Notation search := (search I C coarse memory advise mind).
 Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))).
 
 (** The most that a drone in a state of step t collects after it, less what rows charge for the state; no
@@ -187,20 +31,10 @@ Definition futures (t : nat) : by_state :=
   map (fun k => (k, build_map (fun s v => match v with Some v' => Some (v' - number_of prices k s) | None => None end)
                               (nth t (of_class [] Vs k) (PM.empty _)))) (classes I).
 
-(** The constants of the steps after t, and the rows from t on. *)
+(** The constants of the steps after t, less what moves between these save, and the rows from t on. *)
 Definition rest (t : nat) : Z :=
-  total (T - t) (fun i => u_constant (now (at_ N (S (t + i)))))
+  total (T - t) (fun i => u_constant (now (at_ N (S t + i)))) - total (pred (T - t)) (fun i => saved N (S t + i))
   + sumZ (map (fun r => if Nat.leb t (step_of (used r)) then multiplier r else 0) rs).
-
-Definition moved (k : nat) (from : positive) (s : state) : named := ((k, place I k s), (from, s)).
-Definition state_in (c : candidate) : state := snd (snd (name named c)).
-Definition class_of (c : candidate) : nat := fst (fst (name named c)).
-Definition taken (c : candidate) : nat * state := (class_of c, state_in c).
-
-Definition ways_meet (a b : named) : bool :=
-  places_meet I a b
-  || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
-      clash I (way a) (way b) && clash I (way b) (way a)).
 
 (** What searches for the joint states of a step need. others: constants and rows of the steps that are
     not explored yet; beyond: the most that a drone in a state collects at these steps; candidates: the
@@ -208,32 +42,18 @@ Definition ways_meet (a b : named) : bool :=
 Record side := Side {
   groups_at : list group; others : Z; beyond : by_state; candidates : list (nat * PM.t candidate) }.
 
+(** What a state must be paid for, so that a joint state's profit includes what is beyond. *)
+Definition price_of (beyond : by_state) (k : nat) : state -> option Z :=
+  let paths := map_of beyond k in fun s => option_map Z.opp (PM.find s paths).
+
 Definition side_of (t : nat) (others : Z) (beyond : by_state) : side :=
-  let gs := step_groups I C t in
-  let st := at_ N t in
-  Side gs others beyond
-    (map (fun k => let paths := map_of beyond k in
-       (k, build_map (fun s (_ : Z) => match PM.find s paths with
-             | None => None
-             | Some a => Some (candidate_of I coarse gs t k (moved k xH s) (- a) (number_of (charges st) k s) (step_static st k s (- a)) s)
-             end) (map_of (u_prices (now st)) k))) (classes I)).
-
-(** A candidate with the place a step before or after, and the reward of the move. *)
-Definition with_move (n : named) (rewarded : Z) (c : candidate) : candidate :=
-  Cand named n (amounts named c) (amounts_up named c) (price named c - rewarded) (charge named c)
-    (match static named c with [] => [] | x :: xs => x :: map (fun x => x + rewarded) xs end).
-
-Definition choice (mine : PM.t candidate) (k : nat) (next : positive) (rewarded : state -> Z) (s : state) : list candidate :=
-  match PM.find s mine with None => [] | Some c => [with_move (moved k next s) (rewarded s) c] end.
-
-Definition of_side (sd : side) (k : nat) : PM.t candidate := of_class (PM.empty _) (candidates sd) k.
+  let gs := step_groups I C t in Side gs others beyond (candidates_at I coarse (at_ N t) gs t (price_of beyond)).
 
 Definition beyond_in (sd : side) (c : candidate) : Z := number_of (beyond sd) (class_of c) (state_in c).
 
 Definition take_joint (sd : side) (t : nat) (known threshold : Z) (l : list candidate) (m : joints) : joints :=
   let worth := exact_of I C (groups_at sd) l in
-  if (floor (at_ N t) + sum named (charge named) l <=? worth)
-     && (threshold <? worth - sum named (price named) l)
+  if enough (at_ N t) l worth && (threshold <? worth - sum named (price named) l)
   then insert (Ordered.sort (map taken l)) (known + worth + sumZ (map (fun c => - price named c - beyond_in sd c) l)) m
   else m.
 
@@ -241,8 +61,7 @@ Definition take_joint (sd : side) (t : nat) (known threshold : Z) (l : list cand
     the steps explored so far. *)
 Definition explore (sd : side) (t : nat) (known : Z) (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
   let threshold := target - known - others sd in
-  search I C coarse memory advise (fun _ => threshold) (take_joint sd t known threshold) conflict (groups_at sd) (length (team I)) []
-    (nothing (specs_of I C coarse (groups_at sd))) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
+  search (fun _ => threshold) (take_joint sd t known threshold) conflict (groups_at sd) (at_ N t) p.
 
 (** ** From step 0 on *)
 
@@ -251,15 +70,11 @@ Definition onward (t : nat) : side := side_of t (rest t) (futures t).
 Definition first_joints : joints :=
   let sd := onward 0 in
   explore sd 0 0 (places_meet I)
-    (map (fun d => (1%nat, flat_map (choice (of_side sd (fst d)) (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
-
-Definition pools_in (sd : side) (t : nat) (j : joint) : pool candidate :=
-  map (fun ks => let (k, s) := ks : nat * state in
-         (1%nat, flat_map (choice (of_side sd k) k (place I k s) (reward I C k s)) (moves I k t s))) j.
+    (map (fun d => (1%nat, flat_map (choice I (of_candidates (candidates sd) (fst d)) (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
 
 (** Adds the joint states of the step after t that follow a joint state of step t. *)
 Definition following (sd : side) (t : nat) (jv : joint * Z) : joints -> joints :=
-  explore sd (S t) (snd jv) ways_meet (pools_in sd t (fst jv)).
+  explore sd (S t) (snd jv) (ways_meet I) (pools_in I (candidates sd) (reward I C) t (fst jv)).
 
 Definition next_joints (t : nat) (m : joints) : joints :=
   let sd := onward (S t) in fold_left (fun found jv => following sd t jv found) (listed m) (PM.empty _).
@@ -274,9 +89,10 @@ Variable Us : list (nat * list (PM.t Z)).
 (** The value of the best path into each state of a step, less the value of the drone's best path. *)
 Definition pasts (t : nat) : by_state := map (fun kU => (fst kU, nth t (snd kU) (PM.empty Z))) Us.
 
-(** The constants and the rows of the steps before t, and the values of all drones' best paths. *)
+(** The constants of the steps before t, less what moves between these save, the rows there, and the values
+    of all drones' best paths. *)
 Definition begun (t : nat) : Z :=
-  total t (fun j => u_constant (now (at_ N j)))
+  total t (fun j => u_constant (now (at_ N j))) - total (pred t) (saved N)
   + sumZ (map (fun r => if Nat.ltb (step_of (used r)) t then multiplier r else 0) rs)
   + match team_best (fun k => first_of (of_class [] Vs k)) (team I) with Some b => b | None => 0 end.
 
@@ -284,7 +100,7 @@ Definition before_all (into : by_state) (j : joint) : Z := sumZ (map (fun ks => 
 
 Definition take_first (st : step) (gs : list group) (l : list candidate) (m : joints) : joints :=
   let worth := exact_of I C gs l in
-  if floor st + sum named (charge named) l <=? worth then insert (Ordered.sort (map taken l)) worth m else m.
+  if enough st l worth then insert (Ordered.sort (map taken l)) worth m else m.
 
 (** The states of a class that paths lead through. Their charges are also their prices, so that a joint
     state counts if its profit is at least the floor. *)
@@ -300,9 +116,8 @@ Definition first_choices (st : step) (gs : list group) (t : nat) (into : by_stat
 (** The joint states of a step that plans above the target may visit, with the worth of the step. *)
 Definition joints_at (t : nat) : joints :=
   let st := at_ N t in let gs := step_groups I C t in let into := pasts t in
-  search I C coarse memory advise (fun _ => floor st - 1) (take_first st gs) (places_meet I) gs (length (team I)) []
-    (nothing (specs_of I C coarse gs)) 0 (- floor st) (step_bases st)
-    (map (fun k => (size I k, first_choices st gs t into k)) (classes I)) mind (PM.empty _).
+  search (fun _ => floor st - 1) (take_first st gs) (places_meet I) gs st
+    (map (fun k => (size I k, first_choices st gs t into k)) (classes I)) (PM.empty _).
 
 (** These joint states with the largest worth of this step and all earlier ones. *)
 Definition with_ways (t : nat) (m : joints) : list (joint * Z) :=
@@ -358,7 +173,7 @@ Definition ways_back_meet (a b : named) : bool :=
 
 Definition pools_back (sd : side) (from : list (nat * PM.t (list state))) (j : joint) : pool candidate :=
   map (fun ks => let (k, s) := ks : nat * state in
-         (1%nat, flat_map (choice (of_side sd k) k (place I k s) (fun s' => reward I C k s' s))
+         (1%nat, flat_map (choice I (of_candidates (candidates sd) k) k (place I k s) (fun s' => reward I C k s' s))
                           (match PM.find s (of_class (PM.empty _) from k) with Some l => l | None => [] end))) j.
 
 (** The joint states of step t from which the team can move to given ones of the next step. *)
@@ -389,12 +204,6 @@ Definition paths_through (t : nat) : list (joint * Z) :=
 Definition most_of (l : list (joint * Z)) : Z := fold_left (fun b jv => Z.max b (snd jv)) l target.
 (** * Soundness *)
 
-Lemma ways_meet_symmetric a b : ways_meet a b = ways_meet b a.
-Proof.
-  unfold ways_meet. rewrite places_meet_symmetric. f_equal. destruct a as [[k p] [q s]], b as [[k' p'] [q' s']].
-  apply andb_comm.
-Qed.
-
 Variable plan : list flight.
 Hypothesis ok : staged_numbers_ok I C coarse = true.
 Hypothesis planned : is_plan I plan.
@@ -404,6 +213,7 @@ Hypothesis swept : Vs = sweep_all I C N.
 Hypothesis swept_so_far : Us = sweep_so_far I C N Vs.
 
 Notation FR := (FR I C plan).
+Notation flown := (flown_candidate I C coarse).
 
 Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, PM.find (snd f t) (map_of (futures t) (fst f)) = Some a
   /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t) <= a.
@@ -508,16 +318,14 @@ Lemma bound_at t : (t <= T)%nat -> (J I plan * IZR (precision M) <= G t + IZR (s
 Proof.
   intros Ht. eapply Rle_trans; [apply J_below|]. set (n := (T - t)%nat). assert (Hn : (t + n = T)%nat) by (unfold n; lia).
   pose proof (later_charges t n Hn) as Hlater.
-  assert (Hsplit : forall m, (t + m <= T)%nat -> (G (t + m)%nat <= G t + IZR (total m (fun i => rewards_at (t + i)
-      + (u_constant (now (at_ N (S (t + i)))) + prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i))))%Z))%R).
-  { induction m as [|m IH]; intros Hm; [rewrite Nat.add_0_r; simpl; lra|]. specialize (IH ltac:(lia)).
-    replace (t + S m)%nat with (S (t + m)) by lia. cbn [total].
-    assert (EG : G (S (t + m)) = (G (t + m)%nat + FR (S (t + m)) + IZR (rewards_at (t + m)))%R).
-    { unfold G. rewrite (seq_S (S (t + m))), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra. }
-    rewrite EG. destruct narrow as [_ HN]. destruct (HN (S (t + m)) ltac:(lia)) as [_ [HU _]].
-    specialize (HU (now (at_ N (S (t + m)))) (or_introl eq_refl)). rewrite !plus_IZR in *. lra. }
-  specialize (Hsplit n ltac:(lia)). rewrite Hn in Hsplit. eapply Rle_trans; [exact Hsplit|].
-  apply Rplus_le_compat_l, IZR_le. unfold rest. fold n.
+  assert (Hsplit : (G T = G t + sumR (map FR (seq (S t) n)) + IZR (total n (fun i => rewards_at (t + i))))%R).
+  { assert (X : forall m, (G (t + m)%nat = G t + sumR (map FR (seq (S t) m)) + IZR (total m (fun i => rewards_at (t + i)%nat)))%R).
+    { induction m as [|m IH]; [rewrite Nat.add_0_r; simpl; lra|]. rewrite Nat.add_succ_r. unfold G in *.
+      rewrite (seq_S (S (t + m))), (seq_S m), !map_app, !sumR_app. cbn [total map sumR Nat.add] in *. rewrite !plus_IZR in *. lra. }
+    specialize (X n). rewrite Hn in X. exact X. }
+  rewrite Hsplit, Rplus_assoc. apply Rplus_le_compat_l.
+  pose proof (steps_at_most I C plan N (S t) n narrow ltac:(lia)) as Hsteps. rewrite total_add in Hsteps.
+  eapply Rle_trans; [apply Rplus_le_compat_r, Hsteps|]. rewrite <- plus_IZR. apply IZR_le. unfold rest. fold n.
   assert (E : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) n t - number_of (u_prices (now (at_ N t))) (fst f) (snd f t)) plan)
     = total n (fun i => rewards_at (t + i) + prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i)))
       + -1 * sumZ (map (fun f => total (S n) (fun i => charge_here I rs (fst f) (t + i) (snd f (t + i)%nat))
@@ -532,158 +340,96 @@ Proof.
           + -1 * (charge_here I rs (fst f) (t + S i) (snd f (t + S i)%nat) + charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))))).
     - rewrite !total_add, total_scale, !total_add. unfold step_price. lia.
     - intros i _. rewrite Nat.add_succ_r. unfold toll', toll, step_price. lia. }
-  rewrite E. rewrite !total_add in *. lia.
+  rewrite E, total_add.
+  change (total n (fun i => paid_now plan N (S t + i)%nat)) with (total n (fun i => prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i)))).
+  lia.
 Qed.
 
 (** ** One step *)
 
-(** Where the drones of a plan are, in this order. *)
-Definition joint_of (fs : list flight) (t : nat) : joint := map (fun f => (fst f, snd f t)) fs.
-
 Lemma explore_keeps j c sd t known conflict p m : recorded j c m -> recorded j c (explore sd t known conflict p m).
 Proof.
-  intros H.
-  set (keeps := fun (_ : list candidate) found => recorded j c found).
-  change (keeps [] (explore sd t known conflict p m)). unfold explore, search.
-  apply node_keeps; [|exact H].
-  intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
+  intros H. unfold explore.
+  apply (search_keeps I C coarse memory advise mind _ _ _ _ _ (recorded j c)); [|exact H].
+  intros l a Ha. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
-
-(** A drone's state at a step as a candidate. *)
-Definition candidate_at (f : flight) (t : nat) (n : named) (price : Z) : candidate :=
-  candidate_of I coarse (step_groups I C t) t (fst f) n price (number_of (charges (at_ N t)) (fst f) (snd f t))
-    (step_static (at_ N t) (fst f) (snd f t) price) (snd f t).
 
 (** The search finds the joint state of a plan above the target, with a value of at least g, if g and
     the bounds on the steps that are not explored yet exceed the J of the plan. *)
-Lemma explore_ok t others beyond known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+Lemma explore_ok t others beyond known conflict (nm : flight -> named) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+  let pr (f : flight) := - number_of beyond (fst f) (snd f t) - rewarded f in
   (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
+  (forall f, In f plan -> taken (flown (at_ N t) t nm pr f) = (fst f, snd f t)) ->
   (J I plan * IZR (precision M) <= g + IZR (sumZ (map (fun f : flight => number_of beyond (fst f) (snd f t)) plan) + others))%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
-  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (candidate_at f t (moved (fst f) (next f) (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded f)) (snd nl)))
-    p plan' ->
+  fits_together named conflict (map (flown (at_ N t) t nm pr) plan) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (flown (at_ N t) t nm pr f) (snd nl))) p plan' ->
   recorded (Ordered.sort (joint_of plan' t)) g (explore (side_of t others beyond) t known conflict p m).
 Proof.
-  intros Ht Hsym Hperm Hbound HG Hfits Hp.
-  set (fut := fun f : flight => number_of beyond (fst f) (snd f t)) in *.
-  set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (next f) (snd f t)) in *.
-  set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
+  intros pr Ht Hsym Hperm Htaken Hbound HG Hfits Hp. set (st := at_ N t) in *. set (cf := flown st t nm pr) in *.
   set (gs := step_groups I C t). set (sd := side_of t others beyond). set (threshold := target - known - others).
-  pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
   assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
-  pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
-  pose proof (flown_worth I C coarse plan ok planned st t nm pr Ht) as HFL. fold cf gs in HFL.
-  pose proof (flown_counts I C coarse plan ok planned conflict st t nm pr Ht Hinv (Hfits pr)) as Hcounts. fold cf gs in Hcounts.
-  (* the same in the other order *)
-  pose proof (Permutation_map cf Hperm) as HpermL.
-  apply (Permutation_Forall HpermL) in Hcf.
-  rewrite (F_perm _ _ _ _ _ _ _ HpermL) in HFL.
-  apply (counts_perm named conflict Hsym _ _ _ _ _ _ _ _ HpermL) in Hcounts.
-  set (L := map cf plan') in *. set (Ls := map (fun c => [c]) L).
-  assert (EL : concat Ls = L).
-  { unfold Ls. clear. induction L as [|c l IH]; simpl; [reflexivity | rewrite IH; reflexivity]. }
-  assert (Hpool : completes p Ls).
-  { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan').
-    { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf']]. split; [exact H1|].
-      pose proof (Permutation_in f (Permutation_sym Hperm) Hf') as Hf.
-      exact (H2 Hf). }
-    unfold Ls, L. clear - Hp'. induction Hp' as [|nl f p fs [H1 H2] H IH]; simpl; constructor; [|exact IH].
-    split; [symmetry; exact H1|]. intros x [<- | []]. exact H2. }
-  set (Good := fun (l : list candidate) (m : joints) =>
-    counts named conflict (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
-    Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
-    (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l)%R ->
+  set (profit := profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs)).
+  set (P := fun (l : list candidate) (m : joints) => (IZR threshold < profit l)%R ->
     recorded (Ordered.sort (map taken l)) (IZR known + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
-       + IZR (sumZ (map (fun c => - price named c - beyond_in sd c)%Z l)))%R m).
-  destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
-  assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR threshold)%R -> Good l a).
-  { intros l a H _ _ H3. lra. }
-  assert (Hdown : forall l (a : joints), Good l (take_joint sd t known threshold l a)).
-  { intros l a H1 H2 H3. unfold take_joint. cbv zeta.
-    pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
-    assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
-    assert (Hlt : threshold < exact_of I C gs l - sum named (price named) l).
-    { apply lt_IZR. rewrite minus_IZR. unfold profitR in H3. lra. }
-    apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. change (groups_at sd) with gs. rewrite Hle, Hlt. simpl. apply insert_new.
-    rewrite !plus_IZR. lra. }
-  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint sd t known threshold l' a)).
-  { intros l l' a H H1 H2 H3. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; apply H; assumption. }
-  assert (Hpos : Forall (fun nl : nat * list candidate => fst nl = 1%nat) p).
-  { clear - Hp. induction Hp as [|nl f p fs [H1 _] H IH]; constructor; assumption. }
-  pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
-  assert (HGood : Good ([] ++ concat Ls) (explore sd t known conflict p m)).
-  { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
-      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint sd t known threshold)
-      Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
-    - exact Hpool.
-    - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
-    - apply Forall2_lengths in Hp. rewrite <- (eq_trans Hp (eq_trans (eq_sym (Permutation_length Hperm)) (team_size I plan planned))). clear - Hpos.
-      induction Hpos as [|nl p E H IH]; simpl; [lia|]. rewrite E. lia.
-    - intros _. exact Hpos.
-    - simpl. rewrite EL. exact Hcf.
-    - eapply (nothing_ok (amount_unit I)); try eassumption. apply Forall_forall. intros sp Hsp. exact (specs_of_ok I C coarse gs Hgs sp Hsp).
-    - rewrite HF0. unfold sum. simpl. lra.
-    - rewrite HF0. unfold sum. simpl. rewrite opp_IZR. fold st. lra.
-    - apply bases_first.
-    - simpl. rewrite EL. exact Hcounts. }
-  simpl app in HGood. rewrite EL in HGood. specialize (HGood Hcounts Hcf).
-  assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
-  { rewrite <- (sum_perm _ (price named) _ _ HpermL). unfold sum. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
-    change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
-  assert (Hrew : sumZ (map (fun c => - price named c - beyond_in sd c) L) = sumZ (map rewarded plan)).
-  { change (sum named (fun c => - price named c - beyond_in sd c) L = sumZ (map rewarded plan)).
-    rewrite <- (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map. apply sumZ_ext. intros f _.
-    change (- (- fut f - rewarded f) - fut f = rewarded f). lia. }
-  assert (Hthr : (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) L)%R).
-  { unfold profitR. rewrite HFL, Hsum. unfold threshold.
-    rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
-  specialize (HGood Hthr). rewrite HFL, Hrew in HGood.
-  assert (EJ : map taken L = joint_of plan' t) by (unfold L, joint_of; rewrite map_map; reflexivity).
-  rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
-Qed.
-
-Lemma choice_found t others beyond f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
-  (exists a, PM.find (snd f t) (map_of beyond (fst f)) = Some a) ->
-  In (candidate_at f t (moved (fst f) next (snd f t)) (- number_of beyond (fst f) (snd f t) - rewarded (snd f t)))
-     (choice (of_side (side_of t others beyond) (fst f)) (fst f) next rewarded (snd f t)).
-Proof.
-  intros Hf Ht [a Ea]. pose proof narrow as [_ HN]. destruct (HN t Ht) as [HL _]. destruct (HL f Hf) as [v Ev].
-  unfold choice, of_side, side_of. cbv zeta. cbn [candidates].
-  rewrite of_class_map by (apply (class_in I plan planned), Hf).
-  erewrite find_build_map; [|exact Ev|rewrite Ea; reflexivity].
-  left. unfold number_of. rewrite Ea. unfold with_move, candidate_at, candidate_of, step_static. cbn [amounts amounts_up price charge static]. f_equal.
-  rewrite map_map. f_equal. apply map_ext. intros u. lia.
+       + IZR (sum named (fun c => - price named c - beyond_in sd c)%Z l))%R m).
+  assert (HP : P (map cf plan') (explore sd t known conflict p m)).
+  { apply (drones_searched I C coarse memory advise mind plan ok planned st t conflict nm pr Ht Hinv Hsym Hfits
+      (fun _ => threshold) (take_joint sd t known threshold) P); [ | | |exact Hperm | exact Hp].
+    - intros l a _ H H'. fold gs in H. fold profit in H. lra.
+    - intros l a Hc H. unfold take_joint. cbv zeta. change (groups_at sd) with gs.
+      pose proof (counting_enough I C coarse ok st t conflict l Hc) as He. pose proof (exact_worth_of I C coarse ok st t conflict l Hc) as HE.
+      fold gs in He, HE. fold st. rewrite He.
+      assert (Hlt : threshold < exact_of I C gs l - sum named (price named) l).
+      { apply lt_IZR. rewrite minus_IZR. unfold profit, profitR in H. lra. }
+      apply Z.ltb_lt in Hlt. rewrite Hlt. simpl. apply insert_new. rewrite !plus_IZR. apply Rplus_le_compat_r, Rplus_le_compat_l, HE.
+    - intros l l' a H H'. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; apply H, H'. }
+  set (fut := fun f : flight => number_of beyond (fst f) (snd f t)) in *.
+  assert (Eprices : sumZ (map pr plan) = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
+  { rewrite <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _. unfold pr, fut. lia. }
+  assert (Hrew : sum named (fun c => - price named c - beyond_in sd c) (map cf plan') = sumZ (map rewarded plan)).
+  { unfold cf. rewrite (flown_sum I C coarse plan st t nm pr plan' _ Hperm). apply sumZ_ext. intros f Hf.
+    specialize (Htaken f Hf). unfold taken in Htaken. injection Htaken as E1 E2. unfold beyond_in. fold cf in E1, E2 |- *. rewrite E1, E2.
+    change (- pr f - number_of beyond (fst f) (snd f t) = rewarded f). unfold pr. lia. }
+  pose proof (flown_profit I C coarse plan ok planned st t nm pr Ht plan' Hperm) as Eprofit.
+  pose proof (flown_worth_in I C coarse plan ok planned st t nm pr Ht plan' Hperm) as Eworth.
+  fold cf gs in Eprofit, Eworth. unfold P in HP. fold profit in Eprofit. rewrite Eprofit, Eworth, Hrew, Eprices in HP.
+  assert (EJ : map taken (map cf plan') = joint_of plan' t).
+  { rewrite map_map. apply map_ext_in. intros f Hf. apply Htaken, (Permutation_in f (Permutation_sym Hperm) Hf). }
+  rewrite EJ in HP. eapply recorded_less; [exact HG|]. apply HP. unfold threshold.
+  rewrite !plus_IZR, !mult_IZR, !minus_IZR in *. lra.
 Qed.
 
 (** The same for steps explored from step 0 on. *)
-Lemma explored_onward t known conflict (next : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
-  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' -> (G t <= g)%R ->
+Lemma explored_onward t known conflict (nm : flight -> named) (rewarded : flight -> Z) plan' (p : pool candidate) m g :
+  let pr (f : flight) := - number_of (futures t) (fst f) (snd f t) - rewarded f in
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
+  (forall f, In f plan -> taken (flown (at_ N t) t nm pr f) = (fst f, snd f t)) -> (G t <= g)%R ->
   (g <= IZR known + FR t + IZR (sumZ (map rewarded plan)))%R ->
-  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (next f) (snd f t)) pr) plan)) ->
-  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (candidate_at f t (moved (fst f) (next f) (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded f)) (snd nl)))
-    p plan' ->
+  fits_together named conflict (map (flown (at_ N t) t nm pr) plan) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ (In f plan -> In (flown (at_ N t) t nm pr f) (snd nl))) p plan' ->
   recorded (Ordered.sort (joint_of plan' t)) g (explore (onward t) t known conflict p m).
 Proof.
-  intros Ht Hsym Hperm Hmore HG Hfits Hp. apply (explore_ok t (rest t) (futures t) known conflict next rewarded plan'); try assumption.
+  intros pr Ht Hsym Hperm Htaken Hmore HG Hfits Hp.
+  apply (explore_ok t (rest t) (futures t) known conflict nm rewarded plan'); try assumption.
   eapply Rle_trans; [apply (bound_at t Ht)|]. apply Rplus_le_compat; [exact Hmore|]. apply IZR_le, Z.add_le_mono_r, sumZ_le.
   intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold number_of at 2. rewrite Ea. exact Ha.
 Qed.
 
-Lemma onward_found t f (next : positive) (rewarded : state -> Z) : In f plan -> (t <= T)%nat ->
-  In (candidate_at f t (moved (fst f) next (snd f t)) (- number_of (futures t) (fst f) (snd f t) - rewarded (snd f t)))
-     (choice (of_side (onward t) (fst f)) (fst f) next rewarded (snd f t)).
-Proof.
-  intros Hf Ht. apply choice_found; [exact Hf | exact Ht|]. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exists a. exact Ea.
-Qed.
+Lemma price_found beyond k s a : PM.find s (map_of beyond k) = Some a -> price_of beyond k s = Some (- number_of beyond k s).
+Proof. intros E. unfold price_of, number_of. rewrite E. reflexivity. Qed.
+
+Lemma future_price f t : In f plan -> (t <= T)%nat ->
+  price_of (futures t) (fst f) (snd f t) = Some (- number_of (futures t) (fst f) (snd f t)).
+Proof. intros Hf Ht. destruct (future_ok f t Hf Ht) as [a [Ea _]]. exact (price_found _ _ _ a Ea). Qed.
 
 Lemma first_joints_ok : recorded (Ordered.sort (joint_of plan 0)) (G 0) first_joints.
 Proof.
-  unfold first_joints. cbv zeta. apply (explored_onward 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
-    [lia | apply places_meet_symmetric | reflexivity | apply Rle_refl | | |].
+  unfold first_joints. cbv zeta.
+  apply (explored_onward 0 0 (places_meet I) (fun f => moved I (fst f) xH (snd f O)) (fun _ => 0) plan);
+    [lia | apply places_meet_symmetric | reflexivity | reflexivity | apply Rle_refl | | |].
   - unfold G. simpl. replace (sumZ (map (fun _ : flight => 0) plan)) with 0 by (symmetry; apply sumZ_zero; reflexivity). lra.
-  - intros pr. set (cf := flown_candidate I C coarse (at_ N 0) 0 (fun f => moved (fst f) xH (snd f 0%nat)) pr).
-    destruct planned as [_ H]. unfold fits_together. clear - H.
+  - destruct planned as [_ H]. unfold fits_together. clear - H.
     induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
     rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
     unfold places_meet. simpl. destruct (Hf g Hg) as [Hm _]. rewrite (Hm O ltac:(lia)). reflexivity.
@@ -693,17 +439,20 @@ Proof.
     induction 1 as [|d f ds fs [E1 E2] HF IH]; cbn [map]; constructor; [|exact IH].
     cbn [fst snd]. split; [reflexivity|]. intros Hf. apply in_flat_map. exists (snd f O). split.
     + destruct f as [k q]. destruct E2 as [Hs _]. exact Hs.
-    + rewrite <- E1. apply (onward_found 0 f xH (fun _ => 0) Hf). lia.
+    + rewrite <- E1. apply (choice_found I C coarse plan planned) with (rewarded := fun _ => 0) (p := - number_of (futures 0) (fst f) (snd f O));
+        [exact Hf | apply narrow; lia | apply future_price; [exact Hf | lia] | reflexivity | reflexivity].
 Qed.
 
 (** What is in order is the plan's joint state, its drones in some order. *)
 Lemma in_order plan' t c m : Permutation plan plan' -> recorded (Ordered.sort (joint_of plan' t)) c m ->
   exists plan'', Permutation plan plan'' /\ recorded (joint_of plan'' t) c m.
 Proof.
-  intros Hperm H. destruct (Permutation_map_inv (fun f : flight => (fst f, snd f t)) plan' (Permutation_sym (Ordered.Permuted_sort (joint_of plan' t))))
-    as [plan'' [E Hperm']].
-  exists plan''. split; [eapply Permutation_trans; eassumption|]. change (joint_of plan'' t) with (map (fun f : flight => (fst f, snd f t)) plan''). rewrite <- E. exact H.
+  intros Hperm H. destruct (reordered plan plan' t _ Hperm (Ordered.Permuted_sort _)) as [plan'' [Hperm' E]].
+  exists plan''. split; [exact Hperm'|]. rewrite <- E. exact H.
 Qed.
+
+Lemma G_next t : G (S t) = (G t + FR (S t) + IZR (rewards_at t))%R.
+Proof. unfold G. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra. Qed.
 
 (** From the joint state of a plan its next one is found, with the worth that the step adds. *)
 Lemma following_ok t v plan' m : (S t <= T)%nat -> Permutation plan plan' -> (G t <= IZR v)%R ->
@@ -711,22 +460,14 @@ Lemma following_ok t v plan' m : (S t <= T)%nat -> Permutation plan plan' -> (G 
     (following (onward (S t)) t (joint_of plan' t, v) m).
 Proof.
   intros Ht Hperm Hv. unfold following. cbn [fst snd].
-  apply (explored_onward (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
-    [exact Ht | apply ways_meet_symmetric | exact Hperm | | apply Rle_refl | |].
-  - unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
-  - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
-    induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
-    rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
-    unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
-    rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
-  - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
-    { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
-      destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
-    unfold joint_of, pools_in. rewrite map_map. clear - Hflown Ht ok planned narrow swept.
-    induction plan' as [|f fs IH]; cbn [map]; constructor; [|apply IH; intros; apply Hflown; right; assumption].
-    cbn [fst snd]. split; [reflexivity|]. intros Hf. apply in_flat_map. exists (snd f (S t)). split.
-    + apply Hflown. left. reflexivity.
-    + apply (onward_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) Hf Ht).
+  apply (explored_onward (S t) v (ways_meet I) (fun f => moved I (fst f) (place I (fst f) (snd f t)) (snd f (S t)))
+    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
+    [exact Ht | apply ways_meet_symmetric | exact Hperm | reflexivity | | apply Rle_refl | |].
+  - rewrite G_next. lra.
+  - apply (ways_fit I plan planned _ t Ht). reflexivity.
+  - apply (pools_in_ok I C coarse plan planned); [exact Ht | apply narrow, Ht | exact Hperm|].
+    intros f Hf. split; [reflexivity|]. exists (- number_of (futures (S t)) (fst f) (snd f (S t))).
+    split; [apply future_price; assumption | reflexivity].
 Qed.
 
 Lemma following_keeps j c sd t jv m : recorded j c m -> recorded j c (following sd t jv m).
@@ -744,7 +485,7 @@ Proof.
   destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. cbn [reached]. unfold next_joints. cbv zeta.
   apply fold_records with (b := (joint_of plan' t, v)); [intros; apply following_keeps; assumption | | exact Hin].
   intros m. eapply recorded_less; [|apply (following_ok t v plan' m Ht Hperm Hv)].
-  unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
+  rewrite G_next. lra.
 Qed.
 
 (** ** The joint states of a step *)
@@ -792,13 +533,12 @@ Definition into_sum (t : nat) : Z := sumZ (map (fun f => number_of (pasts t) (fs
 (** What a plan collects up to step t is at most the bound on earlier steps and the worth of step t. *)
 Lemma begun_ok t : (t <= T)%nat -> (G t <= IZR (begun t + into_sum t) + FR t)%R.
 Proof.
-  intros Ht. pose proof narrow as [_ HN].
+  intros Ht.
   set (priced := fun j => prices_sum plan (u_prices (now (at_ N j))) j).
-  assert (Hworth : forall n, (n <= T)%nat -> (sumR (map FR (seq 0 n)) <= IZR (total n (fun j => u_constant (now (at_ N j))) + total n priced))%R).
-  { induction n as [|n IH]; intros Hn; [simpl; lra|]. rewrite seq_S, map_app, sumR_app. cbn [map sumR total Nat.add].
-    specialize (IH ltac:(lia)). destruct (HN n ltac:(lia)) as [_ [HU _]].
-    specialize (HU (now (at_ N n)) (or_introl eq_refl)). fold (priced n) in HU. rewrite !plus_IZR in *. lra. }
-  specialize (Hworth t Ht).
+  pose proof (steps_at_most I C plan N 0 t narrow ltac:(lia)) as Hworth. rewrite total_add in Hworth.
+  change (total t (fun i => paid_now plan N (0 + i)%nat)) with (total t priced) in Hworth.
+  change (total (pred t) (fun i => saved N (0 + i)%nat)) with (total (pred t) (saved N)) in Hworth.
+  change (total t (fun i => u_constant (now (at_ N (0 + i)%nat)))) with (total t (fun j => u_constant (now (at_ N j)))) in Hworth.
   assert (Hpast : sumZ (map (fun f => so_far (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) t) plan)
       = total t priced + total t rewards_at
         + -1 * sumZ (map (fun f => total t (fun j => charge_here I rs (fst f) j (snd f j) + charge_moving I rs (fst f) j (snd f j) (snd f (S j)))) plan)).
@@ -815,84 +555,43 @@ Proof.
   { destruct (team_best_is I C plan planned N narrow) as [EB _]. unfold left_bound in EB. rewrite <- swept in EB.
     destruct (team_best _ _) as [b|]; [|discriminate]. injection EB as EB. lia. }
   unfold G, begun. rewrite Hbests, (seq_S t), map_app, sumR_app. cbn [map sumR Nat.add].
-  apply Rle_trans with (IZR (total t (fun j => u_constant (now (at_ N j))) + total t priced + total t rewards_at) + FR t)%R.
-  - rewrite !plus_IZR in *. lra.
+  apply Rle_trans with (IZR (total t (fun j => u_constant (now (at_ N j))) + total t priced - total (pred t) (saved N) + total t rewards_at) + FR t)%R.
+  - rewrite !plus_IZR, !minus_IZR in *. rewrite !plus_IZR in *. lra.
   - apply Rplus_le_compat_r, IZR_le. lia.
 Qed.
 
-Lemma joints_at_ok t : (t <= T)%nat ->
-  met t (FR t) (joints_at t).
+Lemma joints_at_ok t : (t <= T)%nat -> met t (FR t) (joints_at t).
 Proof.
-  intros Ht.
-  set (st := at_ N t). set (gs := step_groups I C t). set (into := pasts t).
+  intros Ht. set (st := at_ N t). set (gs := step_groups I C t).
   set (pr := fun f : flight => number_of (charges st) (fst f) (snd f t)).
-  set (nm := fun f : flight => here I (fst f) (snd f t)).
-  set (cf := flown_candidate I C coarse st t nm pr).
-  pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
+  set (nm := fun f : flight => here I (fst f) (snd f t)). set (cf := flown st t nm pr).
   assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
-  pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
-  pose proof (flown_worth I C coarse plan ok planned st t nm pr Ht) as HFL. fold cf gs in HFL.
-  pose proof (flown_counts I C coarse plan ok planned (places_meet I) st t nm pr Ht Hinv
-    (fits_pairs I plan planned cf t Ht (fun f _ => eq_refl))) as Hcounts. fold cf gs in Hcounts.
-  destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
-  (* the same by class *)
-  pose proof (by_classes_permutes I plan planned cf) as HpermL. set (Ls := by_classes I plan cf) in *.
-  apply (Permutation_Forall (Permutation_sym HpermL)) in Hcf.
-  rewrite <- (F_perm _ _ _ _ _ _ _ HpermL) in HFL.
-  apply (counts_perm named (places_meet I) (places_meet_symmetric I) _ _ _ _ _ _ _ _ (Permutation_sym HpermL)) in Hcounts.
-  destruct (class_pools_ok I plan planned cf (first_choices st gs t into)) as [Hpool [Hpositive Hleft]].
-  { intros f Hf. unfold first_choices. cbv zeta. apply in_flat_map.
-    destruct Hinv as [HL _]. destruct (HL f Hf) as [v Ev]. exists (snd f t, v). split; [apply PM.elements_correct, Ev|].
-    destruct (future_ok f t Hf Ht) as [a [Ea _]]. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
-    destruct (past_ok d f t Hd Ht) as [[u Eu] _]. fold into in Eu. cbn [fst]. rewrite Ea, Eu. left. reflexivity. }
-  set (Good := fun (l : list candidate) (m : joints) =>
-    counts named (places_meet I) (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
-    Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
-    sum named (price named) l = sum named (charge named) l ->
-    exists j, Permutation (map taken l) j
-      /\ recorded j (F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l) m).
-  assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR (floor st - 1))%R -> Good l a).
-  { intros l a H [_ [Hfl _]] _ E. exfalso. unfold profitR in H. rewrite E, minus_IZR in H. lra. }
-  assert (Hdown : forall l (a : joints), Good l (take_first st gs l a)).
-  { intros l a H1 H2 _. unfold take_first. cbv zeta.
-    pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
-    assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
-    apply Z.leb_le in Hle. rewrite Hle. exists (Ordered.sort (map taken l)). split; [apply Ordered.Permuted_sort|].
-    apply insert_new. exact HE. }
-  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_first st gs l' a)).
-  { intros l l' a H H1 H2 H3. destruct (H H1 H2 H3) as [j [Ej Hj]]. exists j. split; [exact Ej|].
-    unfold take_first. cbv zeta. destruct (_ <=? _); [apply insert_old|]; exact Hj. }
-  assert (Hswap : forall pre x c y post (a : joints), Good (pre ++ c :: x ++ y ++ post) a -> Good (pre ++ x ++ c :: y ++ post) a).
-  { intros pre x c y post a H H1 H2 H3.
-    assert (Hp : Permutation (pre ++ x ++ c :: y ++ post) (pre ++ c :: x ++ y ++ post)) by
-      (apply Permutation_app_head; symmetry; apply Permutation_middle).
-    rewrite (F_perm _ _ _ _ _ _ _ Hp).
-    rewrite (sum_perm _ (price named) _ _ Hp), (sum_perm _ (charge named) _ _ Hp) in H3.
-    destruct H as [j [Ej Hj]]; [eapply counts_perm; [apply places_meet_symmetric | exact Hp | exact H1] | eapply Permutation_Forall; eassumption | exact H3|].
-    exists j. split; [|exact Hj]. eapply Permutation_trans; [apply Permutation_map, Hp | exact Ej]. }
-  pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
-  assert (HGood : Good ([] ++ concat Ls) (joints_at t)).
-  { apply (node_ok named (places_meet I) (places_meet_symmetric I) (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
-      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => floor st - 1) (take_first st gs)
-      Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep false (fun _ => Hswap) (step_bases st) (floor st)).
-    - exact Hpool.
-    - exact Hpositive.
-    - exact Hleft.
-    - discriminate.
-    - exact Hcf.
-    - eapply (nothing_ok (amount_unit I)); try eassumption. apply Forall_forall. intros sp Hsp. exact (specs_of_ok I C coarse gs Hgs sp Hsp).
-    - rewrite HF0. unfold sum. simpl. lra.
-    - rewrite HF0. unfold sum. simpl. rewrite opp_IZR. fold st. lra.
-    - apply bases_first.
-    - exact Hcounts. }
-  simpl app in HGood. destruct (HGood Hcounts Hcf) as [j [Ej Hj]].
-  { rewrite (sum_perm _ (price named) _ _ HpermL), (sum_perm _ (charge named) _ _ HpermL). unfold sum. rewrite !map_map. reflexivity. }
+  set (worth_in := F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs)).
+  set (P := fun (l : list candidate) (m : joints) => sum named (price named) l = sum named (charge named) l ->
+    exists j, Permutation (map taken l) j /\ recorded j (worth_in l) m).
+  assert (HP : P (map cf plan) (joints_at t)).
+  { apply (classes_searched I C coarse memory advise mind plan ok planned st t (places_meet I) nm pr Ht Hinv (places_meet_symmetric I)
+      (fits_pairs I plan planned cf t Ht (fun f _ => eq_refl)) (fun _ => floor st - 1) (take_first st gs) P).
+    - intros l a [[_ [Hfl _]] _] H E. exfalso. unfold profitR in H. rewrite E, minus_IZR in H. lra.
+    - intros l a Hc _. unfold take_first. cbv zeta.
+      pose proof (counting_enough I C coarse ok st t (places_meet I) l Hc) as He. fold gs in He. rewrite He.
+      exists (Ordered.sort (map taken l)). split; [apply Ordered.Permuted_sort|]. apply insert_new.
+      exact (exact_worth_of I C coarse ok st t (places_meet I) l Hc).
+    - intros l l' a H E. destruct (H E) as [j [Ej Hj]]. exists j. split; [exact Ej|].
+      unfold take_first. cbv zeta. destruct (enough _ _ _); [apply insert_old|]; exact Hj.
+    - intros l l' a Hp H E. rewrite <- (sum_perm _ (price named) _ _ Hp), <- (sum_perm _ (charge named) _ _ Hp) in E.
+      destruct (H E) as [j [Ej Hj]]. exists j. split; [eapply Permutation_trans; [apply Permutation_map, Permutation_sym, Hp | exact Ej]|].
+      unfold worth_in. rewrite <- (F_perm _ _ _ _ _ _ _ Hp). exact Hj.
+    - intros f Hf. unfold first_choices. cbv zeta. apply in_flat_map.
+      destruct Hinv as [HL _]. destruct (HL f Hf) as [v Ev]. exists (snd f t, v). split; [apply PM.elements_correct, Ev|].
+      destruct (future_ok f t Hf Ht) as [a [Ea _]]. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
+      destruct (past_ok d f t Hd Ht) as [[u Eu] _]. cbn [fst]. rewrite Ea, Eu. left. reflexivity. }
+  destruct HP as [j [Ej Hj]]; [unfold sum; rewrite !map_map; reflexivity|].
+  pose proof (flown_worth_in I C coarse plan ok planned st t nm pr Ht plan (Permutation_refl _)) as Eworth.
+  fold cf gs in Eworth. fold worth_in in Eworth. rewrite Eworth in Hj.
   assert (Ejoint : Permutation (joint_of plan t) j).
-  { eapply Permutation_trans; [|exact Ej]. eapply Permutation_trans; [|apply Permutation_map, Permutation_sym, HpermL].
-    unfold joint_of. rewrite map_map. apply Permutation_refl. }
-  destruct (Permutation_map_inv (fun f : flight => (fst f, snd f t)) plan (Permutation_sym Ejoint)) as [plan' [E Hperm]].
-  exists plan'. split; [exact Hperm|]. change (joint_of plan' t) with (map (fun f : flight => (fst f, snd f t)) plan'). rewrite <- E.
-  rewrite HFL in Hj. exact Hj.
+  { eapply Permutation_trans; [|exact Ej]. unfold joint_of. rewrite map_map. apply Permutation_refl. }
+  destruct (reordered plan plan t j (Permutation_refl _) Ejoint) as [plan' [Hperm ->]]. exists plan'. auto.
 Qed.
 
 (** ** Onward and back *)
@@ -916,9 +615,6 @@ Proof.
     + intros m0. cbn [fst snd]. rewrite Hg. apply insert_new, Rle_refl.
 Qed.
 
-Lemma G_next t : G (S t) = (G t + FR (S t) + IZR (rewards_at t))%R.
-Proof. unfold G. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra. Qed.
-
 Lemma gains_ok n : forall t l plan' v, (t + n = T)%nat -> Permutation plan plan' ->
   In (joint_of plan' t, v) l -> (G t <= IZR v)%R -> recorded (joint_of plan' t) (G T - G t)%R (gains n t l).
 Proof.
@@ -932,10 +628,9 @@ Proof.
     assert (Hmove : In ((joint_of plan' t, v), listed (following sd t (joint_of plan' t, v) (PM.empty _))) moves).
     { unfold moves. apply in_map_iff. exists (joint_of plan' t, v). split; [reflexivity | exact Hin]. }
     pose proof (ends_ok _ v' _ _ Hmove Hin') as Hend.
-    destruct (Permutation_map_inv (fun f : flight => (fst f, snd f (S t))) plan' (Permutation_sym (Ordered.Permuted_sort (joint_of plan' (S t)))))
-      as [plan2 [E2 Hperm2]]. change (map _ plan2) with (joint_of plan2 (S t)) in E2. rewrite E2 in Hend, Hin'.
+    destruct (reordered plan plan' (S t) _ Hperm (Ordered.Permuted_sort _)) as [plan2 [Hperm2 E2]]. rewrite E2 in Hend, Hin'.
     destruct (recorded_listed _ _ _ Hend) as [w [Hinw Hw]]. pose proof (G_next t) as EG.
-    pose proof (IH (S t) _ plan2 w ltac:(lia) (Permutation_trans Hperm Hperm2) Hinw ltac:(lra)) as Hafter.
+    pose proof (IH (S t) _ plan2 w ltac:(lia) Hperm2 Hinw ltac:(lra)) as Hafter.
     destruct (recorded_value _ _ _ Hafter) as [g [Eg Hg]].
     eapply recorded_less; [|exact (collected_ok _ v' _ g _ _ _ _ Hmove Hin' Eg)]. rewrite plus_IZR, minus_IZR. lra.
 Qed.
@@ -1007,11 +702,11 @@ Proof.
   assert (Hpast : forall f, In f plan -> exists a, PM.find (snd f t) (map_of (pasts t) (fst f)) = Some a).
   { intros f Hf. destruct (paired_of I C plan planned N f narrow Hf) as [d Hd].
     destruct (past_ok d f t Hd ltac:(lia)) as [Hu _]. exact Hu. }
-  apply (explore_ok t (begun t) (pasts t) v ways_back_meet (fun f => place I (fst f) (snd f (S t)))
-    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan'); [lia | apply ways_back_symmetric | exact Hperm | | | |].
+  apply (explore_ok t (begun t) (pasts t) v ways_back_meet (fun f => moved I (fst f) (place I (fst f) (snd f (S t))) (snd f t))
+    (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan'); [lia | apply ways_back_symmetric | exact Hperm | reflexivity | | | |].
   - change (sumZ (map _ plan)) with (into_sum t). pose proof (begun_ok t ltac:(lia)) as HB. pose proof J_below. unfold H. rewrite !plus_IZR in *. lra.
   - change (sumZ (map _ plan)) with (rewards_at t). unfold H in *. lra.
-  - intros pr. destruct planned as [_ HA]. unfold fits_together. clear - HA Ht.
+  - destruct planned as [_ HA]. unfold fits_together. clear - HA Ht.
     induction HA as [|f l Hf HA IH]; simpl; [constructor|]. constructor; [|exact IH].
     rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
     unfold ways_back_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
@@ -1025,8 +720,10 @@ Proof.
     unfold joint_of, pools_back. rewrite map_map. clear - Htails Hpast Ht ok planned narrow swept.
     induction plan' as [|f fs IH]; cbn [map]; constructor; [|apply IH; intros; apply Htails; right; assumption].
     cbn [fst snd]. split; [reflexivity|]. intros Hf. destruct (Htails f (or_introl eq_refl)) as [l [El Hl]]. rewrite El.
-    apply in_flat_map. exists (snd f t). split; [exact Hl|].
-    apply (choice_found t (begun t) (pasts t) f (place I (fst f) (snd f (S t))) (fun s' => reward I C (fst f) s' (snd f (S t))) Hf); [lia | apply Hpast, Hf].
+    apply in_flat_map. exists (snd f t). split; [exact Hl|]. destruct (Hpast f Hf) as [a Ea].
+    apply (choice_found I C coarse plan planned) with (rewarded := fun s' => reward I C (fst f) s' (snd f (S t)))
+      (p := - number_of (pasts t) (fst f) (snd f t));
+      [exact Hf | apply narrow; lia | exact (price_found _ _ _ a Ea) | reflexivity | reflexivity].
 Qed.
 
 Lemma back_ok t : forall m, (t <= T)%nat -> met t (H t) m -> met 0 (H 0) (back t m).

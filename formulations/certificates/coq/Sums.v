@@ -141,6 +141,38 @@ Proof.
   - rewrite IHla, <- sumR_add. reflexivity.
 Qed.
 
+Lemma sumR_next (f : nat -> R) n : sumR (map f (seq 0 (S n))) = (sumR (map f (seq 0 n)) + f n)%R.
+Proof. rewrite seq_S, map_app, sumR_app. simpl. lra. Qed.
+
+Lemma sumR_from (f : nat -> R) a n : sumR (map f (seq a n)) = sumR (map (fun i => f (a + i)%nat) (seq 0 n)).
+Proof.
+  f_equal. revert a. induction n as [|n IH]; intros a; [reflexivity|]. simpl. rewrite Nat.add_0_r. f_equal.
+  rewrite IH, <- seq_shift, map_map. apply map_ext. intros i. f_equal. lia.
+Qed.
+
+(** Numbers with limits, and with lower ones for some two in a row, no two of which share a number. *)
+Lemma sumR_less (f c : nat -> R) (d : nat -> Z) n :
+  (forall i, (i < n)%nat -> (f i <= c i)%R) ->
+  (forall i, (S i < n)%nat -> (f i + f (S i) <= c i + c (S i) - IZR (d i))%R) ->
+  (forall i, d i = 0 \/ d (S i) = 0) ->
+  (sumR (map f (seq 0 n)) <= sumR (map c (seq 0 n)) - IZR (total (pred n) d))%R.
+Proof.
+  intros H1 H2 Hd.
+  enough (H : forall m, (m <= n)%nat -> (sumR (map f (seq 0 m)) <= sumR (map c (seq 0 m)) - IZR (total (pred m) d))%R
+    /\ ((S m <= n)%nat -> (sumR (map f (seq 0 (S m))) <= sumR (map c (seq 0 (S m))) - IZR (total m d))%R)) by apply (H n (le_n _)).
+  induction m as [|m IH]; intros Hm.
+  - split; [simpl; lra|]. intros H. specialize (H1 O ltac:(lia)). simpl. lra.
+  - destruct (IH ltac:(lia)) as [A B]. specialize (B Hm). split; [exact B|]. intros Hm2.
+    rewrite (sumR_next f (S m)), (sumR_next c (S m)). cbn [total]. rewrite plus_IZR.
+    destruct (Z.eq_dec (d m) 0) as [E | E]; [rewrite E; specialize (H1 (S m) Hm2); lra|].
+    specialize (H2 m Hm2). rewrite (sumR_next f m), (sumR_next c m).
+    enough (IZR (total m d) = IZR (total (pred m) d)) by lra.
+    destruct m as [|m]; [reflexivity|]. cbn [pred total]. destruct (Hd m) as [E' | E']; [|contradiction]. rewrite E'. f_equal. lia.
+Qed.
+
+Lemma IZR_total n (f : nat -> Z) : IZR (total n f) = sumR (map (fun t => IZR (f t)) (seq 0 n)).
+Proof. rewrite total_seq. induction (seq 0 n); simpl; [reflexivity|]. rewrite plus_IZR, IHl. reflexivity. Qed.
+
 Lemma IZR_sumZ {A} (f : A -> Z) l : IZR (sumZ (map f l)) = sumR (map (fun x => IZR (f x)) l).
 Proof. induction l; simpl; [reflexivity|]. rewrite plus_IZR, IHl. reflexivity. Qed.
 

@@ -8,7 +8,7 @@ folder=${1:-$here/build}
 mkdir -p "$folder"
 cp "$here"/*.v "$here"/*.ml "$folder"
 cd "$folder"
-for module in Spec Sums Returns Prices Worth Rows Sweep Checker Gains Tangents Pools Search Narrowing Staged Paths Build Extract; do
+for module in Spec Sums Returns Prices Worth Rows Sweep Checker Gains Tangents Pools Search Narrowing Joints Steps Moves Staged Paths Build Extract; do
     coqc -q -R . CocapCheck "$module.v"
 done
 ocamlfind ocamlopt -w -a -inline 200 -package unix,zarith -linkpkg checker.mli checker.ml \

@@ -75,7 +75,7 @@ let rec tree source =
 
 (* [last], [classes]: the last step, and how many classes there are. *)
 let stage last classes source =
-  many source (fun s ->
+  let settings = many source (fun s ->
       let t = n s in
       require (t <= last) "stage: there is no such step";
       let payments = many s (fun s ->
@@ -83,7 +83,12 @@ let stage last classes source =
           require (k < classes) "stage: there is no such class";
           let listed = many s (fun s -> let state = z s in (state, z s)) in
           (k, (listed, z s))) in
-      { of_step = t; payments; claim = z s })
+      { of_step = t; payments; claim = z s }) in
+  let moves_claimed = many source (fun s ->
+      let t = n s in
+      require (t < last) "stage: no move begins at this step";
+      (t, z s)) in
+  { settings; moves_claimed }
 
 let rec leaves = function Proved _ -> 1 | Divided (_, _, a, b) -> leaves a + leaves b
 
@@ -140,7 +145,7 @@ let checked most seconds instance_file lowered_file =
   watch seconds nodes;
   let lines = instance instance_file in
   let source = { file = open_in lowered_file; left = [] } in
-  if word source <> "cocap-lowered" || n source <> 2 then refuse "must begin with cocap-lowered 2";
+  if word source <> "cocap-lowered" || n source <> 3 then refuse "must begin with cocap-lowered 3";
   let single = is source in
   let numerator = z source in let denominator = z source in
   let holds, by = match word source with

@@ -85,7 +85,7 @@ class Lowering:
     def claim(self) -> Words:
         """Returns the words that precede the tree."""
         bound = Fraction(-1) if self.bound is None else self.bound
-        return ["cocap-lowered", 2, int(self.single), bound.numerator, bound.denominator]
+        return ["cocap-lowered", 3, int(self.single), bound.numerator, bound.denominator]
 
     def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a leaf; `decisions` are those on the way from the root."""
@@ -244,9 +244,9 @@ class Lowering:
 
     def _stage(self, stage: Spec) -> Words:
         """Returns the words of a stage: its constants in order, the first of each step with the
-        prices of that step.
+        prices of that step; and its constants of moves.
         """
-        check.only(stage, {"payments", "constants"})
+        check.only(stage, {"payments", "constants", "moves"})
         # for each step and class, new prices of states, and by how much all others rise
         prices: dict[int, dict[int, tuple[dict[int, int], int]]] = {}
         for step in stage.get("payments", ()):
@@ -276,7 +276,14 @@ class Lowering:
             )
             constants.append([step["t"], *listed(payments), self._rounded(step["constant"])])
         check.require(not prices, "stage: a step with payments has no constant")
-        return listed(constants)
+        return [*listed(constants), *listed(map(self._move, stage.get("moves", ())))]
+
+    def _move(self, move: Spec) -> Words:
+        """Returns the words of a constant of a move between two steps."""
+        check.only(move, {"t", "constant"})
+        t = self._step(move)
+        check.require(t < self.instance.horizon, "moves: no move begins at the last step")
+        return [t, self._rounded(move["constant"])]
 
     def _step(self, spec: Spec) -> int:
         t: int = check.whole(spec["t"])
