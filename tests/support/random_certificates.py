@@ -251,7 +251,7 @@ def random_stage(
 
 
 def random_staged(
-    model: Model, target: float, rng: np.random.Generator, moves: bool = False
+    model: Model, target: float, rng: np.random.Generator, moves: bool = True
 ) -> Staged:
     """A staged certificate, none of whose numbers is good; most claim less than they may.
 
