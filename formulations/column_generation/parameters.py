@@ -571,6 +571,8 @@ class MoveParameters(Section):
         moves in the master: the highest at the centre, and as many of the latest prices
     most_new : moves between two steps
         moves that a search adds
+    starts : moves between two steps
+        known moves from which local search starts, the highest at the latest prices
     first_depth : share
         depth below the sum of both constants to which a first search goes, as a share of the gap
     deeper : times
@@ -578,10 +580,10 @@ class MoveParameters(Section):
     margin : times
         factor on the depth of the highest move of the last search
     most_nodes : nodes
-        size of a search for moves between two steps
+        size of a search for joint states of a step or for moves between two steps
     """
 
-    most_iterations: int = 12
+    most_iterations: int = 60
     of_stage: Share = 0.1
     least_gain: Share = 0.01
     serious: Share = 0.1
@@ -589,10 +591,11 @@ class MoveParameters(Section):
     first_weight: float = 100.0
     most_heights: int = 60
     most_new: int = 40
+    starts: int = 6
     first_depth: Share = 0.005
     deeper: float = 1.6
     margin: float = 1.25
-    most_nodes: int = 20_000_000
+    most_nodes: int = 3_000_000
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ For staged files, the searches have to be trusted, too. After the lower storey
 3. `move_searches`, `reached`, `other_steps`, `team_moves`, `joint_paths`, `middle_paths`: the
    final exploration of the remaining joint paths of all robots, from the start or from a step in
    the middle.
-4. `stages`: the effect of a file's stages, in order, and the checks of its numbers.
-5. `search_kernel` (with `relaxation_kernel`, `kernel_arrays`) is a faster version of the searches
+4. `profitable_moves`: the search for the most profitable move of the team between two steps.
+5. `stages`: the effect of a file's stages, in order, and the checks of its numbers.
+6. `search_kernel` (with `relaxation_kernel`, `kernel_arrays`) is a faster version of the searches
    of `search` and `move_searches`; tests compare their results. `compiled_search` compiles it with
    numba. Plain verification needs neither.
 """

@@ -90,13 +90,13 @@ def high_joint_states(
         placed = np.empty_like(chosen)
         placed[:, robots] = joint.states[chosen]
         places.append(placed)
-        profits.append(_profits(joint, chosen))
+        profits.append(counted_profits(joint, chosen))
         if sum(part.size for part in places) > MOST_PLACED:
             raise NotEndedError
     return HighJointStates(above, np.concatenate(profits), np.concatenate(places))
 
 
-def _profits(joint: JointStates, chosen: IntArray) -> FloatArray:
+def counted_profits(joint: JointStates, chosen: IntArray) -> FloatArray:
     """Returns the profits of joint states [K, R], limited by ceilings; -inf for those that do not
     count.
     """
@@ -194,7 +194,7 @@ class ProfitableMoves:
             heads[:, choices.robots] = joint.states[chosen]
             able = ~team.conflicts(placed[rows], heads)
             rows, chosen, heads = rows[able], chosen[able], heads[able]
-            ends = np.minimum(_profits(joint, chosen), narrowing.ceiling(t))
+            ends = np.minimum(counted_profits(joint, chosen), narrowing.ceiling(t))
             yield Moves(profits[rows] + ends, placed[rows], heads)
 
 

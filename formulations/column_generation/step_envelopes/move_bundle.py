@@ -3,17 +3,20 @@
 A step envelope does not know which joint states of the next step a team can reach: the highest
 joint states of two steps in a row often have no move between them. Here the cutting planes are
 moves of the whole team from a step to the next (`profitable_moves`), over pairs of steps that have
-no step in common. Otherwise the method is that of `price_bundle`, except that exact searches judge
-the prices, so that better ones can become a stage at once.
+no step in common. Otherwise the method is that of `price_bundle`: local search judges prices
+(`local_moves`), but those that it finds to be better are judged again by exact searches, and can
+become a stage at once.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import (
     MoveConstant,
@@ -30,15 +33,19 @@ from cocap_opt.formulations.certificates.staged.profitable_moves import (
 )
 from cocap_opt.formulations.column_generation.parameters import MoveParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.local_moves import LocalMoves
 from cocap_opt.formulations.column_generation.step_envelopes.price_master import (
     KnownJoint,
     PriceMaster,
     gains_of,
 )
-from cocap_opt.formulations.column_generation.step_envelopes.priced_states import PricedStates
+from cocap_opt.formulations.column_generation.step_envelopes.priced_states import (
+    CLEARLY,
+    PricedStates,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.step_searches import StepSearches
 
-_Place = tuple[int, int, int]  # class number, step, state number
+_RobotMove = tuple[int, int, int]  # class number, numbers of the states at both steps
 
 
 @dataclass
@@ -47,14 +54,33 @@ class KnownMoves:
 
     Attributes
     ----------
-    worths : by the first step of a move and the places at both of its steps, the worth of both
+    worths : by the first step of a move and the moves of all robots, sorted, the worth of both
+        steps together
     depths : by first step, how far the highest move was below the sum of both constants
     weight : of the distance to the centre, at the end of the last bundle; 0: none yet
     """
 
-    worths: dict[int, dict[tuple[_Place, ...], float]] = field(default_factory=dict)
+    worths: dict[int, dict[tuple[_RobotMove, ...], float]] = field(default_factory=dict)
     depths: dict[int, float] = field(default_factory=dict)
     weight: float = 0.0
+
+
+class _Rows(NamedTuple):
+    """Known moves from a step, or known joint states of a step.
+
+    Attributes
+    ----------
+    at : [M, 2 R] or [M, R] positions of the prices of their states
+    worths : [M] worth of both steps, or of the step
+    """
+
+    at: IntArray
+    worths: FloatArray
+
+    def profits(self, prices: FloatArray) -> FloatArray:
+        """Returns their reduced profits [M] at given prices."""
+        profits: FloatArray = self.worths - prices[self.at].sum(axis=1)
+        return profits
 
 
 class _Judged(NamedTuple):
@@ -102,11 +128,13 @@ class MoveBundle:
         joints = {t: narrowing.joint_states(t) for t in steps}
         self._priced = PricedStates(narrowing, joints, {}, self._stop)
         self._master = PriceMaster(self._priced)
-        self.best, self._prices = narrowing.pricing.bound, self._priced.initial
+        self.best, self._best_prices = narrowing.pricing.bound, self._priced.initial
+        self._prices = self._best_prices
+        # as far as local search can tell, the bound that the centre proves
+        self._value = self.best
+        self._least: Mapping[int, float] = {}
         self.stage: Stage | None = None
-        self._class_of = np.zeros(len(problem.robots), dtype=np.int64)
-        for number, robot_class in enumerate(narrowing.model.classes):
-            self._class_of[list(robot_class.robots)] = number
+        self._local = {t: LocalMoves(narrowing, joints[t], joints[t + 1]) for t in self._first}
 
     @property
     def _parameters(self) -> MoveParameters:
@@ -125,39 +153,100 @@ class MoveBundle:
         LimitReached
             If a limit is reached; the best stage by then is stored.
         """
-        parameters, before, latest = self._parameters, self.best, self._prices
+        before, latest = self.best, self._prices
         room = before - cutoff()
-        moves = self._moves
-        first_weight = parameters.first_weight / max(float(np.abs(latest).mean()), 1e-9)
-        moves.weight = moves.weight or first_weight
-        for iteration in range(parameters.most_iterations):
+        enough, least_gain = (
+            share * room for share in (self._parameters.of_stage, self._parameters.least_gain)
+        )
+        if not self._are_known():
+            self._judge()
+        for iteration in range(self._parameters.most_iterations):
             report()
-            if iteration or self._are_known():
-                solved = self._master.solved(
-                    gains_of(self._priced, self._known.paths), self._highest_known(latest),
-                    self._prices, moves.weight,
-                )  # fmt: skip
-                latest, least = solved.prices, dict(solved.constants)
-                promised = self.best - solved.value - self._priced.rest
-            else:
-                latest, least, promised = self._prices, {}, np.inf
-            judged = self._judged(latest, least)
-            if judged is None:
-                moves.weight *= 1.5
-                continue
-            gained = self.best - judged.bound
-            if gained > 0 and (promised == np.inf or gained >= parameters.serious * promised):
-                self.best, self._prices, self.stage = judged.bound, latest, judged.stage
-                moves.weight /= 3 if gained > parameters.good * promised else 1
-            elif gained < -promised or iteration % 4 == 3:
-                moves.weight *= 1.5
-            if before - self.best >= parameters.of_stage * room or not judged.new:
+            if before - self.best >= enough or not self._are_known():
                 break
-            if promised < parameters.least_gain * room:
+            arcs, known = gains_of(self._priced, self._known.paths), self._highest_known(latest)
+            solved = self._master.solved(arcs, known, self._prices, self._weight)
+            promised = self._value - solved.value - self._priced.rest
+            latest, least = solved.prices, dict(solved.constants)
+            new = False
+            if promised >= least_gain:
+                new = self._step_to(latest, least, promised, is_fourth=iteration % 4 == 3)
+            if not new or before - self._value >= enough:
+                new |= self._judge()
+            if not new:
                 break
-        return before - self.best >= parameters.least_gain * room
+        return before - self.best >= least_gain
+
+    @property
+    def _weight(self) -> float:
+        """The weight of the distance to the centre."""
+        mean = float(np.abs(self._priced.initial).mean())
+        return self._moves.weight or self._parameters.first_weight / max(mean, 1e-9)
+
+    def _step_to(
+        self, prices: FloatArray, least: Mapping[int, float], promised: float, is_fourth: bool
+    ) -> bool:
+        """Makes prices the new centre if local search finds them better; returns True if it finds
+        new moves or paths.
+
+        Parameters
+        ----------
+        least : by first step, constants of moves above which moves matter
+        promised : gain that the master predicts
+        is_fourth : True at every fourth iteration, in which the weight grows without a step
+        """
+        value, new = self._estimated(prices, least)
+        gained, weight = self._value - value, self._weight
+        if gained > 0 and gained >= self._parameters.serious * promised:
+            self._value, self._prices, self._least = value, prices, least
+            weight /= 3 if gained > self._parameters.good * promised else 1
+        elif gained < -promised or is_fourth:
+            weight *= 1.5
+        self._moves.weight = weight
+        return new > 0
+
+    def _judge(self) -> bool:
+        """Judges the centre by exact searches; returns True if these find new moves or paths.
+
+        If it proves no more than the best prices so far, these are the centre again.
+        """
+        if self._value == self.best and self.stage is not None:
+            return False  # nothing has changed since
+        judged = self._judged(self._prices, self._least)
+        if judged is not None and judged.bound < self.best:
+            self.best, self._best_prices, self.stage = judged.bound, self._prices, judged.stage
+        else:
+            self._prices, self._moves.weight = self._best_prices, 1.5 * self._weight
+        self._value, self._least = self.best, {}
+        return judged is not None and judged.new > 0
 
     # -- judging prices -------------------------------------------------------------------------
+
+    def _estimated(self, prices: FloatArray, least: Mapping[int, float]) -> tuple[float, int]:
+        """Returns the bound that prices may prove at best, as local search finds no higher moves,
+        and the number of new moves and paths.
+
+        Parameters
+        ----------
+        least : by first step, constants of moves above which moves matter
+        """
+        total, paths = self._priced.best_paths(prices, {})
+        new = sum(self._known.add_path(number, path) for number, path in paths)
+        bound = (
+            total + self._priced.rest + exact_sum(least[t] for t in (*self._first, *self._alone))
+        )
+        for t, local in self._local.items():
+            rows = self._rows_of(t)
+            at = [self._priced.spans[t], self._priced.spans[t + 1]]
+            starts = [
+                np.stack(np.split(rows.at[k], 2)) - [[at[0].start], [at[1].start]]
+                for k in self._highest(rows, prices, self._parameters.starts)
+            ]
+            found = local.ascended(starts, (prices[at[0]], prices[at[1]]))
+            high = found.part(found.profits > least[t] + CLEARLY * abs(self.best))
+            new += self._remember(t, high, prices)
+            bound += max(float(high.profits.max(initial=-np.inf)) - least[t], 0.0)
+        return bound, new
 
     def _judged(self, prices: FloatArray, least: Mapping[int, float]) -> _Judged | None:
         """Returns what prices prove; None if a search takes too many nodes.
@@ -266,8 +355,7 @@ class MoveBundle:
 
     def _are_known(self) -> bool:
         """Returns True if a move is known for each pair of steps."""
-        alone = all(self._known.at(self._priced.joints[t]) for t in self._alone)
-        return alone and all(len(self._rows_of(t)[1]) for t in self._first)
+        return all(len(self._rows_of(t).worths) for t in (*self._first, *self._alone))
 
     def _remember(self, t: int, found: Moves, prices: FloatArray) -> int:
         """Stores moves from a step to the next; returns the number of new ones.
@@ -276,66 +364,70 @@ class MoveBundle:
         ----------
         prices : prices at which their profits are given
         """
-        position, worths = self._priced.positions, self._moves.worths.setdefault(t, {})
-        before = len(worths)
-        classes = self._class_of.tolist()
-        for profit, *ends in zip(*map(np.ndarray.tolist, found), strict=True):
-            places = tuple(
-                sorted(
-                    (number, at, state)
-                    for at, states in zip((t, t + 1), ends, strict=True)
-                    for number, state in zip(classes, states, strict=True)
-                )
-            )
-            paid = prices[[position[place] for place in places]].sum()
-            worths.setdefault(places, profit + float(paid))
+        worths = self._moves.worths.setdefault(t, {})
+        before, classes = len(worths), self._local[t].classes.tolist()
+        for profit, tails, heads in zip(*map(np.ndarray.tolist, found), strict=True):
+            robots = tuple(sorted(zip(classes, tails, heads, strict=True)))
+            at = self._positions(t, robots)
+            worths.setdefault(robots, profit + float(prices[at].sum()))
         return len(worths) - before
 
-    def _rows_of(self, t: int) -> tuple[IntArray, FloatArray]:
-        """Returns the positions [M, 2 R] and the worths [M] of the known moves from a step."""
+    def _positions(self, t: int, robots: Iterable[_RobotMove]) -> list[int]:
+        """Returns the positions of the prices of a move: those of the first step come first.
+
+        Raises
+        ------
+        KeyError
+            If a state does not remain.
+        """
         position = self._priced.positions
-        known = [
-            ([position[place] for place in places], worth)
-            for places, worth in self._moves.worths.get(t, {}).items()
-            if all(place in position for place in places)
-        ]
-        at = np.array([positions for positions, _ in known], dtype=np.int64)
-        return at.reshape(len(known), 2 * len(self._class_of)), np.array(
-            [worth for _, worth in known]
-        )
+        ends = [[(number, t + k, move[k]) for number, *move in robots] for k in (0, 1)]
+        return [position[place] for place in chain(*ends)]
+
+    def _rows_of(self, t: int) -> _Rows:
+        """Returns the known moves from a step, or the known joint states of one without moves."""
+        joint, first = self._priced.joints[t], self._priced.spans[t].start
+        if t in self._alone:
+            known = self._known.at(joint)
+            worths = [joint.worth(team) for team in known]
+            return _Rows(first + np.array(known, dtype=np.int64), np.array(worths))
+        found = []
+        for robots, worth in self._moves.worths.get(t, {}).items():
+            with suppress(KeyError):
+                found.append((self._positions(t, robots), worth))
+        at = np.array([positions for positions, _ in found], dtype=np.int64)
+        at = at.reshape(len(found), 2 * len(self._local[t].classes))
+        return _Rows(at, np.array([worth for _, worth in found]))
 
     def _known_profits(self, prices: FloatArray) -> dict[int, float]:
         """Returns the largest profit of a known move from each step; -inf if there is none."""
         rows = {t: self._rows_of(t) for t in self._first}
-        return {
-            t: float((worths - prices[at].sum(axis=1)).max(initial=-np.inf))
-            for t, (at, worths) in rows.items()
-        }
+        return {t: float(known.profits(prices).max(initial=-np.inf)) for t, known in rows.items()}
 
     def _known_heights(self, prices: FloatArray) -> dict[int, float]:
-        """Returns the largest profit of a known joint state of each step; -inf if there is none."""
+        """Returns the largest profit of a joint state of each step that local search finds; -inf if
+        there is none.
+        """
         heights = {}
         for t, joint in self._priced.joints.items():
             repriced = replace(joint, price=prices[self._priced.spans[t]])
             heights[t] = self._known.highest(repriced)
         return heights
 
+    def _highest(self, rows: _Rows, prices: FloatArray, most: int) -> list[int]:
+        """Returns the numbers of the rows with most profit."""
+        order = np.argsort(-rows.profits(prices), kind="stable")
+        return [*map(int, order[:most])]
+
     def _highest_known(self, latest: FloatArray) -> list[KnownJoint]:
         """Returns the known moves that are among the highest at the centre or the latest prices."""
         chosen: list[KnownJoint] = []
         for t in (*self._first, *self._alone):
-            at, worths = self._rows_of(t) if t in self._first else self._joint_states_of(t)
-            highest: set[int] = set()
+            rows, highest = self._rows_of(t), set[int]()
             for prices in (self._prices, latest):
-                order = np.argsort(prices[at].sum(axis=1) - worths, kind="stable")
-                highest.update(order[: self._parameters.most_heights].tolist())
+                highest.update(self._highest(rows, prices, self._parameters.most_heights))
             chosen += [
-                KnownJoint(t, tuple(at[k].tolist()), float(worths[k])) for k in sorted(highest)
+                KnownJoint(t, tuple(rows.at[k].tolist()), float(rows.worths[k]))
+                for k in sorted(highest)
             ]
         return chosen
-
-    def _joint_states_of(self, t: int) -> tuple[IntArray, FloatArray]:
-        """Returns the positions [M, R] and the worths [M] of the known joint states of a step."""
-        joint, first = self._priced.joints[t], self._priced.spans[t].start
-        known = self._known.at(joint)
-        return first + np.array(known), np.array([joint.worth(team) for team in known])

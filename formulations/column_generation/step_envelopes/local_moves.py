@@ -1,0 +1,117 @@
+"""Local search for high moves of the team between two steps.
+
+One robot at a time takes the move, from state to state, with which the team has the most profit at
+both steps together, until no robot alone can raise it.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
+from cocap_opt.formulations.certificates.staged.profitable_moves import Moves, counted_profits
+from cocap_opt.formulations.certificates.staged.team_moves import Team
+
+_TRIED = 20  # best moves of a robot that are tried, as moves of others may be in the way
+_CLEARLY = 1e-9  # relative gain with which a robot changes its move
+
+
+class LocalMoves:
+    """The moves of single robots between the remaining states of two steps.
+
+    Parameters
+    ----------
+    narrowing : the remaining states
+    tails, heads : the joint states of the first and of the second step
+
+    Attributes
+    ----------
+    classes : [R] class of each robot
+    """
+
+    def __init__(self, narrowing: Narrowing, tails: JointStates, heads: JointStates) -> None:
+        self._ends, self._team = (tails, heads), Team(narrowing)
+        self.classes = self._team.numbers
+        self._arcs: list[tuple[IntArray, IntArray]] = []
+        for number in range(len(narrowing.model.classes)):
+            ways = self._team.heads(number, heads.t)
+            first, at = (_positions(joint, number) for joint in self._ends)
+            found = [[at[head] for head in ways(tail).tolist()] for tail in first]
+            sizes = [len(among) for among in found]
+            self._arcs.append((
+                np.repeat(np.array([*first.values()], dtype=np.int64), sizes),
+                np.array([head for among in found for head in among], dtype=np.int64),
+            ))  # fmt: skip
+
+    def ascended(self, starts: Iterable[IntArray], prices: tuple[FloatArray, FloatArray]) -> Moves:
+        """Returns high moves that count, with their profits at the given prices.
+
+        Parameters
+        ----------
+        starts : [2, R] positions of the robots' states at both steps
+        prices : [n] of the states of each step
+        """
+        tops = {self._ascended(start, prices).tobytes(): None for start in starts}
+        shape = (len(tops), 2, len(self.classes))
+        placed = np.frombuffer(b"".join(tops), dtype=np.int64).reshape(shape)
+        profits = np.zeros(len(placed))
+        for joint, chosen, price in zip(self._ends, placed.transpose(1, 0, 2), prices, strict=True):
+            raised = (price - joint.price)[chosen].sum(axis=1)
+            profits += counted_profits(joint, chosen) - raised
+        states = [joint.states[placed[:, k]] for k, joint in enumerate(self._ends)]
+        return Moves(profits, *states).part(profits > -np.inf)
+
+    def _ascended(self, start: IntArray, prices: tuple[FloatArray, FloatArray]) -> IntArray:
+        """Returns the positions [2, R] at which no robot alone can raise the profit."""
+        placed, in_vain, robot = start.copy(), 0, 0
+        while in_vain < len(self.classes):
+            better = self._better(placed, robot, prices)
+            in_vain = in_vain + 1 if better is None else 0
+            placed = placed if better is None else better
+            robot = (robot + 1) % len(self.classes)
+        return placed
+
+    def _better(
+        self, placed: IntArray, robot: int, prices: tuple[FloatArray, FloatArray]
+    ) -> IntArray | None:
+        """Returns the positions after a robot has changed its move; None if it has no better."""
+        others = np.delete(placed, robot, axis=1)
+        gains = [
+            _gains(joint, among, price)
+            for joint, among, price in zip(self._ends, others, prices, strict=True)
+        ]
+        tails, heads = self._arcs[self.classes[robot]]
+        profits = gains[0][tails] + gains[1][heads]
+        now = gains[0][placed[0, robot]] + gains[1][placed[1, robot]]
+        above = np.flatnonzero(profits > now + _CLEARLY * (1 + abs(now)))
+        above = above[np.argsort(-profits[above], kind="stable")[:_TRIED]]
+        if not len(above):
+            return None
+        teams = np.repeat(placed[None], len(above), axis=0)
+        teams[:, 0, robot], teams[:, 1, robot] = tails[above], heads[above]
+        able = np.flatnonzero(self._may_move(teams))
+        return teams[able[0]] if len(able) else None
+
+    def _may_move(self, teams: IntArray) -> BoolArray:
+        """Returns True for teams [M, 2, R] whose robots do not conflict between the steps."""
+        tails, heads = (joint.states[teams[:, k]] for k, joint in enumerate(self._ends))
+        able: BoolArray = ~self._team.conflicts(tails, heads)
+        return able
+
+
+def _positions(joint: JointStates, number: int) -> dict[int, int]:
+    """Returns the positions of the states of a class, by their numbers."""
+    of_class = np.flatnonzero(joint.class_of == number)
+    return dict(zip(joint.states[of_class].tolist(), of_class.tolist(), strict=True))
+
+
+def _gains(joint: JointStates, others: IntArray, price: FloatArray) -> FloatArray:
+    """Returns the worth less the price [n] that each state adds to the states of other robots;
+    -inf for states in conflict with them.
+    """
+    seen = joint.pixels[others].sum(axis=0)
+    gains: FloatArray = joint.returns.values(seen + joint.pixels) @ joint.weights - price
+    every = np.arange(len(joint.states))
+    gains[joint.conflicts.between(every[:, None], others[None]).any(axis=1)] = -np.inf
+    return gains
