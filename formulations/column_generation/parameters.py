@@ -550,6 +550,52 @@ class BundleParameters(Section):
 
 
 @dataclass(frozen=True)
+class MoveParameters(Section):
+    """The bundle method over prices of states whose heights are those of moves between two steps.
+
+    Attributes
+    ----------
+    most_iterations : iterations
+        largest number of iterations of a bundle; 0: no stage has constants of moves
+    of_stage : share
+        gain for which a centre becomes a stage at once, as a share of the remaining gap
+    least_gain : share
+        gain below which a centre becomes no stage, as a share of the remaining gap
+    serious : share
+        share of the predicted gain that makes a new centre
+    good : share
+        share of the predicted gain that makes a longer step
+    first_weight : over the mean price
+        initial weight of the distance to the centre
+    most_heights : moves between two steps
+        moves in the master: the highest at the centre, and as many of the latest prices
+    most_new : moves between two steps
+        moves that a search adds
+    first_depth : share
+        depth below the sum of both constants to which a first search goes, as a share of the gap
+    deeper : times
+        factor on that depth if nothing is found
+    margin : times
+        factor on the depth of the highest move of the last search
+    most_nodes : nodes
+        size of a search for moves between two steps
+    """
+
+    most_iterations: int = 12
+    of_stage: Share = 0.1
+    least_gain: Share = 0.01
+    serious: Share = 0.1
+    good: Share = 0.6
+    first_weight: float = 100.0
+    most_heights: int = 60
+    most_new: int = 40
+    first_depth: Share = 0.005
+    deeper: float = 1.6
+    margin: float = 1.25
+    most_nodes: int = 20_000_000
+
+
+@dataclass(frozen=True)
 class RecombinationParameters(Section):
     """Recombination: the best plan along the states of several plans.
 
@@ -691,6 +737,7 @@ class Parameters:
     trials: TrialParameters = TrialParameters()
     middle: MiddleParameters = MiddleParameters()
     bundle: BundleParameters = BundleParameters()
+    moves: MoveParameters = MoveParameters()
     recombination: RecombinationParameters = RecombinationParameters()
     ruled_ascent: RuledAscentParameters = RuledAscentParameters()
     ascent: AscentParameters = field(default_factory=AscentParameters)

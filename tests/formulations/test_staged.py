@@ -688,12 +688,12 @@ def test_a_narrowing_never_changes() -> None:
     """What is priced, searched and closed after it is nothing to it, nor to one it came from."""
     rng, model = np.random.default_rng(0), compiled(tiny())
     narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0).closed()
-    names = ("constants", "rewards", "left", "slack")
+    names = ("constants", "move_constants", "rewards", "left", "slack")
     before = {name: np.array(getattr(narrowing, name)) for name in names}
     bound = narrowing.bound
     stage = Stage(random_prices(model, rng), (StepConstant(1, -100.0), StepConstant(2, -100.0)))
     higher = narrowing.above(-0.5).after(
-        stage, lambda _, joint: most_profitable(joint, -100.0, 10**6).profit
+        stage, lambda _, joint: most_profitable(joint, -100.0, 10**6).profit, lambda *_: 0.0
     )
     assert higher.constants.tolist() != before["constants"].tolist()
     for name in names:
@@ -709,12 +709,12 @@ def test_a_stage_proves_no_more_than_its_constants_and_searches() -> None:
     prices = random_prices(model, rng)
     assert {step.t for step in prices} == {1, 2}
     with pytest.raises(CertificateError, match="stage: a step has payments but no constant"):
-        narrowing.after(Stage(prices, (StepConstant(1, 10.0),)), lambda *_: 10.0)
+        narrowing.after(Stage(prices, (StepConstant(1, 10.0),)), lambda *_: 10.0, lambda *_: 10.0)
     constants = (StepConstant(1, 10.0), StepConstant(2, 20.0))
-    after = narrowing.after(Stage(prices, constants), lambda *_: -math.inf)
+    after = narrowing.after(Stage(prices, constants), lambda *_: -math.inf, lambda *_: 0.0)
     assert after.constants[1:].tolist() == pytest.approx([10.0, 20.0])
     with pytest.raises(CertificateError, match=r"constants\[0\]: .* states remain at step 1"):
-        narrowing.after(Stage(prices, constants), lambda *_: 0.0, most_states=0)
+        narrowing.after(Stage(prices, constants), lambda *_: 0.0, lambda *_: 0.0, most_states=0)
 
 
 @pytest.mark.slow

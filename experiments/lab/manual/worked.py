@@ -205,7 +205,7 @@ def stages() -> list[Remaining]:
     narrowing = narrowing.closed()
     found.append(_stage("after the multipliers", narrowing))
     for n, stage in enumerate(staged.stages, 1):
-        narrowing = narrowing.after(stage, partial(_most_profit, stage))
+        narrowing = narrowing.after(stage, partial(_most_profit, stage), partial(_constant, stage))
         found.append(_stage(f"after stage {n}", narrowing))
     return found
 
@@ -213,6 +213,11 @@ def stages() -> list[Remaining]:
 def _most_profit(stage: FileStage, k: int, joint: JointStates) -> float:
     """Returns the highest profit of joint states, or a stage's constant, whichever is higher."""
     return most_profitable(joint, stage.constants[k].constant, MOST_NODES).profit
+
+
+def _constant(stage: FileStage, k: int, _: Narrowing) -> float:
+    """Returns a stage's constant of moves, which its producer has proved."""
+    return stage.moves[k].constant
 
 
 def middle() -> int:

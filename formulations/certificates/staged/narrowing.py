@@ -32,6 +32,14 @@ the other states do not raise the bound if their paths' slack is at least as lar
 that violate (*) of an earlier stage may have more profit than (**), but no plan above the target
 visits these.
 
+A constant may also bound the moves of the whole team from step t to t + 1: no two joint states with
+a move between them have reduced profits of more than K_t,t+1 together. Such a move saves
+
+    d_t = max(0, K_t + K_t+1 - K_t,t+1),
+
+and B is less by the sum of these, where no two moves share a step. The left-hand side of (*) is
+then at most B - target + d of the step's own move.
+
 A `Narrowing` is immutable: methods that narrow further return a new one. A stage is one call that
 sets prices, searches for the constants of its own joint states, and closes states. Therefore no
 order of calls can prove a false bound, and joint states of another narrowing cannot lower a
@@ -74,6 +82,9 @@ _Earlier = tuple[float, list[FloatArray]]
 
 # Given a constant's position and its joint states, finds a profit that none of them exceeds.
 Search = Callable[[int, JointStates], float]
+# Given the position of a move's constant and the narrowing at its prices, finds a profit that no
+# move exceeds.
+MoveSearch = Callable[[int, "Narrowing"], float]
 
 
 class _Closing(NamedTuple):
@@ -139,6 +150,7 @@ class Narrowing:
     model : a model with the classes of the multipliers
     target : J; only plans above it are bounded
     constants : [T+1] K_t; infinite where prices are new
+    move_constants : [T+1] K_t,t+1; infinite where the move that begins at the step has none
     rewards : for each class, the prices of states [T+1, S], credited to its robots for visiting
         them
     charges : for each class, the charges that rows put on its robots
@@ -148,6 +160,7 @@ class Narrowing:
     model: Model
     target: float
     constants: FloatArray
+    move_constants: FloatArray
     rewards: list[FloatArray]
     charges: list[Charges]
     row_multipliers: tuple[tuple[int, float], ...]
@@ -183,7 +196,7 @@ class Narrowing:
         everywhere = [np.ones(reward.shape, dtype=np.bool_) for reward in rewards]
         sweeps = _Sweeps.of(model, charges, rewards, everywhere)
         first = cls(
-            model, target, constants, rewards, charges,
+            model, target, constants, np.full(len(constants), np.inf), rewards, charges,
             tuple((row.resource.t, row.multiplier) for row in multipliers.rows), prices, sweeps,
             _Closing(constants, constants, [], []), ((),) * len(constants),
         )  # fmt: skip
@@ -210,12 +223,21 @@ class Narrowing:
     @property
     def bound(self) -> float:
         """B, which no plan above the target exceeds, except for rounding."""
-        return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
+        constants = float(self.constants.sum()) - float(self.saved.sum())
+        return constants + self._prices.row_constant + self._sweeps.worth
+
+    @property
+    def saved(self) -> FloatArray:
+        """d_t [T+1], in units of J, of the move that begins at each step; no two share a step."""
+        saved, known = np.zeros(len(self.constants)), np.flatnonzero(self.move_constants < np.inf)
+        both = self.constants[known] + self.constants[known + 1]
+        saved[known] = np.maximum(both - self.move_constants[known], 0.0)
+        return saved
 
     @property
     def rounding(self) -> float:
         """The largest effect of rounding on B, in units of J."""
-        return self._rounding(float(np.abs(self.constants).sum()))
+        return self._rounding(float(np.abs(self.constants).sum() + self.saved.sum()))
 
     def _rounding(self, constants: float) -> float:
         """Returns the largest effect of rounding on a sum of constants, multipliers and prices."""
@@ -280,9 +302,10 @@ class Narrowing:
             is_left & (slack <= room) for is_left, slack in zip(self.left, self.slack, strict=True)
         ]
         after = replace(self, _sweeps=_Sweeps.of(self.model, self.charges, self.rewards, left))
-        return replace(
-            after, _closing=after._closed_now(after.constants - after.room_above(after.target))
-        )
+        saved = after.saved
+        own = saved + np.append(0.0, saved[:-1])  # by the move of which the step is a part
+        floors = after.constants - own - after.room_above(after.target)
+        return replace(after, _closing=after._closed_now(floors))
 
     def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":
         """Returns the narrowing for an equal or higher target, with more states closed.
@@ -310,16 +333,18 @@ class Narrowing:
         ).closed()
 
     def after(
-        self, stage: Stage, search: Search, field: str = "stage", most_states: float = math.inf
-    ) -> "Narrowing":
-        """Returns the narrowing after a stage, which sets prices, then constants, then closes
-        states.
+        self, stage: Stage, search: Search, search_moves: MoveSearch, field: str = "stage",
+        most_states: float = math.inf,
+    ) -> "Narrowing":  # fmt: skip
+        """Returns the narrowing after a stage, which sets prices, then constants of steps, then of
+        moves, then closes states.
 
         Parameters
         ----------
         search : called with the position of each constant of the stage, and with the joint states
             that may have more profit than the constant; returns a profit that none of them
             exceeds. A constant is never lowered below its stated value.
+        search_moves : the same for the constants of moves
         field : name of the stage, for messages
         most_states : largest number of remaining states at a step
 
@@ -331,17 +356,19 @@ class Narrowing:
         narrowing = self._repriced(stage.prices)
         for k, claim in enumerate(stage.constants):
             states = narrowing._states_of_joint(claim.t, claim.constant)
-            if (left := sum(map(len, states))) > most_states:
-                raise CertificateError(
-                    f"{field}.constants[{k}]: {left:,} states remain at step {claim.t}; at most "
-                    f"{most_states:,} can be searched"
-                )
+            _require_few(states, claim.t, most_states, f"{field}.constants[{k}]")
             joint = narrowing.joint_states_of(claim.t, states)
             narrowing = narrowing._lowered(joint, max(search(k, joint), claim.constant))
         if not math.isfinite(narrowing.rounding):
             raise CertificateError(
                 f"{field}: a step has payments but no constant, or its payments are too large"
             )
+        for k, move in enumerate(stage.moves):
+            for t in (move.t, move.t + 1):
+                states = narrowing._states_of_joint(t)
+                _require_few(states, t, most_states, f"{field}.moves[{k}]")
+            profit = max(search_moves(k, narrowing), move.constant)
+            narrowing = narrowing._with_move(move.t, profit)
         return narrowing.closed()
 
     def _repriced(self, prices: Sequence[StepPrices]) -> "Narrowing":
@@ -349,6 +376,7 @@ class Narrowing:
         if not prices:
             return self
         rewards, constants = [reward.copy() for reward in self.rewards], self.constants.copy()
+        moves = self.move_constants.copy()
         earlier = [*self._earlier]
         for step in prices:
             t, graph = step.t, self.model.classes[step.class_number].graph
@@ -359,10 +387,12 @@ class Narrowing:
             reward += step.others
             reward[[graph.index(state) for state in step.states]] = step.prices
             constants[t] = math.inf
+            moves[max(t - 1, 0) : t + 1] = math.inf
         sweeps = _Sweeps.of(self.model, self.charges, rewards, self.left)
         return replace(
-            self, rewards=rewards, constants=constants, _sweeps=sweeps, _earlier=tuple(earlier)
-        )
+            self, rewards=rewards, constants=constants, move_constants=moves, _sweeps=sweeps,
+            _earlier=tuple(earlier),
+        )  # fmt: skip
 
     def _lowered(self, joint: JointStates, profit: float) -> "Narrowing":
         """Returns the narrowing with K_t lowered to a profit plus an allowance for rounding.
@@ -374,6 +404,26 @@ class Narrowing:
         constants = self.constants.copy()
         constants[joint.t] = min(float(constants[joint.t]), profit + joint.margin)
         return replace(self, constants=constants)
+
+    def _with_move(self, t: int, profit: float) -> "Narrowing":
+        """Returns the narrowing with the constant of a move lowered to a profit plus an allowance
+        for rounding; constants of moves that share a step with it end.
+
+        Parameters
+        ----------
+        profit : a profit that no remaining move from step t to the next exceeds
+        """
+        moves = self.move_constants.copy()
+        moves[t] = min(float(moves[t]), profit + self.margin_of_move(t))
+        moves[max(t - 1, 0) : t] = math.inf
+        moves[t + 1] = math.inf
+        return replace(self, move_constants=moves)
+
+    def margin_of_move(self, t: int) -> float:
+        """Returns the allowance for rounding in the constant of the move from a step to the next,
+        in units of J.
+        """
+        return exact_sum(self.joint_states(at).margin for at in (t, t + 1))
 
     def _closed_now(self, floors: FloatArray) -> _Closing:
         """Returns the values that decide from now on which joint states count."""
@@ -399,21 +449,37 @@ class Narrowing:
         """
         return self.joint_states_of(t, self._states_of_joint(t, above))
 
-    def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states over some of the remaining states of each class at a step."""
-        ceilings = tuple(
-            self.ceiling_of(constant, np.concatenate(self._raised(t, rewards, states)))
-            for constant, rewards in self._earlier[t]
-        )
+    def joint_states_of(
+        self, t: int, states: Sequence[IntArray], apart: Sequence[int] | None = None
+    ) -> JointStates:
+        """Returns the joint states over some of the remaining states of each class at a step.
+
+        Parameters
+        ----------
+        apart : the class of each robot, if every robot is a class of its own in the joint states;
+            `states` then has an entry per robot
+        """
+        numbers = range(len(self.rewards)) if apart is None else apart
+
+        def of_states(by_class: Sequence[FloatArray]) -> list[FloatArray]:
+            return [by_class[n][at] for n, at in zip(numbers, states, strict=True)]
+
         price, charge, slack = (
-            [array[t, at] for array, at in zip(arrays, states, strict=True)]
+            of_states([array[t] for array in arrays])
             for arrays in (self.rewards, self._closing.charges, self._closing.slack)
+        )
+        now = np.concatenate(price)
+        ceilings = tuple(
+            self.ceiling_of(constant, now - np.concatenate(of_states(rewards)))
+            for constant, rewards in self._earlier[t]
         )
         # The slacks in (*) limit joint states, since K_t - h_t is not negative.
         constant = float(self._closing.constants[t])
         limit = self.ceiling_of(constant + self._rounding(abs(constant)), np.concatenate(slack))
         floor = float(self._closing.floors[t])
-        return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
+        return JointStates.of(
+            self.model, t, states, price, charge, floor, ceilings, (limit,), apart
+        )
 
     def charged_joint_states(self, t: int) -> JointStates:
         """Returns the remaining joint states of a step with their charges as prices, to collect
@@ -467,3 +533,17 @@ class Narrowing:
         robots = len(self.model.problem.robots)
         rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * magnitude
         return rounding
+
+
+def _require_few(states: Sequence[IntArray], t: int, most: float, field: str) -> None:
+    """Raises CertificateError if more states remain at a step than can be searched.
+
+    Parameters
+    ----------
+    states : the remaining states of each class
+    field : name of the claim, for the message
+    """
+    if (left := sum(map(len, states))) > most:
+        raise CertificateError(
+            f"{field}: {left:,} states remain at step {t}; at most {most:,} can be searched"
+        )

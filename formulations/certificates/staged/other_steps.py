@@ -28,14 +28,17 @@ class OtherSteps:
         most that all robots can collect after t.
         """
         # At the step itself, rows charge at most their multipliers, which this sum contains.
-        return float(self._narrowing.constants[t + 1 :].sum()) + self._rows(t)
+        constants, saved = self._narrowing.constants, self._narrowing.saved
+        return float(constants[t + 1 :].sum() - saved[t + 1 :].sum()) + self._rows(t)
 
     def rest_before(self, t: int) -> float:
         """Returns the J that earlier constants and rows, and best paths, add to the worth of the
         steps from t on and `past`.
         """
         narrowing = self._narrowing
-        return narrowing.bound - float(narrowing.constants[t:].sum()) - self._rows(t)
+        # Moves save something in these steps only if both of their steps are among them.
+        others = narrowing.constants[t:].sum() - narrowing.saved[max(t - 1, 0) :].sum()
+        return narrowing.bound - float(others) - self._rows(t)
 
     def _rows(self, t: int) -> float:
         """Returns the sum of the multipliers of the rows of a step and of later ones."""

@@ -6,11 +6,13 @@ above the target, or above a higher value. They begin at the start, or at a step
 (`middle_paths`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from cocap_opt.formulations.certificates.format import (
     CertificateError,
+    MoveConstant,
     Stage,
     Staged,
     StepConstant,
@@ -24,7 +26,9 @@ from cocap_opt.formulations.certificates.staged.middle_paths import (
     best_plan_from,
     may_begin_later,
 )
+from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.profitable_moves import most_profitable_move
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
@@ -61,7 +65,7 @@ def price_staged(
     above, middle = certificate.paths_above, certificate.paths_from
     _check_paths(model, above, middle)
     narrowing = Narrowing.of(model, certificate.multipliers, certificate.target, stop).closed()
-    total = sum(len(stage.constants) for stage in certificate.stages)
+    total = sum(len(stage.constants) + len(stage.moves) for stage in certificate.stages)
     searches = _Searches(MOST_NODES, total, stop, progress, plain)
     for n, stage in enumerate(certificate.stages):
         stop.check()
@@ -126,10 +130,29 @@ class _Searches:
         def most_profit(k: int, joint: JointStates) -> float:
             return self._most_profit(joint, stage.constants[k], f"{field}.constants[{k}]")
 
-        return narrowing.after(stage, most_profit, field, MOST_STATES)
+        def most_profit_of_moves(k: int, narrowing: Narrowing) -> float:
+            return self._most_profit_of_moves(narrowing, stage.moves[k], f"{field}.moves[{k}]")
+
+        return narrowing.after(stage, most_profit, most_profit_of_moves, field, MOST_STATES)
 
     def _most_profit(self, joint: JointStates, claim: StepConstant, field: str) -> float:
-        """Returns the largest profit of joint states, or the claimed constant if it is larger.
+        """Returns the largest profit of joint states, or the claimed constant if it is larger."""
+        with self._searched(field):
+            found = most_profitable(joint, claim.constant, self.nodes_left, self.stop, self.plain)
+            self.nodes_left -= found.nodes
+        return found.profit
+
+    def _most_profit_of_moves(self, narrowing: Narrowing, claim: MoveConstant, field: str) -> float:
+        """Returns the largest profit of moves, or the claimed constant if it is larger."""
+        with self._searched(field):
+            searches = MoveSearches(self.nodes_left, self.plain)
+            found = most_profitable_move(narrowing, claim.t, claim.constant, searches, self.stop)
+            self.nodes_left = searches.nodes_left
+        return found
+
+    @contextmanager
+    def _searched(self, field: str) -> Iterator[None]:
+        """Counts a search, and reports one that does not end.
 
         Parameters
         ----------
@@ -137,21 +160,18 @@ class _Searches:
         """
         self.stop.check()
         try:
-            found = most_profitable(joint, claim.constant, self.nodes_left, self.stop, self.plain)
+            yield
         except NotEndedError as error:
             raise UnfinishedError(
                 f"{field}: not verified: the searches of the file need more than {MOST_NODES:,} "
                 "nodes in total; the claim may still hold"
             ) from error
-        self.nodes_left -= found.nodes
         self.done += 1
         self.progress(self.done, self.total)
-        return found.profit
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:
     """Rejects steps, classes and states that do not exist, and values that are not finite."""
-    problem = model.problem
     for k, step in enumerate(stage.prices):
         name = f"{field}.payments[{k}]"
         _check_step(model, step.t, name)
@@ -172,12 +192,20 @@ def _check(model: Model, stage: Stage, field: str) -> None:
                 raise CertificateError(f"{name}.{wrong}")
     for k, claim in enumerate(stage.constants):
         _check_step(model, claim.t, f"{field}.constants[{k}]")
-        if not abs(claim.constant) <= LARGEST_PRICE * len(problem.robots):
-            raise CertificateError(f"{field}.constants[{k}].constant: must be finite")
+        _check_constant(model, claim.constant, f"{field}.constants[{k}]")
+    for k, move in enumerate(stage.moves):
+        _check_step(model, move.t, f"{field}.moves[{k}]", model.problem.horizon - 1)
+        _check_constant(model, move.constant, f"{field}.moves[{k}]")
 
 
-def _check_step(model: Model, t: int, field: str) -> None:
-    """Rejects a step at which no view counts."""
-    first, last = model.problem.first_step, model.problem.horizon
+def _check_constant(model: Model, constant: float, field: str) -> None:
+    """Rejects a constant that is not finite."""
+    if not abs(constant) <= LARGEST_PRICE * len(model.problem.robots):
+        raise CertificateError(f"{field}.constant: must be finite")
+
+
+def _check_step(model: Model, t: int, field: str, last: int | None = None) -> None:
+    """Rejects a step at which no view counts, or one after the last that is allowed."""
+    first, last = model.problem.first_step, model.problem.horizon if last is None else last
     if not first <= t <= last:
         raise CertificateError(f"{field}.t: must be {first}..{last}, not {t}")

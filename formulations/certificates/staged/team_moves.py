@@ -40,13 +40,14 @@ class _Direction(NamedTuple):
     neighbours : for each class, the states to which a robot may move from a state
     potential : returns the most that robots of a class can collect at the steps ahead, for each of
         their states [n] at the step to which they move; in units of J
-    rest : J that the constants and rows of the steps ahead add, and best paths if backwards
+    least : J that the steps explored so far and potentials have to exceed together: the target less
+        what constants and rows of the steps ahead add, and best paths if backwards
     is_forward : False: moves lead to the previous step
     """
 
     neighbours: list[Neighbours]
     potential: Potential
-    rest: float
+    least: float
     is_forward: bool = True
 
 
@@ -96,8 +97,8 @@ class Team:
         """
         classes = range(len(self._model.classes))
         direction = _Direction(
-            [self._heads(number, t) for number in classes], partial(self.others.future, t),
-            self.others.rest_after(t),
+            [self.heads(number, t) for number in classes], partial(self.others.future, t),
+            self.others.threshold - self.others.rest_after(t),
         )  # fmt: skip
         return self._moves(t, before, direction, searches, stop)
 
@@ -116,7 +117,7 @@ class Team:
         classes = range(len(self._model.classes))
         direction = _Direction(
             [self._tails(number, t) for number in classes], partial(self.others.past, t),
-            self.others.rest_before(t), is_forward=False,
+            self.others.threshold - self.others.rest_before(t), is_forward=False,
         )  # fmt: skip
         return self._moves(t, later, direction, searches, stop)
 
@@ -132,16 +133,16 @@ class Team:
             raise NotEndedError
         numbers = self.numbers[choices.robots].tolist()
         joint = self._apart(numbers, t, choices.states, direction.potential)
-        floors = self.others.threshold - direction.rest - origin.values
+        floors = direction.least - origin.values
         for rows, heads in searches.found(joint, choices, floors, stop):
             placed = np.empty_like(heads)
             placed[:, choices.robots] = joint.states[heads]
             ends = [origin.placed[rows], placed]
-            able = ~self._conflicts(*(ends if direction.is_forward else ends[::-1]))
+            able = ~self.conflicts(*(ends if direction.is_forward else ends[::-1]))
             rows, heads, placed = rows[able], heads[able], placed[able]
             yield Reached(origin.values[rows] + _worths(joint, heads), placed, rows)
 
-    def _heads(self, number: int, t: int) -> Neighbours:
+    def heads(self, number: int, t: int) -> Neighbours:
         """Returns a function that returns the states of step t to which a robot of a class can move
         from a state of the step before.
         """
@@ -258,7 +259,7 @@ class Team:
         """Returns the best way to each joint state, best first."""
         return merged(self.numbers, parts)[0]
 
-    def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
+    def conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
         """Returns an array [M], True for moves of the team that have a conflict between the
         steps.
         """

@@ -17,7 +17,8 @@ list. The next round makes new lists from the new prices, and shortens them if s
 Once the prices of such lists promise or close little, all states get their own prices, if there are
 not too many. Local search then looks for better plans in the mixture of paths behind the prices,
 and plans are recombined. If a better plan is found, it becomes the target, and all stages are
-repeated for it.
+repeated for it. Once such stages close little, the following ones also bound the moves of the team
+between two steps (`move_bundle`).
 
 Before the first stage and after each stage, the remaining joint paths of all robots may be few
 enough to explore (`path_trials`), which proves the best plan optimal. If further stages close
@@ -46,6 +47,10 @@ from cocap_opt.formulations.column_generation.step_envelopes.counting import (
 from cocap_opt.formulations.column_generation.step_envelopes.heights import Heights
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
+from cocap_opt.formulations.column_generation.step_envelopes.move_bundle import (
+    KnownMoves,
+    MoveBundle,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.column_generation.step_envelopes.priced_states import PricedStates
@@ -166,6 +171,7 @@ class _Envelopes:
         try:
             with self.search.ending_before(kept):
                 self._add_stages(cutoff)
+                self._add_stages_of_moves(cutoff)
         except LimitReached as reached:
             self.search.stop.check()
             if kept == math.inf or reached.limit is not Limit.TIME:
@@ -204,6 +210,26 @@ class _Envelopes:
                 continue
             closed = (before - self.narrowing.pricing.bound) / open_
             if not self._is_worth_another(closed, listed, is_wide):
+                return
+
+    def _add_stages_of_moves(self, cutoff: Callable[[], float]) -> None:
+        """Adds stages with constants of moves as long as they lower the bound; raises
+        LimitReached.
+        """
+        if not (self.search.parameters.moves.most_iterations and is_there() and self.steps[1:]):
+            return
+        known = KnownMoves()
+        while self._is_small() and self.bound > cutoff():
+            self._raise_target()
+            bundle = MoveBundle(self.narrowing, self.known, known, self.searches)
+            is_better = False
+            try:
+                is_better = bundle.run(cutoff, self.report)
+            finally:
+                if bundle.stage is not None:
+                    self.proved = self.proved.then(bundle.stage)
+            self.report()
+            if not is_better or self.try_paths():
                 return
 
     def _is_worth_another(self, closed: float, listed: bool, is_wide: bool) -> bool:

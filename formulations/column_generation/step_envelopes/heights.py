@@ -169,7 +169,7 @@ class Heights:
             chosen[priced.spans[t]] = self.prices[priced.spans[t]]
         constants = self._narrowing.constants
         total = exact_sum(known.get(t, float(constants[t])) for t in priced.joints)
-        return total + self.bundle.rest + priced.best_paths(chosen, known)[0]
+        return total + priced.rest + priced.best_paths(chosen, known)[0]
 
     def _add(self) -> None:
         """Adds a stage with the new prices of all steps with waiting heights."""

@@ -34,7 +34,6 @@ class PriceBundle:
     Attributes
     ----------
     priced : the states
-    rest : the part of the bound besides the steps' constants and the paths
     best : the bound that the best prices prove, as far as local search can tell
     constants : the constants intended for the best prices, by step; with short lists, lower
         constants prove less, since they raise the prices of unlisted states
@@ -46,9 +45,6 @@ class PriceBundle:
         self._bound = priced.narrowing.bound
         # by step, the worth of each known joint state by the positions of its states
         self._worths: dict[int, dict[tuple[int, ...], float]] = {t: {} for t in priced.joints}
-        constants = [float(priced.narrowing.constants[t]) for t in priced.joints]
-        paths = priced.best_paths(priced.initial, {})[0]
-        self.rest = self._bound - exact_sum(constants) - paths
         self._master = PriceMaster(priced)
         self.best, self._prices = np.inf, priced.initial
         self.constants: Mapping[int, float] = {}
@@ -90,7 +86,7 @@ class PriceBundle:
                 for (tail, head), amount in zip(arcs, solved.flow.tolist(), strict=True)
             }
             value, constants, new = self._judged(solved)
-            promised = self.best - solved.value - self.rest
+            promised = self.best - solved.value - self.priced.rest
             gained = self.best - value
             if gained > CLEARLY * abs(value) and (
                 promised == np.inf or gained >= self._parameters.serious * promised
@@ -104,7 +100,7 @@ class PriceBundle:
                 self._weight *= 1.5
             if not new or self.best - cutoff() < least_gain:
                 break
-            if self.best - solved.value - self.rest < least_gain:
+            if self.best - solved.value - self.priced.rest < least_gain:
                 break
             report()
         return self._prices if self.best < self._bound - least_gain else None
@@ -133,7 +129,7 @@ class PriceBundle:
                     constants[t] = max(constants[t], height)
         total, paths = self.priced.best_paths(solved.prices, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
-        bound = total + exact_sum(constants.values()) + self.rest
+        bound = total + exact_sum(constants.values()) + self.priced.rest
         return bound, constants, new
 
     def remember(self, t: int, positions: Sequence[int]) -> bool:

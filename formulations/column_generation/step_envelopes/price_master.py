@@ -34,9 +34,9 @@ _MasterRow = tuple[Sequence[_Entry], float]  # entries, and the upper limit of t
 
 
 class KnownJoint(NamedTuple):
-    """A known joint state."""
+    """A known joint state, or a known move with the joint states of both of its steps."""
 
-    t: int
+    t: int  # the step, or the first of both
     positions: tuple[int, ...]  # of its states, among all prices
     worth: float
 
@@ -79,12 +79,7 @@ class PriceMaster:
 
     def __init__(self, priced: PricedStates) -> None:
         self._priced, self._ceilings = priced, priced.ceilings
-        # position of each state that has a price
-        self._position: dict[_Place, int] = {
-            (int(c), t, int(s)): priced.spans[t].start + k
-            for t, joint in priced.joints.items()
-            for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
-        }
+        self._position: Mapping[_Place, int] = priced.positions
         self._has_ceiling: BoolArray = np.zeros(len(priced.initial), dtype=np.bool_)  # [n]
         for t in priced.ceilings:
             self._has_ceiling[priced.spans[t]] = True

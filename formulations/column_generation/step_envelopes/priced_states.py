@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
@@ -61,6 +62,23 @@ class PricedStates:
     def bonuses(self) -> Bonuses:
         """The rewards for moves."""
         return Bonuses.of(self.narrowing.model.problem.objective)
+
+    @cached_property
+    def positions(self) -> dict[tuple[int, int, int], int]:
+        """The position of the price of each place: class number, step and state number."""
+        return {
+            (int(c), t, int(s)): self.spans[t].start + k
+            for t, joint in self.joints.items()
+            for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
+        }
+
+    @cached_property
+    def rest(self) -> float:
+        """The part of the bound besides the constants of steps, the paths and what moves save."""
+        narrowing = self.narrowing
+        constants = exact_sum(float(narrowing.constants[t]) for t in self.joints)
+        saved = float(narrowing.saved.sum())
+        return narrowing.bound + saved - constants - self.best_paths(self.initial, {})[0]
 
     @property
     def has_lists(self) -> bool:

@@ -19,7 +19,9 @@ class Stages(NamedTuple):
 
     def then(self, stage: Stage) -> "Stages":
         """Returns the stages plus one more, whose constants must be proved upper bounds."""
-        narrowing = self.narrowing.after(stage, lambda k, _: stage.constants[k].constant)
+        narrowing = self.narrowing.after(
+            stage, lambda k, _: stage.constants[k].constant, lambda k, _: stage.moves[k].constant
+        )
         return Stages(narrowing, (*self.stages, stage))
 
     def lowered(self, constants: Sequence[StepConstant]) -> "Stages":
