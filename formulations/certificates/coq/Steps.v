@@ -92,6 +92,7 @@ Definition class_pools (st : step) (gs : list group) (t : nat) (prices : by_stat
   map (fun k => (size I k, map (fun sv => step_candidate st gs t k (fst sv) (snd sv)) (PM.elements (map_of prices k))))
       (classes I).
 
+(** What a joint state is known by: of each candidate its class and state. *)
 Definition state_in (c : candidate) : state := snd (snd (name named c)).
 Definition class_of (c : candidate) : nat := fst (fst (name named c)).
 Definition taken (c : candidate) : nat * state := (class_of c, state_in c).
@@ -105,15 +106,17 @@ Definition enough (st : step) (l : list candidate) (worth : Z) : bool := floor s
 Definition profit_of (st : step) (gs : list group) (l : list candidate) : Z :=
   least_static 0 (step_bases st) l (exact_of gs l - sum named (price named) l).
 
+(** Hands all joint states that count and have more profit than a threshold to a function. *)
 Definition search {A : Type} (threshold : A -> Z) (take_down : list candidate -> A -> A)
     (conflict : named -> named -> bool) (gs : list group) (st : step) (p : pool candidate) (found : A) : A :=
   node named conflict coarse (specs_of gs) A threshold take_down Sorted.sort memory (advise (specs_of gs))
     (length (team I)) [] (nothing (specs_of gs)) 0 (- floor st) (step_bases st) p mind found.
 
-(** The largest profit, and what is known besides; or more, if that is claimed. *)
+(** The best so far, or a joint state's profit and what is known besides, if that is more. *)
 Definition raised (st : step) (gs : list group) (known : Z) (l : list candidate) (best : Z) : Z :=
   if enough st l (exact_of gs l) then Z.max best (known + profit_of st gs l) else best.
 
+(** The same of all joint states that count; at first, the best is what is claimed. *)
 Definition highest (conflict : named -> named -> bool) (gs : list group) (st : step) (known : Z) (p : pool candidate)
   (claim : Z) : Z :=
   search (fun best => best - known) (raised st gs known) conflict gs st p claim.
