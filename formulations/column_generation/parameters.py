@@ -573,6 +573,8 @@ class MoveParameters(Section):
         moves that a search adds
     starts : moves between two steps
         known moves from which local search starts, the highest at the latest prices
+    random_starts : times
+        local searches from random changes of each of these
     first_depth : share
         depth below the sum of both constants to which a first search goes, as a share of the gap
     deeper : times
@@ -591,7 +593,8 @@ class MoveParameters(Section):
     first_weight: float = 100.0
     most_heights: int = 60
     most_new: int = 40
-    starts: int = 6
+    starts: int = 10
+    random_starts: int = 4
     first_depth: Share = 0.005
     deeper: float = 1.6
     margin: float = 1.25

@@ -20,6 +20,8 @@ _CLEARLY = 1e-9  # relative gain with which a robot changes its move
 class LocalMoves:
     """The moves of single robots between the remaining states of two steps.
 
+    Positions of states are given with the robots in the order of their classes.
+
     Parameters
     ----------
     narrowing : the remaining states
@@ -27,12 +29,14 @@ class LocalMoves:
 
     Attributes
     ----------
-    classes : [R] class of each robot
+    numbers : [R] class of each robot
     """
 
     def __init__(self, narrowing: Narrowing, tails: JointStates, heads: JointStates) -> None:
         self._ends, self._team = (tails, heads), Team(narrowing)
-        self.classes = self._team.numbers
+        self.numbers = self._team.numbers
+        self._robots = np.argsort(self.numbers, kind="stable")
+        self._classes = self.numbers[self._robots].tolist()
         self._arcs: list[tuple[IntArray, IntArray]] = []
         for number in range(len(narrowing.model.classes)):
             ways = self._team.heads(number, heads.t)
@@ -53,23 +57,31 @@ class LocalMoves:
         prices : [n] of the states of each step
         """
         tops = {self._ascended(start, prices).tobytes(): None for start in starts}
-        shape = (len(tops), 2, len(self.classes))
+        shape = (len(tops), 2, len(self._classes))
         placed = np.frombuffer(b"".join(tops), dtype=np.int64).reshape(shape)
         profits = np.zeros(len(placed))
         for joint, chosen, price in zip(self._ends, placed.transpose(1, 0, 2), prices, strict=True):
             raised = (price - joint.price)[chosen].sum(axis=1)
             profits += counted_profits(joint, chosen) - raised
-        states = [joint.states[placed[:, k]] for k, joint in enumerate(self._ends)]
-        return Moves(profits, *states).part(profits > -np.inf)
+        return Moves(profits, *self._states(placed)).part(profits > -np.inf)
+
+    def changed(self, start: IntArray, rng: np.random.Generator) -> IntArray:
+        """Returns positions [2, R] at which about half of the robots make a random move instead."""
+        placed, robots = start.copy(), len(self._classes)
+        for robot in rng.integers(robots, size=robots // 2 + 1).tolist():
+            tails, heads = self._arcs[self._classes[robot]]
+            way = rng.integers(len(tails))
+            placed[:, robot] = tails[way], heads[way]
+        return placed
 
     def _ascended(self, start: IntArray, prices: tuple[FloatArray, FloatArray]) -> IntArray:
         """Returns the positions [2, R] at which no robot alone can raise the profit."""
         placed, in_vain, robot = start.copy(), 0, 0
-        while in_vain < len(self.classes):
+        while in_vain < len(self._classes):
             better = self._better(placed, robot, prices)
             in_vain = in_vain + 1 if better is None else 0
             placed = placed if better is None else better
-            robot = (robot + 1) % len(self.classes)
+            robot = (robot + 1) % len(self._classes)
         return placed
 
     def _better(
@@ -81,10 +93,11 @@ class LocalMoves:
             _gains(joint, among, price)
             for joint, among, price in zip(self._ends, others, prices, strict=True)
         ]
-        tails, heads = self._arcs[self.classes[robot]]
+        tails, heads = self._arcs[self._classes[robot]]
         profits = gains[0][tails] + gains[1][heads]
         now = gains[0][placed[0, robot]] + gains[1][placed[1, robot]]
-        above = np.flatnonzero(profits > now + _CLEARLY * (1 + abs(now)))
+        clearly = _CLEARLY * (1 + abs(now)) if now > -np.inf else 0.0
+        above = np.flatnonzero(profits > now + clearly)
         above = above[np.argsort(-profits[above], kind="stable")[:_TRIED]]
         if not len(above):
             return None
@@ -95,9 +108,15 @@ class LocalMoves:
 
     def _may_move(self, teams: IntArray) -> BoolArray:
         """Returns True for teams [M, 2, R] whose robots do not conflict between the steps."""
-        tails, heads = (joint.states[teams[:, k]] for k, joint in enumerate(self._ends))
-        able: BoolArray = ~self._team.conflicts(tails, heads)
+        able: BoolArray = ~self._team.conflicts(*self._states(teams))
         return able
+
+    def _states(self, teams: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns the numbers [M, R] of each robot's states at both steps, robot by robot."""
+        found = np.empty_like(teams)
+        for k, joint in enumerate(self._ends):
+            found[:, k, self._robots] = joint.states[teams[:, k]]
+        return found[:, 0], found[:, 1]
 
 
 def _positions(joint: JointStates, number: int) -> dict[int, int]:

@@ -8,6 +8,7 @@ no step in common. Otherwise the method is that of `price_bundle`: local search 
 become a stage at once.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -158,6 +159,7 @@ class MoveBundle:
         enough, least_gain = (
             share * room for share in (self._parameters.of_stage, self._parameters.least_gain)
         )
+        self._remember_plan()
         if not self._are_known():
             self._judge()
         for iteration in range(self._parameters.most_iterations):
@@ -235,21 +237,17 @@ class MoveBundle:
         bound = (
             total + self._priced.rest + exact_sum(least[t] for t in (*self._first, *self._alone))
         )
-        for t, local in self._local.items():
+        for t in self._first:
             rows = self._rows_of(t)
-            at = [self._priced.spans[t], self._priced.spans[t + 1]]
-            starts = [
-                np.stack(np.split(rows.at[k], 2)) - [[at[0].start], [at[1].start]]
-                for k in self._highest(rows, prices, self._parameters.starts)
-            ]
-            found = local.ascended(starts, (prices[at[0]], prices[at[1]]))
+            highest = self._highest(rows, prices, self._parameters.starts)
+            found = self._ascend(t, rows.at[highest], prices)
             high = found.part(found.profits > least[t] + CLEARLY * abs(self.best))
             new += self._remember(t, high, prices)
             bound += max(float(high.profits.max(initial=-np.inf)) - least[t], 0.0)
         return bound, new
 
     def _judged(self, prices: FloatArray, least: Mapping[int, float]) -> _Judged | None:
-        """Returns what prices prove; None if a search takes too many nodes.
+        """Returns what prices prove; None if the search of a step takes too many nodes.
 
         Parameters
         ----------
@@ -272,21 +270,28 @@ class MoveBundle:
 
         def highest(k: int, joint: JointStates) -> float:
             t = joint.t
-            if t in depth:
-                # They are the tails of moves, too.
-                high[t] = self._high_joint_states(joint, heights[t] - depth[t])
-                heights[t] = max(heights[t], float(high[t].profits.max(initial=-np.inf)))
-            else:
-                found = self._searches.highest(joint, heights[t], self._parameters.most_nodes)
-                if found is None:
-                    raise NotEndedError
-                heights[t] = found.profit
+            with suppress(NotEndedError):
+                if t in depth:
+                    # They are the tails of moves, too.
+                    high[t] = self._high_joint_states(joint, heights[t] - depth[t])
+                    heights[t] = max(heights[t], float(high[t].profits.max(initial=-np.inf)))
+                    return heights[t]
+            found = self._searches.highest(joint, heights[t], self._parameters.most_nodes)
+            if found is None:
+                raise NotEndedError
+            heights[t] = found.profit
             return heights[t]
 
         def highest_move(k: int, narrowing: Narrowing) -> float:
             nonlocal new
             t = self._first[k]
-            profits[t], found = self._moves_above(narrowing, t, profits[t], depth[t], high.get(t))
+            try:
+                profits[t], found = self._moves_above(
+                    narrowing, t, profits[t], depth[t], high.get(t)
+                )
+            except NotEndedError:
+                del profits[t]  # no constant, then
+                return math.inf
             new += self._remember(t, found, prices)
             return profits[t]
 
@@ -357,6 +362,31 @@ class MoveBundle:
         """Returns True if a move is known for each pair of steps."""
         return all(len(self._rows_of(t).worths) for t in (*self._first, *self._alone))
 
+    def _remember_plan(self) -> None:
+        """Stores moves near those of the best plan, where its states remain."""
+        plan = self._searches.search.incumbent
+        columns = () if plan is None else plan.columns
+        for t in self._first if columns else ():
+            ways = ((column.along.class_number, column.path) for column in columns)
+            robots = sorted((number, path[t], path[t + 1]) for number, path in ways)
+            with suppress(KeyError):
+                at = np.array([self._positions(t, robots)])
+                self._remember(t, self._ascend(t, at, self._prices), self._prices)
+
+    def _ascend(self, t: int, starts: IntArray, prices: FloatArray) -> Moves:
+        """Returns high moves that local search finds.
+
+        Parameters
+        ----------
+        starts : [M, 2 R] positions of prices, as in `_Rows`
+        """
+        local, spans = self._local[t], (self._priced.spans[t], self._priced.spans[t + 1])
+        begin = np.array([[span.start] for span in spans])
+        teams = [start.reshape(2, -1) - begin for start in starts]
+        some = [team for team in teams for _ in range(self._parameters.random_starts)]
+        teams += [local.changed(team, self._known.rng) for team in some]
+        return local.ascended(teams, (prices[spans[0]], prices[spans[1]]))
+
     def _remember(self, t: int, found: Moves, prices: FloatArray) -> int:
         """Stores moves from a step to the next; returns the number of new ones.
 
@@ -365,7 +395,7 @@ class MoveBundle:
         prices : prices at which their profits are given
         """
         worths = self._moves.worths.setdefault(t, {})
-        before, classes = len(worths), self._local[t].classes.tolist()
+        before, classes = len(worths), self._local[t].numbers.tolist()
         for profit, tails, heads in zip(*map(np.ndarray.tolist, found), strict=True):
             robots = tuple(sorted(zip(classes, tails, heads, strict=True)))
             at = self._positions(t, robots)
@@ -396,7 +426,7 @@ class MoveBundle:
             with suppress(KeyError):
                 found.append((self._positions(t, robots), worth))
         at = np.array([positions for positions, _ in found], dtype=np.int64)
-        at = at.reshape(len(found), 2 * len(self._local[t].classes))
+        at = at.reshape(len(found), 2 * len(self._local[t].numbers))
         return _Rows(at, np.array([worth for _, worth in found]))
 
     def _known_profits(self, prices: FloatArray) -> dict[int, float]:
