@@ -705,10 +705,10 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
     plain = json.loads(encode(file))
     for change, words in (
         ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
-        ({"version": 8}, "version: must be 4, 5, 6, 7, not 8: it is from a newer cocap-opt"),
+        ({"version": 9}, "version: must be 4, 5, 6, 7, 8, not 9: it is from a newer cocap-opt"),
         (
             {"version": 3},
-            "version: must be 4, 5, 6, 7, not 3: it is from an older cocap-opt, whose",
+            "version: must be 4, 5, 6, 7, 8, not 3: it is from an older cocap-opt, whose",
         ),
         ({"coverage": "sampled"}, "coverage"),
         ({"extent": 1}, "unknown field `extent`"),
