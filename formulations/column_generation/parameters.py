@@ -575,18 +575,12 @@ class MoveParameters(Section):
         known moves from which local search starts, the highest at the latest prices
     random_starts : times
         local searches from random changes of each of these
-    first_depth : share
-        depth below the sum of both constants to which a first search goes, as a share of the gap
-    deeper : times
-        factor on that depth if nothing is found
-    margin : times
-        factor on the depth of the highest move of the last search
     most_nodes : nodes
         size of a search for joint states of a step or for moves between two steps
     """
 
     most_iterations: int = 60
-    of_stage: Share = 0.1
+    of_stage: Share = 0.2
     least_gain: Share = 0.01
     serious: Share = 0.1
     good: Share = 0.6
@@ -595,9 +589,6 @@ class MoveParameters(Section):
     most_new: int = 40
     starts: int = 10
     random_starts: int = 4
-    first_depth: Share = 0.005
-    deeper: float = 1.6
-    margin: float = 1.25
     most_nodes: int = 3_000_000
 
 

@@ -233,15 +233,14 @@ def test_what_moves_claim_is_verified_and_true(problem: Problem, most_nodes: int
 def test_a_limit_leaves_the_best_stage_of_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a bundle has proved before a limit is in the file."""
     problem, found = load_scene("bottleneck", 0).replace(horizon=4), list[MoveBundle]()
-    judged: Callable = MoveBundle._judged
+    run: Callable = MoveBundle.run
 
-    def limited(self: MoveBundle, *of: object) -> object:
-        if self.stage is not None:
-            found.append(self)
-            raise LimitReached(Limit.WORK)
-        return judged(self, *of)
+    def limited(self: MoveBundle, *of: object) -> None:
+        run(self, *of)
+        found.append(self)
+        raise LimitReached(Limit.WORK)
 
-    monkeypatch.setattr(MoveBundle, "_judged", limited)
+    monkeypatch.setattr(MoveBundle, "run", limited)
     search, envelopes = before_envelopes(problem, MoveParameters())
     with pytest.raises(LimitReached):
         envelopes()

@@ -5,6 +5,7 @@ both steps together, until no robot alone can raise it.
 """
 
 from collections.abc import Iterable
+from itertools import chain
 
 import numpy as np
 
@@ -56,7 +57,8 @@ class LocalMoves:
         starts : [2, R] positions of the robots' states at both steps
         prices : [n] of the states of each step
         """
-        tops = {self._ascended(start, prices).tobytes(): None for start in starts}
+        teams = chain.from_iterable((start, self._ascended(start, prices)) for start in starts)
+        tops = dict.fromkeys(team.tobytes() for team in teams)
         shape = (len(tops), 2, len(self._classes))
         placed = np.frombuffer(b"".join(tops), dtype=np.int64).reshape(shape)
         profits = np.zeros(len(placed))
@@ -69,10 +71,20 @@ class LocalMoves:
         """Returns positions [2, R] at which about half of the robots make a random move instead."""
         placed, robots = start.copy(), len(self._classes)
         for robot in rng.integers(robots, size=robots // 2 + 1).tolist():
-            tails, heads = self._arcs[self._classes[robot]]
-            way = rng.integers(len(tails))
-            placed[:, robot] = tails[way], heads[way]
+            placed[:, robot] = self._some(robot, rng)
         return placed
+
+    def random(self, rng: np.random.Generator) -> IntArray:
+        """Returns positions [2, R] at which all robots make a random move, whatever is in the
+        way.
+        """
+        return np.array([self._some(robot, rng) for robot in range(len(self._classes))]).T
+
+    def _some(self, robot: int, rng: np.random.Generator) -> tuple[int, int]:
+        """Returns the positions of a random move of a robot."""
+        tails, heads = self._arcs[self._classes[robot]]
+        way = int(rng.integers(len(tails)))
+        return int(tails[way]), int(heads[way])
 
     def _ascended(self, start: IntArray, prices: tuple[FloatArray, FloatArray]) -> IntArray:
         """Returns the positions [2, R] at which no robot alone can raise the profit."""
@@ -95,6 +107,12 @@ class LocalMoves:
         ]
         tails, heads = self._arcs[self._classes[robot]]
         profits = gains[0][tails] + gains[1][heads]
+        counts = np.logical_and(*(
+            _counts(joint, among)[at]
+            for joint, among, at in zip(self._ends, others, (tails, heads), strict=True)
+        ))  # fmt: skip
+        if counts.any():
+            profits[~counts] = -np.inf
         now = gains[0][placed[0, robot]] + gains[1][placed[1, robot]]
         clearly = _CLEARLY * (1 + abs(now)) if now > -np.inf else 0.0
         above = np.flatnonzero(profits > now + clearly)
@@ -134,3 +152,12 @@ def _gains(joint: JointStates, others: IntArray, price: FloatArray) -> FloatArra
     every = np.arange(len(joint.states))
     gains[joint.conflicts.between(every[:, None], others[None]).any(axis=1)] = -np.inf
     return gains
+
+
+def _counts(joint: JointStates, others: IntArray) -> BoolArray:
+    """Returns True for states [n] that are worth enough, less charges, beside those of others."""
+    seen = joint.pixels[others].sum(axis=0)
+    worths = joint.returns.values(seen + joint.pixels) @ joint.weights
+    low = worths - joint.charge - joint.charge[others].sum()
+    counts: BoolArray = low >= joint.floor - joint.margin
+    return counts

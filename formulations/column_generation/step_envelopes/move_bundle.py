@@ -9,7 +9,7 @@ become a stage at once.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -51,18 +51,16 @@ _RobotMove = tuple[int, int, int]  # class number, numbers of the states at both
 
 @dataclass
 class KnownMoves:
-    """The moves between two steps that have been found, and what their bundles have learned.
+    """The moves between two steps that have been found, and the latest weight of their bundles.
 
     Attributes
     ----------
     worths : by the first step of a move and the moves of all robots, sorted, the worth of both
         steps together
-    depths : by first step, how far the highest move was below the sum of both constants
     weight : of the distance to the centre, at the end of the last bundle; 0: none yet
     """
 
     worths: dict[int, dict[tuple[_RobotMove, ...], float]] = field(default_factory=dict)
-    depths: dict[int, float] = field(default_factory=dict)
     weight: float = 0.0
 
 
@@ -159,9 +157,7 @@ class MoveBundle:
         enough, least_gain = (
             share * room for share in (self._parameters.of_stage, self._parameters.least_gain)
         )
-        self._remember_plan()
-        if not self._are_known():
-            self._judge()
+        self._begin()
         for iteration in range(self._parameters.most_iterations):
             report()
             if before - self.best >= enough or not self._are_known():
@@ -240,10 +236,13 @@ class MoveBundle:
         for t in self._first:
             rows = self._rows_of(t)
             highest = self._highest(rows, prices, self._parameters.starts)
-            found = self._ascend(t, rows.at[highest], prices)
+            teams = [rows.at[k].reshape(2, -1) - self._begins(t) for k in highest]
+            found = self._ascend(t, teams, prices)
             high = found.part(found.profits > least[t] + CLEARLY * abs(self.best))
             new += self._remember(t, high, prices)
             bound += max(float(high.profits.max(initial=-np.inf)) - least[t], 0.0)
+        for t in self._alone:
+            bound += max(self._height(t, prices) - least[t], 0.0)
         return bound, new
 
     def _judged(self, prices: FloatArray, least: Mapping[int, float]) -> _Judged | None:
@@ -253,27 +252,23 @@ class MoveBundle:
         ----------
         least : by first step, constants of moves below which none matters
         """
-        priced = self._priced
-        is_new = prices is not priced.initial
+        priced, new = self._priced, 0
         parts = (priced.written(t, prices[span], 0.0) for t, span in priced.spans.items())
-        written = tuple(chain.from_iterable(parts)) if is_new else ()
-        heights = self._known_heights(prices) if is_new else {}
-        if -np.inf in heights.values():
+        written = tuple(chain.from_iterable(parts))
+        heights = {t: self._height(t, prices) for t in priced.joints}
+        profits = self._known_profits(prices)
+        profits = {t: max(least.get(t, -np.inf), profit) for t, profit in profits.items()}
+        if -np.inf in (*heights.values(), *profits.values()):
             return None  # at some step, no joint state that counts is known
-        profits = {
-            t: max(least.get(t, -np.inf), profit)
-            for t, profit in self._known_profits(prices).items()
-        }
+        # A joint state that begins a move above these profits is at most so far below the highest.
+        depths = {t: max(heights[t] + heights[t + 1] - profits[t], 0.0) for t in self._first}
         high = dict[int, HighJointStates]()
-        depth = {t: self._depth(t) for t in self._first}
-        new = 0
 
         def highest(k: int, joint: JointStates) -> float:
             t = joint.t
-            with suppress(NotEndedError):
-                if t in depth:
-                    # They are the tails of moves, too.
-                    high[t] = self._high_joint_states(joint, heights[t] - depth[t])
+            if t in depths:
+                with suppress(NotEndedError):
+                    high[t] = self._high_joint_states(joint, heights[t] - depths[t])
                     heights[t] = max(heights[t], float(high[t].profits.max(initial=-np.inf)))
                     return heights[t]
             found = self._searches.highest(joint, heights[t], self._parameters.most_nodes)
@@ -285,14 +280,14 @@ class MoveBundle:
         def highest_move(k: int, narrowing: Narrowing) -> float:
             nonlocal new
             t = self._first[k]
+            between = ProfitableMoves(narrowing, t)
             try:
-                profits[t], found = self._moves_above(
-                    narrowing, t, profits[t], depth[t], high.get(t)
-                )
+                found = between.above(profits[t], self._move_searches(), self._stop, high.get(t))
             except NotEndedError:
                 del profits[t]  # no constant, then
                 return math.inf
-            new += self._remember(t, found, prices)
+            new += self._remember(t, found.part(slice(self._parameters.most_new)), prices)
+            profits[t] = max(profits[t], float(found.profits.max(initial=-np.inf)))
             return profits[t]
 
         def claims() -> tuple[tuple[StepConstant, ...], tuple[MoveConstant, ...]]:
@@ -300,61 +295,27 @@ class MoveBundle:
             moves = (MoveConstant(t, profit) for t, profit in profits.items())
             return tuple(constants), tuple(moves)
 
-        lowest = tuple(StepConstant(t, height - depth.get(t, 0.0)) for t, height in heights.items())
+        lowest = tuple(
+            StepConstant(t, height - depths.get(t, 0.0)) for t, height in heights.items()
+        )
         try:
             stage = Stage(written, lowest, claims()[1])
             after = self._narrowing.after(stage, highest, highest_move)
         except NotEndedError:
             return None
+        new += sum(heights[t] > least.get(t, math.inf) for t in self._alone)
         paths = priced.best_paths(prices, {})[1]
         new += sum(self._known.add_path(number, path) for number, path in paths)
         return _Judged(Stage(written, *claims()), after.pricing.bound, new)
 
-    @property
-    def _gap(self) -> float:
-        """The distance between bound and target before the stage."""
-        return self._narrowing.bound - self._narrowing.target
-
-    def _depth(self, t: int) -> float:
-        """Returns how far below the sum of both constants the first search for moves goes."""
-        last = self._parameters.margin * self._moves.depths.get(t, 0.0)
-        return max(last, self._parameters.first_depth * self._gap)
-
     def _high_joint_states(self, joint: JointStates, above: float) -> HighJointStates:
         """Returns the joint states with a profit above a value; raises NotEndedError."""
-        searches = MoveSearches(self._parameters.most_nodes)
+        searches = self._move_searches()
         return high_joint_states(self._narrowing.model, joint, above, searches, self._stop)
 
-    def _moves_above(
-        self, narrowing: Narrowing, t: int, least: float, depth: float,
-        tails: HighJointStates | None,
-    ) -> tuple[float, Moves]:  # fmt: skip
-        """Returns a profit that no move from a step to the next exceeds, and the highest moves.
-
-        Parameters
-        ----------
-        least : moves up to this profit do not matter
-        depth : depth, below the largest profit that is possible, of the first search
-
-        Raises
-        ------
-        NotEndedError
-            If a search takes too many nodes.
-        LimitReached
-            If a limit is reached.
-        """
-        between, searches = ProfitableMoves(narrowing, t), MoveSearches(self._parameters.most_nodes)
-        while True:
-            floor = max(between.most - depth, least)
-            found = between.above(floor, searches, self._stop, tails)
-            if len(found.profits):
-                most = float(found.profits[0])
-                self._moves.depths[t] = between.most - most
-                return most, found.part(slice(self._parameters.most_new))
-            # Further below, no joint state of the two steps counts.
-            if floor == least or depth > 4 * self._gap:
-                return floor, found
-            depth *= self._parameters.deeper
+    def _move_searches(self) -> MoveSearches:
+        """Returns searches with a number of nodes of their own."""
+        return MoveSearches(self._parameters.most_nodes)
 
     # -- known moves ----------------------------------------------------------------------------
 
@@ -362,30 +323,36 @@ class MoveBundle:
         """Returns True if a move is known for each pair of steps."""
         return all(len(self._rows_of(t).worths) for t in (*self._first, *self._alone))
 
-    def _remember_plan(self) -> None:
-        """Stores moves near those of the best plan, where its states remain."""
+    def _begin(self) -> None:
+        """Stores high moves near those of the best plan, or near random ones where its states do
+        not remain.
+        """
         plan = self._searches.search.incumbent
         columns = () if plan is None else plan.columns
-        for t in self._first if columns else ():
+        for t in self._first:
             ways = ((column.along.class_number, column.path) for column in columns)
             robots = sorted((number, path[t], path[t + 1]) for number, path in ways)
-            with suppress(KeyError):
-                at = np.array([self._positions(t, robots)])
-                self._remember(t, self._ascend(t, at, self._prices), self._prices)
+            try:
+                team = np.array(self._positions(t, robots)).reshape(2, -1) - self._begins(t)
+            except KeyError:
+                team = self._local[t].random(self._known.rng)
+            self._remember(t, self._ascend(t, [team], self._prices), self._prices)
 
-    def _ascend(self, t: int, starts: IntArray, prices: FloatArray) -> Moves:
+    def _ascend(self, t: int, teams: Sequence[IntArray], prices: FloatArray) -> Moves:
         """Returns high moves that local search finds.
 
         Parameters
         ----------
-        starts : [M, 2 R] positions of prices, as in `_Rows`
+        teams : [2, R] positions of the robots' states at both steps, from which it starts
         """
-        local, spans = self._local[t], (self._priced.spans[t], self._priced.spans[t + 1])
-        begin = np.array([[span.start] for span in spans])
-        teams = [start.reshape(2, -1) - begin for start in starts]
-        some = [team for team in teams for _ in range(self._parameters.random_starts)]
-        teams += [local.changed(team, self._known.rng) for team in some]
-        return local.ascended(teams, (prices[spans[0]], prices[spans[1]]))
+        local, spans = self._local[t], self._priced.spans
+        times = range(self._parameters.random_starts)
+        changed = [local.changed(team, self._known.rng) for team in teams for _ in times]
+        return local.ascended([*teams, *changed], (prices[spans[t]], prices[spans[t + 1]]))
+
+    def _begins(self, t: int) -> IntArray:
+        """Returns the position [2, 1] of the first price of a step and of the next."""
+        return np.array([[self._priced.spans[t].start], [self._priced.spans[t + 1].start]])
 
     def _remember(self, t: int, found: Moves, prices: FloatArray) -> int:
         """Stores moves from a step to the next; returns the number of new ones.
@@ -396,10 +363,14 @@ class MoveBundle:
         """
         worths = self._moves.worths.setdefault(t, {})
         before, classes = len(worths), self._local[t].numbers.tolist()
+        tails_of, heads_of = self._priced.joints[t], self._priced.joints[t + 1]
         for profit, tails, heads in zip(*map(np.ndarray.tolist, found), strict=True):
             robots = tuple(sorted(zip(classes, tails, heads, strict=True)))
             at = self._positions(t, robots)
             worths.setdefault(robots, profit + float(prices[at].sum()))
+            teams = np.array(at).reshape(2, -1) - self._begins(t)
+            for joint, team in zip((tails_of, heads_of), teams.tolist(), strict=True):
+                self._known.add(joint, team)
         return len(worths) - before
 
     def _positions(self, t: int, robots: Iterable[_RobotMove]) -> list[int]:
@@ -434,15 +405,14 @@ class MoveBundle:
         rows = {t: self._rows_of(t) for t in self._first}
         return {t: float(known.profits(prices).max(initial=-np.inf)) for t, known in rows.items()}
 
-    def _known_heights(self, prices: FloatArray) -> dict[int, float]:
-        """Returns the largest profit of a joint state of each step that local search finds; -inf if
+    def _height(self, t: int, prices: FloatArray) -> float:
+        """Returns the largest profit of a joint state of a step that local search finds; -inf if
         there is none.
         """
-        heights = {}
-        for t, joint in self._priced.joints.items():
-            repriced = replace(joint, price=prices[self._priced.spans[t]])
-            heights[t] = self._known.highest(repriced)
-        return heights
+        joint = self._priced.joints[t]
+        repriced = replace(joint, price=prices[self._priced.spans[t]])
+        known = (repriced.reduced_profit(team) for team in self._known.at(joint))
+        return max(self._known.highest(repriced), max(known, default=-np.inf))
 
     def _highest(self, rows: _Rows, prices: FloatArray, most: int) -> list[int]:
         """Returns the numbers of the rows with most profit."""
