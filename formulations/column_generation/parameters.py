@@ -587,8 +587,8 @@ class MoveParameters(Section):
     first_weight: float = 100.0
     most_heights: int = 60
     most_new: int = 40
-    starts: int = 10
-    random_starts: int = 4
+    starts: int = 8
+    random_starts: int = 2
     most_nodes: int = 3_000_000
 
 

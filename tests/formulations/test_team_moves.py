@@ -203,7 +203,7 @@ def staged_search(problem: Problem, moves: MoveParameters) -> Search:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
-@pytest.mark.parametrize("steps", [3, 4])
+@pytest.mark.parametrize("steps", [3, pytest.param(4, marks=pytest.mark.long(seconds=8))])
 def test_moves_lower_the_bound_of_steps(steps: int) -> None:
     """In a scene with a gap that single steps leave; also if a step is left over."""
     problem = load_scene("bottleneck", 0).replace(horizon=steps)

@@ -303,8 +303,8 @@ class Narrowing:
         ]
         after = replace(self, _sweeps=_Sweeps.of(self.model, self.charges, self.rewards, left))
         saved = after.saved
-        own = saved + np.append(0.0, saved[:-1])  # by the move of which the step is a part
-        floors = after.constants - own - after.room_above(after.target)
+        saved_here = saved + np.append(0.0, saved[:-1])  # by the move of which a step is a part
+        floors = after.constants - saved_here - after.room_above(after.target)
         return replace(after, _closing=after._closed_now(floors))
 
     def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":

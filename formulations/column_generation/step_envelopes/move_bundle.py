@@ -83,7 +83,7 @@ class _Rows(NamedTuple):
 
 
 class _Judged(NamedTuple):
-    """What prices prove.
+    """The bound that some prices prove, and the stage that proves it.
 
     Attributes
     ----------
@@ -246,7 +246,7 @@ class MoveBundle:
         return bound, new
 
     def _judged(self, prices: FloatArray, least: Mapping[int, float]) -> _Judged | None:
-        """Returns what prices prove; None if the search of a step takes too many nodes.
+        """Returns the bound that prices prove, or None if the search of a step is too long.
 
         Parameters
         ----------
