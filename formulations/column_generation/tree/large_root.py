@@ -273,11 +273,12 @@ class LargeRoot:
         return self.ascent.open <= self._parameters.nearly * self._bound
 
     def _ascend(self) -> None:
-        """Improves the mixture; if that closes too little of its gap, masters take over."""
+        """Improves the mixture; if that closes too little of its gap, masters take over at once."""
         before, open_ = self._bound, self.ascent.open
         self._steps(self._parameters.steps)
         if before - self._bound < self._parameters.least_closed * open_:
             self._hand_over()
+            self._solve_masters()
 
     def _hand_over(self) -> None:
         """Adds the columns and rows of the ascent to the master."""
