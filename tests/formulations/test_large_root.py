@@ -220,7 +220,8 @@ def large_root(scene: str, **parameters: float) -> LargeRoot:
     changed = Parameters(large_root=LargeRootParameters(**parameters))  # type: ignore[arg-type]
     search = Search(compiled(load_scene(scene, 0)), parameters=changed)
     mixture, _, priced = next(raised_mixtures(search))
-    return LargeRoot(relaxation_of(search, priced), mixture)
+    relaxation = relaxation_of(search, priced)
+    return LargeRoot(relaxation, mixture, lambda: search.cutoff(OPTIMALITY), rough=0.0)
 
 
 @pytest.mark.slow
@@ -231,7 +232,7 @@ def test_plan_and_bound_come_near_in_turn() -> None:
     root.begin()
     begun = root.relaxation.best.bound
     assert begun < first and not root.ascent.cuts
-    root.solve(lambda: root.search.cutoff(OPTIMALITY))
+    root.solve()
     assert root.search.value == pytest.approx(OPTIMA["corridor"], rel=1e-9)
     assert OPTIMA["corridor"] <= root.relaxation.best.bound <= 1.0005 * OPTIMA["corridor"]
     assert root.relaxation.best.bound < begun and root.ascent.cuts and root.found

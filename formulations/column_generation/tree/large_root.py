@@ -195,15 +195,20 @@ class LargeRoot:
     ----------
     relaxation : the relaxation of the root, with the best bound of a first ascent
     mixture : the mixture of that ascent
+    cutoff : bound at which the root is closed; it rises with the plan
+    rough : share of the gap to the cutoff at which masters have converged
 
     Attributes
     ----------
     found : columns of plans, in addition to those of the ascent
     """
 
-    def __init__(self, relaxation: Relaxation, mixture: Mixture) -> None:
+    def __init__(
+        self, relaxation: Relaxation, mixture: Mixture, cutoff: Callable[[], float], rough: float
+    ) -> None:
         self.relaxation, self.search = relaxation, relaxation.search
         self.ascent = _RuledAscent(relaxation, mixture)
+        self._cutoff, self._rough = cutoff, rough
         self.found: dict[tuple[int, Path], Column] = {}
         self._turns = 0  # turns near the bound; at some of them, cuts are added
         self._has_masters = False
@@ -229,20 +234,15 @@ class LargeRoot:
                     break
                 self._steps(1)
 
-    def solve(self, cutoff: Callable[[], float]) -> None:
-        """Improves the plan and lowers the bound until neither gains; raises LimitReached.
-
-        Parameters
-        ----------
-        cutoff : bound at which the root is closed; it rises with the plan
-        """
+    def solve(self) -> None:
+        """Improves the plan and lowers the bound until neither gains; raises LimitReached."""
         kinds = (self._lower, self._rearrange, self._respond)
         last, hopes = [np.inf] * len(kinds), [np.inf] * len(kinds)
-        open_ = self._bound - cutoff()
+        open_ = self._open()
         while open_ > 0 and max(last) > self._parameters.least_gain * open_:
             turn = int(np.argmax(hopes))
             kinds[turn]()
-            before, open_ = open_, self._bound - cutoff()
+            before, open_ = open_, self._open()
             last[turn] = before - open_
             hopes = [hope * self._parameters.patience for hope in hopes]
             hopes[turn] = max(last[turn], self._parameters.least_gain * open_)
@@ -254,19 +254,28 @@ class LargeRoot:
     def _bound(self) -> float:
         return self.relaxation.best.bound
 
+    def _open(self) -> float:
+        """Returns the gap between the bound and the cutoff."""
+        return self._bound - self._cutoff()
+
     def _tell(self) -> None:
         self.search.report(self.search.snapshot(self._bound))
 
+    def _has_converged(self) -> bool:
+        """Returns True if further masters would lower the bound little without new cuts."""
+        return self._has_masters and self.ascent.open <= self._rough * self._open()
+
     def _lower(self) -> None:
         """Lowers the bound, with new cuts if the mixture is close to it."""
+        added = 0
         if self._is_near():
             if self._turns % self._parameters.turns_per_cuts == 0:
-                self.ascent.add_cuts()
+                added = self.ascent.add_cuts()
             self._turns += 1
-        if self._has_masters:
-            self._solve_masters()
-        else:
+        if not self._has_masters:
             self._ascend()
+        elif added or not self._has_converged():
+            self._solve_masters()
 
     def _is_near(self) -> bool:
         """Returns True if bound and mixture are close enough for cuts."""
@@ -297,6 +306,8 @@ class LargeRoot:
             if solution.is_solved:
                 ascent.take(solution)
             self._tell()
+            if self._has_converged():
+                return
 
     def _steps(self, count: int) -> None:
         for _ in range(count):

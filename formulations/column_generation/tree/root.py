@@ -133,10 +133,10 @@ class Root:
         mixture = self._ascend(self._parameters.enough_large)
         if self._is_closed():
             return
-        large = LargeRoot(self.relaxation, mixture)
+        large = LargeRoot(self.relaxation, mixture, self.cutoff, self.rough)
         large.begin()
         self._begin(large.ascent.mixture)
-        large.solve(self.cutoff)
+        large.solve()
 
     def solve(self) -> None:
         """Solves the relaxation; if it is tighter, with every robot as a class of its own.
