@@ -158,7 +158,7 @@ class RootParameters(Section):
 
 @dataclass(frozen=True)
 class LargeRootParameters(Section):
-    """The root of very many robots, without masters: the order of turns, and moves over known arcs.
+    """The root of very many robots: the order of turns, masters, and moves over known arcs.
 
     Moves are those of a large neighbourhood search (Shaw 1998).
 
@@ -166,15 +166,20 @@ class LargeRootParameters(Section):
     ----------
     many_robot_steps : robots x steps
         smallest size at which masters take too long: a master of field-large (64 drones, 40 steps)
-        takes six to eight seconds and gains next to nothing
+        takes six to eight seconds
     first_steps : steps
         steps of the ascent before the first plan; new rows need as many to take effect
     most_first_steps : steps
         largest number of these steps, to leave time for plans if bound and mixture stay apart
     steps : steps
         steps of the ascent in a turn, to settle after rows and cuts
+    least_closed : share
+        part of the gap between bound and mixture below which a turn of the ascent is its last:
+        masters then lower the bound
+    masters : masters
+        masters in a turn, as the first after other work may lower no bound
     turns_per_cuts : turns
-        turns of the ascent for each round of cuts, which takes as long as several turns
+        turns near the bound for each round of cuts, which takes as long as several turns
     nearly : of the bound
         largest gap between bound and mixture at which cuts are added: before that, a mixture breaks
         cuts that the next one does not
@@ -196,6 +201,8 @@ class LargeRootParameters(Section):
     first_steps: int = 20
     most_first_steps: int = 80
     steps: int = 5
+    least_closed: Share = 0.25
+    masters: int = 2
     turns_per_cuts: int = 3
     nearly: float = 0.004
     moves: int = 250

@@ -45,7 +45,7 @@ from cocap_opt.stop import never
 COUNTED = counting(problems(over_time=True))
 CROWDED = counting(st.one_of(meetings(), problems(robots=[2, 3])))
 SEEDS = st.integers(0, 10_000)
-AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))  # no masters
+AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))
 
 
 def random_columns(model: Model, rng: np.random.Generator) -> list[Column]:

@@ -1,4 +1,4 @@
-"""The root of scenes with very many robots: cuts of robots that are alike, and no masters."""
+"""The root of scenes with very many robots: cuts of robots that are alike, and masters late."""
 
 from itertools import count, islice
 from types import SimpleNamespace
@@ -19,6 +19,7 @@ from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.alike_cuts import _grown_multisets, alike_cut
+from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
 from cocap_opt.formulations.column_generation.parameters import (
@@ -29,6 +30,7 @@ from cocap_opt.formulations.column_generation.parameters import (
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, _RuledAscent
+from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.mixtures.mixture_ascent import (
@@ -41,7 +43,8 @@ from cocap_opt.returns import Returns
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, never
 
-AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))  # no masters
+# As a large scene, whose ascent ends with the first turn that does not close its whole gap.
+AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0, least_closed=1.0))
 
 some_problems = either(st.one_of(meetings(), problems(robots=[1, 2, 3])))
 numbers = st.floats(0.05, 1.0)
@@ -133,11 +136,12 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
     if search.alone.bound == -np.inf or problem.objective.over_time:
         return
     mixture, _, first = next(raised_mixtures(search))
-    ascent = _RuledAscent(search, mixture, first)
+    relaxation = relaxation_of(search, first)
+    ascent = _RuledAscent(relaxation, mixture)
     best = optimum(problem).value
     for _ in range(4):
         ascent.step()
-        for priced in (ascent._priced, ascent.best):
+        for priced in (ascent._priced, relaxation.best):
             bound = Pricing.of(search.model, priced.duals.certificate(search.model)).bound
             assert bound == pytest.approx(priced.bound, rel=1e-9, abs=1e-6)
             assert bound >= best - 1e-6
@@ -204,30 +208,48 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
     assert 0.995 * OPTIMA[scene] <= plan.value <= OPTIMA[scene] * (1 + 1e-9)
 
 
-def large_root(scene: str) -> LargeRoot:
+def relaxation_of(search: Search, best: Priced) -> Relaxation:
+    """A relaxation with an empty master and the better of two bounds."""
+    relaxation = Relaxation(search, Master(search.model, 2 * search.scale), search.alone)
+    relaxation.offer(best)
+    return relaxation
+
+
+def large_root(scene: str, **parameters: float) -> LargeRoot:
     """The root of a scene after a first ascent, as if it were large."""
-    search = Search(compiled(load_scene(scene, 0)))
+    changed = Parameters(large_root=LargeRootParameters(**parameters))  # type: ignore[arg-type]
+    search = Search(compiled(load_scene(scene, 0)), parameters=changed)
     mixture, _, priced = next(raised_mixtures(search))
-    return LargeRoot(search, mixture, min(search.alone, priced, key=bound_of))
-
-
-def bound_of(priced: Priced) -> float:
-    """The bound of multipliers."""
-    return priced.bound
+    relaxation = relaxation_of(search, priced)
+    return LargeRoot(relaxation, mixture, lambda: search.cutoff(OPTIMALITY), rough=0.0)
 
 
 @pytest.mark.slow
-def test_without_masters_plan_and_bound_come_near() -> None:
+def test_plan_and_bound_come_near_in_turn() -> None:
     """The ascent lowers the bound before there are cuts, and cuts do after; the plan is optimal."""
     root = large_root("corridor")
-    first = root.ascent.best.bound
+    first = root.relaxation.best.bound
     root.begin()
-    begun = root.ascent.best.bound
+    begun = root.relaxation.best.bound
     assert begun < first and not root.ascent.cuts
-    root.solve(lambda: root.search.cutoff(OPTIMALITY))
+    root.solve()
     assert root.search.value == pytest.approx(OPTIMA["corridor"], rel=1e-9)
-    assert OPTIMA["corridor"] <= root.ascent.best.bound <= 1.0005 * OPTIMA["corridor"]
-    assert root.ascent.best.bound < begun and root.ascent.cuts and root.found
+    assert OPTIMA["corridor"] <= root.relaxation.best.bound <= 1.0005 * OPTIMA["corridor"]
+    assert root.relaxation.best.bound < begun and root.ascent.cuts and root.found
+
+
+@pytest.mark.parametrize("least_closed", [0.0, 1.0])
+def test_masters_take_over_once_the_ascent_closes_too_little(least_closed: float) -> None:
+    """A turn that closes less than the given part of its gap is the ascent's last."""
+    root = large_root("corridor", least_closed=least_closed)
+    root.begin()
+    for _ in range(4):
+        before = root.relaxation.best.bound
+        root._lower()
+        assert OPTIMA["corridor"] <= root.relaxation.best.bound <= before
+    assert (root.relaxation.iterations > 0) == (least_closed > 0)
+    proved = root.relaxation.certificate("column-generation").proved
+    assert proved == pytest.approx(root.relaxation.best.bound, rel=1e-9)
 
 
 @pytest.mark.long
@@ -236,11 +258,12 @@ def test_without_masters_plan_and_bound_come_near() -> None:
     [
         (_RuledAscent, "step", 3),  # before there is a plan
         (_RuledAscent, "add_cuts", 0),
+        (Relaxation, "step", 1),
         (ArcSearch, "_move", 4),
         (LargeRoot, "_respond", 0),
     ],
 )
-def test_a_limit_without_masters_leaves_the_bound_and_the_plan_so_far(
+def test_a_limit_in_any_turn_leaves_the_bound_and_the_plan_so_far(
     owner: type, name: str, calls: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whichever kind of work it ends; what was proved by then is in the certificate."""
@@ -254,7 +277,7 @@ def test_a_limit_without_masters_leaves_the_bound_and_the_plan_so_far(
 
     def noted(self: LargeRoot) -> None:
         told(self)
-        bounds.append(self.ascent.best.bound)
+        bounds.append(self.relaxation.best.bound)
 
     told = LargeRoot._tell
     monkeypatch.setattr(LargeRoot, "_tell", noted)
@@ -291,7 +314,7 @@ def test_moves_before_a_limit_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 @examples(8)
 @given(some_problems)
-def test_optima_are_the_same_without_masters_at_first(problem: Problem) -> None:
+def test_optima_are_the_same_if_masters_begin_late(problem: Problem) -> None:
     """Branch-and-price that treats a small scene as a large one proves the same optimum."""
     result = branch_and_price(problem, parameters=AS_LARGE)
     best = optimum(problem).value

@@ -51,7 +51,7 @@ def test_numbers_that_make_no_sense_are_refused(section: type, name: str, value:
 
 @pytest.mark.long
 def test_a_bound_holds_whatever_the_parameters_are() -> None:
-    """They guide the search, and reach it: as a large scene, without masters, it goes otherwise."""
+    """They guide the search, and reach it: as a large scene it goes otherwise."""
     problem = load_scene("bottleneck", 0).replace(horizon=6)
     few = Parameters(
         relaxation=RelaxationParameters(smoothing=(), most_cut_rounds=0),

@@ -1,13 +1,16 @@
-"""The root of scenes with very many robots: improves bound and plan in turn, without masters.
+"""The root of scenes with very many robots: improves bound and plan in turn.
 
-If a master would take many seconds, three kinds of work alternate: a mixture is improved and priced
-under rules and cuts (`_RuledAscent`), the plan is improved over the arcs of all known columns
-(`arc_search`), and its robots respond to each other over all arcs (`local_search`). Each turn goes
-to the kind with the largest expected gain: the gain of its last turn, which grows while it waits,
-since the work of the others may help it.
+A master takes many seconds there. So three kinds of work alternate: the bound is lowered, the plan
+is improved over the arcs of all known columns (`arc_search`), and its robots respond to each other
+over all arcs (`local_search`). Each turn goes to the kind with the largest expected gain: the gain
+of its last turn, which grows while it waits, since the work of the others may help it.
+
+The bound is lowered by a mixture that is improved and priced under rules and cuts
+(`_RuledAscent`). Once that closes little of its gap, masters take over: they begin with the
+columns, rows and cuts of the ascent, and it separates cuts from their mixtures.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 from scipy import sparse
@@ -16,7 +19,7 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
 from cocap_opt.formulations.column_generation.master.arc_users import users_of
-from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.master.master_program import Solution
 from cocap_opt.formulations.column_generation.master.resource_use import roots_seen, violated_rows
 from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
 from cocap_opt.formulations.column_generation.parameters import (
@@ -25,7 +28,7 @@ from cocap_opt.formulations.column_generation.parameters import (
 )
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
 from cocap_opt.mixtures.columns import Column
@@ -40,18 +43,22 @@ from cocap_opt.model import Model, Path
 class _RuledAscent:
     """A mixture that is improved under rules and cuts.
 
+    Parameters
+    ----------
+    relaxation : holds the best bound so far, with its multipliers
+
     Attributes
     ----------
-    best : the best bound so far, with its multipliers
     value : value of the mixture, ignoring conflicts
     columns : all columns that pricing has found
     rows : conflict rows so far
     cuts : envelope cuts so far
     """
 
-    def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
-        self._search, self._priced = search, best
-        self.mixture, self.best, self.value = mixture, best, -np.inf
+    def __init__(self, relaxation: Relaxation, mixture: Mixture) -> None:
+        self._relaxation, self._search = relaxation, relaxation.search
+        self._priced = relaxation.best
+        self.mixture, self.value = mixture, -np.inf
         self.columns: dict[tuple[int, Path], Column] = {}
         self.rows: dict[Resource, int] = {}
         self.cuts: list[Cut] = []
@@ -59,13 +66,19 @@ class _RuledAscent:
         self._shares = np.zeros(0)  # [cuts] their shares of the roots
         # for each view sum, the possible reduction at the last search that found no cut
         self._in_vain: dict[int, float] = {}
-        horizon, robots = search.model.problem.horizon, len(search.model.problem.robots)
-        self._steepness = self._parameters.steepness * best.bound / (horizon * robots)
-        self._add_columns()
+        problem = self._search.model.problem
+        of_a_step = relaxation.best.bound / (problem.horizon * len(problem.robots))
+        self._steepness = self._parameters.steepness * of_a_step
+        self.add_columns(self._priced.columns)
 
     @property
     def _parameters(self) -> RuledAscentParameters:
         return self._search.parameters.ruled_ascent
+
+    @property
+    def open(self) -> float:
+        """Gap between the bound and the mixture."""
+        return self._relaxation.best.bound - self.value
 
     def step(self) -> None:
         """Adds rows, improves the mixture, and prices its multipliers; raises LimitReached."""
@@ -77,7 +90,7 @@ class _RuledAscent:
             _uses(search.model, mixture.columns, self.rows), self._charges, self._steepness,
             self._parameters.least_share,
         )  # fmt: skip
-        open_ = self.best.bound - self.value if self.value > 0 else np.inf
+        open_ = self.open if self.value > 0 else np.inf
         amounts = raised(
             program.gradient, base.robots, mixture.amounts, search.parameters.ascent.rough * open_,
             search.stop, search.parameters.ascent, self._parameters.least_factor,
@@ -87,13 +100,13 @@ class _RuledAscent:
         rows = tuple(zip(self.rows, self._charges.tolist(), strict=True))
         cuts = tuple(zip(self.cuts, self._shares.tolist(), strict=True))
         self._priced = search.pricer(Duals(alpha, beta, rows, cuts))
-        self.best = min(self.best, self._priced, key=lambda pricing: pricing.bound)
+        self._relaxation.offer(self._priced)
         self.mixture = mixture.raised(amounts, self._parameters.least_amount)
-        self._add_columns()
+        self.add_columns(self._priced.columns)
 
-    def _add_columns(self) -> None:
-        """Stores the columns that pricing has found."""
-        self.columns.update((column.key, column) for column in self._priced.columns)
+    def add_columns(self, columns: Iterable[Column]) -> None:
+        """Stores columns that pricing has found."""
+        self.columns.update((column.key, column) for column in columns)
         self._search.columns = max(self._search.columns, len(self.columns))
 
     def _add_rows(self) -> None:
@@ -102,6 +115,12 @@ class _RuledAscent:
             self.rows.setdefault(resource, len(self.rows))
         new = len(self.rows) - len(self._charges)
         self._charges = np.append(self._charges, np.zeros(new))
+
+    def take(self, solution: Solution) -> None:
+        """Goes on from the mixture and the cuts of a master."""
+        self.mixture, self.value = solution.mixture, solution.value
+        self.cuts = [cut for cut, _ in solution.duals.cuts]
+        self._shares = np.array([share for _, share in solution.duals.cuts])
 
     # -- cuts ----------------------------------------------------------------------------
 
@@ -123,7 +142,7 @@ class _RuledAscent:
         added = []
         loose = loose_view_sums(
             self._seen_by_equals(), self.cuts, search.weights, search.model.class_sizes,
-            self._parameters.least_cut * abs(self.best.bound), search.stop,
+            self._parameters.least_cut * abs(self._relaxation.best.bound), search.stop,
         )  # fmt: skip
         loose = [
             loose_sum
@@ -174,17 +193,25 @@ class LargeRoot:
 
     Parameters
     ----------
-    mixture, best : mixture and best bound of a first ascent
+    relaxation : the relaxation of the root, with the best bound of a first ascent
+    mixture : the mixture of that ascent
+    cutoff : bound at which the root is closed; it rises with the plan
+    rough : share of the gap to the cutoff at which masters have converged
 
     Attributes
     ----------
     found : columns of plans, in addition to those of the ascent
     """
 
-    def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
-        self.search, self.ascent = search, _RuledAscent(search, mixture, best)
+    def __init__(
+        self, relaxation: Relaxation, mixture: Mixture, cutoff: Callable[[], float], rough: float
+    ) -> None:
+        self.relaxation, self.search = relaxation, relaxation.search
+        self.ascent = _RuledAscent(relaxation, mixture)
+        self._cutoff, self._rough = cutoff, rough
         self.found: dict[tuple[int, Path], Column] = {}
-        self._turns = 0  # turns of the ascent near the bound; at some of them, cuts are added
+        self._turns = 0  # turns near the bound; at some of them, cuts are added
+        self._has_masters = False
 
     @property
     def _parameters(self) -> LargeRootParameters:
@@ -207,38 +234,80 @@ class LargeRoot:
                     break
                 self._steps(1)
 
-    def solve(self, cutoff: Callable[[], float]) -> None:
-        """Improves the plan and lowers the bound until neither gains; raises LimitReached.
-
-        Parameters
-        ----------
-        cutoff : bound at which the root is closed; it rises with the plan
-        """
-        kinds = (self._ascend, self._rearrange, self._respond)
+    def solve(self) -> None:
+        """Improves the plan and lowers the bound until neither gains; raises LimitReached."""
+        kinds = (self._lower, self._rearrange, self._respond)
         last, hopes = [np.inf] * len(kinds), [np.inf] * len(kinds)
-        open_ = self.ascent.best.bound - cutoff()
+        open_ = self._open()
         while open_ > 0 and max(last) > self._parameters.least_gain * open_:
             turn = int(np.argmax(hopes))
             kinds[turn]()
-            before, open_ = open_, self.ascent.best.bound - cutoff()
+            before, open_ = open_, self._open()
             last[turn] = before - open_
             hopes = [hope * self._parameters.patience for hope in hopes]
             hopes[turn] = max(last[turn], self._parameters.least_gain * open_)
+        if not self._has_masters:
+            self._hand_over()
+        self.relaxation.master.cuts = [*self.ascent.cuts]
+
+    @property
+    def _bound(self) -> float:
+        return self.relaxation.best.bound
+
+    def _open(self) -> float:
+        """Returns the gap between the bound and the cutoff."""
+        return self._bound - self._cutoff()
 
     def _tell(self) -> None:
-        self.search.report(self.search.snapshot(self.ascent.best.bound))
+        self.search.report(self.search.snapshot(self._bound))
 
-    def _ascend(self) -> None:
-        """Improves the mixture, with new cuts if it is close to the bound."""
-        if self._is_near() and self._turns % self._parameters.turns_per_cuts == 0:
-            self.ascent.add_cuts()
-        self._turns += self._is_near()
-        self._steps(self._parameters.steps)
+    def _has_converged(self) -> bool:
+        """Returns True if further masters would lower the bound little without new cuts."""
+        return self._has_masters and self.ascent.open <= self._rough * self._open()
+
+    def _lower(self) -> None:
+        """Lowers the bound, with new cuts if the mixture is close to it."""
+        added = 0
+        if self._is_near():
+            if self._turns % self._parameters.turns_per_cuts == 0:
+                added = self.ascent.add_cuts()
+            self._turns += 1
+        if not self._has_masters:
+            self._ascend()
+        elif added or not self._has_converged():
+            self._solve_masters()
 
     def _is_near(self) -> bool:
         """Returns True if bound and mixture are close enough for cuts."""
-        bound = self.ascent.best.bound
-        return bound - self.ascent.value <= self._parameters.nearly * bound
+        return self.ascent.open <= self._parameters.nearly * self._bound
+
+    def _ascend(self) -> None:
+        """Improves the mixture; if that closes too little of its gap, masters take over at once."""
+        before, open_ = self._bound, self.ascent.open
+        self._steps(self._parameters.steps)
+        if before - self._bound < self._parameters.least_closed * open_:
+            self._hand_over()
+            self._solve_masters()
+
+    def _hand_over(self) -> None:
+        """Adds the columns and rows of the ascent to the master."""
+        used = self.ascent.mixture.used(self.search.parameters.root.least_amount)
+        self.relaxation.master.add_all((column for column, _ in used), self.ascent.rows, ())
+        self._has_masters = True
+
+    def _solve_masters(self) -> None:
+        """Solves and prices masters, whose last mixture becomes that of the ascent."""
+        relaxation, ascent = self.relaxation, self.ascent
+        relaxation.master.cuts = [*ascent.cuts]
+        for _ in range(self._parameters.masters):
+            self.search.stop.begin_work()
+            solution, columns = relaxation.step()
+            ascent.add_columns(columns)
+            if solution.is_solved:
+                ascent.take(solution)
+            self._tell()
+            if self._has_converged():
+                return
 
     def _steps(self, count: int) -> None:
         for _ in range(count):

@@ -147,9 +147,30 @@ class Relaxation:
             search.pricer(solution.duals.blended(best.duals, share), self.decisions)
             for share in self._parameters.smoothing
         ]
-        self.best = min(best, priced, *between, key=lambda pricing: pricing.bound)
+        for pricing in (priced, *between):
+            self.offer(pricing)
         columns = [column for part in (priced, *between) for column in part.columns]
         return solution, columns, priced.bound < best.bound
+
+    def step(self) -> tuple[Solution, list[Column]]:
+        """Solves the master once, to the roughest accuracy, and adds columns and violated rows.
+
+        Returns
+        -------
+        The solution, and the columns of its pricing.
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached.
+        """
+        solution, columns, _ = self._iterate(np.inf)
+        self._enlarge_master(solution, columns, -np.inf)
+        return solution, columns
+
+    def offer(self, priced: Priced) -> None:
+        """Keeps a bound and its multipliers if it is the best so far."""
+        self.best = min(self.best, priced, key=lambda pricing: pricing.bound)
 
     def _improve_plans(self) -> None:
         """Searches for plans in the mixture after cut rounds 1, 2, 4, ..; in other rounds, perturbs

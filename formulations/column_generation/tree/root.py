@@ -108,7 +108,7 @@ class Root:
         mixture, open_ = Mixture([], np.zeros(0)), list[float]()
         with search.rounding_at_a_limit(lambda: mixture):
             for mixture, value, priced in islice(steps, parameters.most_raises):  # noqa: B007
-                relaxation.best = min(relaxation.best, priced, key=lambda pricing: pricing.bound)
+                relaxation.offer(priced)
                 search.report(search.snapshot(relaxation.best.bound))
                 open_.append(relaxation.best.bound - value)
                 if open_[-1] <= enough * relaxation.best.bound or is_slow(
@@ -129,20 +129,14 @@ class Root:
             master.add(column)
 
     def _solve_large(self) -> None:
-        """Lowers the bound and searches for plans without masters; raises LimitReached."""
-        relaxation = self.relaxation
+        """Lowers the bound and searches for plans in turn; raises LimitReached."""
         mixture = self._ascend(self._parameters.enough_large)
-        large = LargeRoot(self.search, mixture, relaxation.best)
         if self._is_closed():
             return
-        try:
-            large.begin()
-            self._begin(large.ascent.mixture)
-            large.solve(self.cutoff)
-        finally:
-            relaxation.best = large.ascent.best
-        columns = (column for column, _ in large.ascent.mixture.used(self._parameters.least_amount))
-        relaxation.master.add_all(columns, large.ascent.rows, large.ascent.cuts)
+        large = LargeRoot(self.relaxation, mixture, self.cutoff, self.rough)
+        large.begin()
+        self._begin(large.ascent.mixture)
+        large.solve()
 
     def solve(self) -> None:
         """Solves the relaxation; if it is tighter, with every robot as a class of its own.
