@@ -19,11 +19,7 @@ import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.format import (
-    MoveConstant,
-    Stage,
-    StepConstant,
-)
+from cocap_opt.formulations.certificates.format import MoveConstant, Stage, StepConstant
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing, NotEndedError
 from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.profitable_moves import (
@@ -129,6 +125,8 @@ class MoveBundle:
         self._master = PriceMaster(self._priced)
         self.best, self._best_prices = narrowing.pricing.bound, self._priced.initial
         self._prices = self._best_prices
+        # the prices at which moves have constants
+        self._judged_prices = self._prices if narrowing.saved.any() else None
         # as far as local search can tell, the bound that the centre proves
         self._value = self.best
         self._least: Mapping[int, float] = {}
@@ -208,14 +206,14 @@ class MoveBundle:
 
         If it proves no more than the best prices so far, these are the centre again.
         """
-        if self._value == self.best and self.stage is not None:
-            return False  # nothing has changed since
+        if self._prices is self._judged_prices:
+            return False
         judged = self._judged(self._prices, self._least)
         if judged is not None and judged.bound < self.best:
             self.best, self._best_prices, self.stage = judged.bound, self._prices, judged.stage
         else:
             self._prices, self._moves.weight = self._best_prices, 1.5 * self._weight
-        self._value, self._least = self.best, {}
+        self._value, self._least, self._judged_prices = self.best, {}, self._best_prices
         return judged is not None and judged.new > 0
 
     # -- judging prices -------------------------------------------------------------------------
