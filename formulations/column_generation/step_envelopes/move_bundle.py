@@ -258,15 +258,16 @@ class MoveBundle:
         profits = {t: max(least.get(t, -np.inf), profit) for t, profit in profits.items()}
         if -np.inf in (*heights.values(), *profits.values()):
             return None  # at some step, no joint state that counts is known
-        # A joint state that begins a move above these profits is at most so far below the highest.
-        depths = {t: max(heights[t] + heights[t + 1] - profits[t], 0.0) for t in self._first}
         high = dict[int, HighJointStates]()
 
         def highest(k: int, joint: JointStates) -> float:
             t = joint.t
-            if t in depths:
+            if t in self._first:
+                # Joint states that begin a move above the known ones; the height of the second step
+                # is already known, up to rounding.
+                above = profits[t] - heights[t + 1] - CLEARLY * abs(self.best)
                 with suppress(NotEndedError):
-                    high[t] = self._high_joint_states(joint, heights[t] - depths[t])
+                    high[t] = self._high_joint_states(joint, min(above, heights[t]))
                     heights[t] = max(heights[t], float(high[t].profits.max(initial=-np.inf)))
                     return heights[t]
             found = self._searches.highest(joint, heights[t], self._parameters.most_nodes)
@@ -293,8 +294,9 @@ class MoveBundle:
             moves = (MoveConstant(t, profit) for t, profit in profits.items())
             return tuple(constants), tuple(moves)
 
+        last_first = sorted(heights, key=lambda t: t in self._first)
         lowest = tuple(
-            StepConstant(t, height - depths.get(t, 0.0)) for t, height in heights.items()
+            StepConstant(t, -np.inf if t in self._first else heights[t]) for t in last_first
         )
         try:
             stage = Stage(written, lowest, claims()[1])
