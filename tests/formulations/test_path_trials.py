@@ -18,6 +18,7 @@ from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
     EnvelopeParameters,
+    MoveParameters,
     Parameters,
     TrialParameters,
 )
@@ -320,7 +321,9 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     """The file says above which J plans were tried, and its bound is that."""
     root = solved_root()
     root.search.parameters = Parameters(
-        trials=TrialParameters(less=1 - share), envelopes=EnvelopeParameters(most_rounds=0)
+        trials=TrialParameters(less=1 - share),
+        envelopes=EnvelopeParameters(most_rounds=0),
+        moves=MoveParameters(most_iterations=0),
     )
     bound = root.relaxation.best.bound
     above = root.search.value + share * (bound - root.search.value)
@@ -352,7 +355,9 @@ def test_stages_are_repeated_for_a_better_plan(monkeypatch: pytest.MonkeyPatch) 
     assert better is not None
     search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
     narrowing = search.narrowing(duals)
-    search.parameters = Parameters(envelopes=EnvelopeParameters(most_rounds=1))
+    search.parameters = Parameters(
+        envelopes=EnvelopeParameters(most_rounds=1), moves=MoveParameters(most_iterations=0)
+    )
     envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
     assert narrowing is not None and search.spare is not None
     proved = Stages(narrowing)

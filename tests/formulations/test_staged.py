@@ -1045,7 +1045,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
     def meant_higher(self: PriceBundle, *arguments: object) -> FloatArray | None:
         prices = run(self, *arguments)
         if prices is not None:
-            bound = sum(self.constants.values()) + self.rest
+            bound = sum(self.constants.values()) + self.priced.rest
             bound += self.priced.best_paths(prices, self.constants)[0]
             assert bound == pytest.approx(self.best, rel=1e-12)
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
