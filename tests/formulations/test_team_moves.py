@@ -36,6 +36,7 @@ from cocap_opt.formulations.certificates.staged.profitable_moves import (
 from cocap_opt.formulations.column_generation.parameters import MoveParameters, Parameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.local_moves import LocalMoves
 from cocap_opt.formulations.column_generation.step_envelopes.move_bundle import MoveBundle
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.mixtures.mixture import Mixture
@@ -119,6 +120,34 @@ def test_the_search_finds_the_highest_of_all_moves(problem: Problem, seed: int) 
             assert found == pytest.approx(highest, abs=1e-9)
             found = most_profitable_move(narrowing, t, highest + 1.0, searches, never)
             assert found == highest + 1.0
+
+
+@pytest.mark.slow
+@examples(20)
+@given(st.one_of(meetings(), meetings(team=3)), seeds)
+def test_local_search_finds_only_moves_without_conflicts(problem: Problem, seed: int) -> None:
+    """Its random starts may have conflicts, also where no robot alone can end them."""
+    rng = np.random.default_rng(seed)
+    narrowing = at_new_prices(some_model(problem, rng), rng)
+    rules, where = problem.rules, narrowing.model.places.positions
+    for t in range(problem.first_step, problem.horizon):
+        ends = [narrowing.joint_states(at) for at in (t, t + 1)]
+        local = LocalMoves(narrowing, *ends)
+        starts = [local.random(rng) for _ in range(8)]
+        found = local.ascended(starts, (ends[0].price, ends[1].price))
+        highest = max(profits_of_moves(narrowing, t), default=np.inf)
+        assert found.profits.max(initial=-np.inf) <= highest + 1e-9
+        for team in zip(found.tails, found.heads, strict=True):
+            tails, heads = (
+                [
+                    where[number][state % narrowing.model.classes[number].graph.n_places]
+                    for number, state in zip(local.numbers, states, strict=True)
+                ]
+                for states in team
+            )
+            for (a, b), (c, d) in combinations(zip(tails, heads, strict=True), 2):
+                assert not rules.too_near(a - c) and not rules.too_near(b - d)
+                assert not rules.conflict_between((a, b), (c, d))
 
 
 def test_a_move_saves_what_its_steps_have_above_it() -> None:
