@@ -35,6 +35,7 @@ from cocap_opt.formulations.certificates.staged.profitable_moves import (
 )
 from cocap_opt.formulations.column_generation.parameters import MoveParameters, Parameters
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.local_moves import LocalMoves
 from cocap_opt.formulations.column_generation.step_envelopes.move_bundle import MoveBundle
@@ -225,8 +226,8 @@ def before_envelopes(problem: Problem, moves: MoveParameters) -> tuple[Search, C
 
 def staged_search(problem: Problem, moves: MoveParameters) -> Search:
     """A search after its step envelopes."""
-    search, envelopes = before_envelopes(problem, moves)
-    envelopes()
+    search, run = before_envelopes(problem, moves)
+    run()
     return search
 
 
@@ -257,6 +258,26 @@ def test_what_moves_claim_is_verified_and_true(problem: Problem, most_nodes: int
         assert optimum(problem).value <= pricing.bound == search.spare.proved
 
 
+@pytest.mark.long(seconds=10)
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
+def test_stages_of_moves_are_no_longer_than_a_checker_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Their searches end within a number of nodes; steps with too many states have no moves."""
+    problem, most = load_scene("bottleneck", 0).replace(horizon=3), 2_000
+
+    def nodes(moves: MoveParameters) -> int:
+        search = staged_search(problem, moves)
+        assert search.spare is not None
+        return verify(problem, search.spare, model=search.model).nodes
+
+    before, after = nodes(MoveParameters(most_iterations=0)), nodes(MoveParameters())
+    assert before + most < after
+    assert before <= nodes(MoveParameters(most_total_nodes=most)) <= before + most
+    monkeypatch.setattr(envelopes, "MOST_STATES", 1)
+    assert nodes(MoveParameters()) == before
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_a_limit_leaves_the_best_stage_of_moves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,9 +291,9 @@ def test_a_limit_leaves_the_best_stage_of_moves(monkeypatch: pytest.MonkeyPatch)
         raise LimitReached(Limit.WORK)
 
     monkeypatch.setattr(MoveBundle, "run", limited)
-    search, envelopes = before_envelopes(problem, MoveParameters())
+    search, begin = before_envelopes(problem, MoveParameters())
     with pytest.raises(LimitReached):
-        envelopes()
+        begin()
     assert search.spare is not None and len(found) == 1
     assert search.spare.proved == pytest.approx(found[0].best)
     assert verify(problem, search.spare, model=search.model).bound == search.spare.proved
