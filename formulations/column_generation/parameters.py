@@ -567,7 +567,8 @@ class MoveParameters(Section):
     of_stage : share
         gain for which a centre becomes a stage at once, as a share of the remaining gap
     least_gain : share
-        gain below which a centre becomes no stage, as a share of the remaining gap
+        predicted gain below which iterations end, and gain of a bundle below which no other
+        follows, as a share of the remaining gap
     serious : share
         share of the predicted gain that makes a new centre
     good : share
@@ -583,7 +584,10 @@ class MoveParameters(Section):
     random_starts : times
         local searches from random changes of each of these
     most_nodes : nodes
-        size of a search for joint states of a step or for moves between two steps
+        largest search for joint states of a step or for moves between two steps
+    most_total_nodes : nodes
+        largest size of all these searches together, when a file is verified; `verify` allows 100
+        million nodes for a whole file, and trials of paths may take most of them
     """
 
     most_iterations: int = 60
@@ -597,6 +601,7 @@ class MoveParameters(Section):
     starts: int = 8
     random_starts: int = 2
     most_nodes: int = 3_000_000
+    most_total_nodes: int = 20_000_000
 
 
 @dataclass(frozen=True)

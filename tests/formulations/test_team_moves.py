@@ -35,7 +35,9 @@ from cocap_opt.formulations.certificates.staged.profitable_moves import (
 )
 from cocap_opt.formulations.column_generation.parameters import MoveParameters, Parameters
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.local_moves import LocalMoves
 from cocap_opt.formulations.column_generation.step_envelopes.move_bundle import MoveBundle
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.mixtures.mixture import Mixture
@@ -121,6 +123,34 @@ def test_the_search_finds_the_highest_of_all_moves(problem: Problem, seed: int) 
             assert found == highest + 1.0
 
 
+@pytest.mark.slow
+@examples(20)
+@given(st.one_of(meetings(), meetings(team=3)), seeds)
+def test_local_search_finds_only_moves_without_conflicts(problem: Problem, seed: int) -> None:
+    """Its random starts may have conflicts, also where no robot alone can end them."""
+    rng = np.random.default_rng(seed)
+    narrowing = at_new_prices(some_model(problem, rng), rng)
+    rules, where = problem.rules, narrowing.model.places.positions
+    for t in range(problem.first_step, problem.horizon):
+        ends = [narrowing.joint_states(at) for at in (t, t + 1)]
+        local = LocalMoves(narrowing, *ends)
+        starts = [local.random(rng) for _ in range(8)]
+        found = local.ascended(starts, (ends[0].price, ends[1].price))
+        highest = max(profits_of_moves(narrowing, t), default=np.inf)
+        assert found.profits.max(initial=-np.inf) <= highest + 1e-9
+        for team in zip(found.tails, found.heads, strict=True):
+            tails, heads = (
+                [
+                    where[number][state % narrowing.model.classes[number].graph.n_places]
+                    for number, state in zip(local.numbers, states, strict=True)
+                ]
+                for states in team
+            )
+            for (a, b), (c, d) in combinations(zip(tails, heads, strict=True), 2):
+                assert not rules.too_near(a - c) and not rules.too_near(b - d)
+                assert not rules.conflict_between((a, b), (c, d))
+
+
 def test_a_move_saves_what_its_steps_have_above_it() -> None:
     """Until one of them has new prices, or a move that shares a step with it has a constant."""
     model, rng = compiled(tiny()), np.random.default_rng(0)
@@ -196,8 +226,8 @@ def before_envelopes(problem: Problem, moves: MoveParameters) -> tuple[Search, C
 
 def staged_search(problem: Problem, moves: MoveParameters) -> Search:
     """A search after its step envelopes."""
-    search, envelopes = before_envelopes(problem, moves)
-    envelopes()
+    search, run = before_envelopes(problem, moves)
+    run()
     return search
 
 
@@ -228,6 +258,26 @@ def test_what_moves_claim_is_verified_and_true(problem: Problem, most_nodes: int
         assert optimum(problem).value <= pricing.bound == search.spare.proved
 
 
+@pytest.mark.long(seconds=10)
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
+def test_stages_of_moves_are_no_longer_than_a_checker_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Their searches end within a number of nodes; steps with too many states have no moves."""
+    problem, most = load_scene("bottleneck", 0).replace(horizon=3), 2_000
+
+    def nodes(moves: MoveParameters) -> int:
+        search = staged_search(problem, moves)
+        assert search.spare is not None
+        return verify(problem, search.spare, model=search.model).nodes
+
+    before, after = nodes(MoveParameters(most_iterations=0)), nodes(MoveParameters())
+    assert before + most < after
+    assert before <= nodes(MoveParameters(most_total_nodes=most)) <= before + most
+    monkeypatch.setattr(envelopes, "MOST_STATES", 1)
+    assert nodes(MoveParameters()) == before
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_a_limit_leaves_the_best_stage_of_moves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,9 +291,9 @@ def test_a_limit_leaves_the_best_stage_of_moves(monkeypatch: pytest.MonkeyPatch)
         raise LimitReached(Limit.WORK)
 
     monkeypatch.setattr(MoveBundle, "run", limited)
-    search, envelopes = before_envelopes(problem, MoveParameters())
+    search, begin = before_envelopes(problem, MoveParameters())
     with pytest.raises(LimitReached):
-        envelopes()
+        begin()
     assert search.spare is not None and len(found) == 1
     assert search.spare.proved == pytest.approx(found[0].best)
     assert verify(problem, search.spare, model=search.model).bound == search.spare.proved

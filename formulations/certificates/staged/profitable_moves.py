@@ -128,16 +128,11 @@ class ProfitableMoves:
     ----------
     narrowing : its prices and remaining states; both steps must have a constant
     t : the first of the two steps
-
-    Attributes
-    ----------
-    most : the constants of both steps together, which no move exceeds
     """
 
     def __init__(self, narrowing: Narrowing, t: int) -> None:
         self._narrowing, self._t, self._team = narrowing, t, Team(narrowing)
         self._margin = narrowing.margin_of_move(t)
-        self.most = narrowing.ceiling(t) + narrowing.ceiling(t + 1)
 
     def above(
         self, least: float, searches: MoveSearches, stop: Stop, tails: HighJointStates | None = None

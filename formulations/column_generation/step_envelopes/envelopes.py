@@ -37,6 +37,7 @@ from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
 from cocap_opt.formulations.certificates.format import StepConstant
 from cocap_opt.formulations.certificates.staged import Narrowing
+from cocap_opt.formulations.certificates.staged.stages import MOST_STATES
 from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
@@ -219,7 +220,7 @@ class _Envelopes:
         if not (self.search.parameters.moves.most_iterations and is_there() and self.steps[1:]):
             return
         known = KnownMoves()
-        while self._is_small() and self.bound > cutoff():
+        while self._is_small() and self._may_have_moves() and self.bound > cutoff():
             self._raise_target()
             bundle = MoveBundle(self.narrowing, self.known, known, self.searches)
             is_better = False
@@ -228,9 +229,14 @@ class _Envelopes:
             finally:
                 if bundle.stage is not None:
                     self.proved = self.proved.then(bundle.stage)
+                    known.nodes += bundle.nodes
             self.report()
             if not is_better or self.try_paths():
                 return
+
+    def _may_have_moves(self) -> bool:
+        """Returns True if no step has more states than a checker searches for moves."""
+        return int(states_left(self.narrowing)[self.steps.start :].max()) <= MOST_STATES
 
     def _is_worth_another(self, closed: float, listed: bool, is_wide: bool) -> bool:
         """Returns True if another round is worthwhile; makes lists longer if they closed little.

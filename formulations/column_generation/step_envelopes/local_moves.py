@@ -50,17 +50,19 @@ class LocalMoves:
             ))  # fmt: skip
 
     def ascended(self, starts: Iterable[IntArray], prices: tuple[FloatArray, FloatArray]) -> Moves:
-        """Returns high moves that count, with their profits at the given prices.
+        """Returns the starts that are moves and count, and high moves that local search finds from
+        all starts, with their profits at the given prices.
 
         Parameters
         ----------
-        starts : [2, R] positions of the robots' states at both steps
+        starts : [2, R] positions of the robots' states at both steps; robots may be in conflict
         prices : [n] of the states of each step
         """
         teams = chain.from_iterable((start, self._ascended(start, prices)) for start in starts)
         tops = dict.fromkeys(team.tobytes() for team in teams)
         shape = (len(tops), 2, len(self._classes))
         placed = np.frombuffer(b"".join(tops), dtype=np.int64).reshape(shape)
+        placed = placed[self._are_apart(placed) & self._may_move(placed)]
         profits = np.zeros(len(placed))
         for joint, chosen, price in zip(self._ends, placed.transpose(1, 0, 2), prices, strict=True):
             raised = (price - joint.price)[chosen].sum(axis=1)
@@ -123,6 +125,14 @@ class LocalMoves:
         teams[:, 0, robot], teams[:, 1, robot] = tails[above], heads[above]
         able = np.flatnonzero(self._may_move(teams))
         return teams[able[0]] if len(able) else None
+
+    def _are_apart(self, teams: IntArray) -> BoolArray:
+        """Returns True for teams [M, 2, R] whose robots do not conflict at either step."""
+        first, second = np.triu_indices(len(self._classes), 1)
+        conflict = np.zeros(len(teams), dtype=np.bool_)
+        for joint, at in zip(self._ends, teams.transpose(1, 0, 2), strict=True):
+            conflict |= joint.conflicts.between(at[:, first], at[:, second]).any(axis=1)
+        return ~conflict
 
     def _may_move(self, teams: IntArray) -> BoolArray:
         """Returns True for teams [M, 2, R] whose robots do not conflict between the steps."""

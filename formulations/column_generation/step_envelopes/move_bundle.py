@@ -4,8 +4,8 @@ A step envelope does not know which joint states of the next step a team can rea
 joint states of two steps in a row often have no move between them. Here the cutting planes are
 moves of the whole team from a step to the next (`profitable_moves`), over pairs of steps that have
 no step in common. Otherwise the method is that of `price_bundle`: local search judges prices
-(`local_moves`), but those that it finds to be better are judged again by exact searches, and can
-become a stage at once.
+(`local_moves`), but those that it finds to be better are judged again by exact searches
+(`exact_heights`), and can become a stage at once.
 """
 
 import math
@@ -19,16 +19,11 @@ import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.format import MoveConstant, Stage, StepConstant
-from cocap_opt.formulations.certificates.staged import JointStates, Narrowing, NotEndedError
-from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
-from cocap_opt.formulations.certificates.staged.profitable_moves import (
-    HighJointStates,
-    Moves,
-    ProfitableMoves,
-    high_joint_states,
-)
+from cocap_opt.formulations.certificates.format import Stage
+from cocap_opt.formulations.certificates.staged import Narrowing
+from cocap_opt.formulations.certificates.staged.profitable_moves import Moves
 from cocap_opt.formulations.column_generation.parameters import MoveParameters
+from cocap_opt.formulations.column_generation.step_envelopes.exact_heights import ExactHeights
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.local_moves import LocalMoves
 from cocap_opt.formulations.column_generation.step_envelopes.price_master import (
@@ -54,10 +49,12 @@ class KnownMoves:
     worths : by the first step of a move and the moves of all robots, sorted, the worth of both
         steps together
     weight : of the distance to the centre, at the end of the last bundle; 0: none yet
+    nodes : number of nodes that a checker needs at most for the stages of earlier bundles
     """
 
     worths: dict[int, dict[tuple[_RobotMove, ...], float]] = field(default_factory=dict)
     weight: float = 0.0
+    nodes: int = 0
 
 
 class _Rows(NamedTuple):
@@ -86,11 +83,13 @@ class _Judged(NamedTuple):
     stage : the prices, and the constants of steps and moves that hold at them
     bound : the bound on all plans after this stage
     new : number of new moves and paths
+    nodes : number of nodes that a checker needs at most for the stage
     """
 
     stage: Stage
     bound: float
     new: int
+    nodes: int
 
 
 class MoveBundle:
@@ -107,6 +106,7 @@ class MoveBundle:
     ----------
     best : the bound that the best prices prove
     stage : the stage with these prices; None before any are better than those of the narrowing
+    nodes : number of nodes that a checker needs at most for this stage
     """
 
     def __init__(
@@ -131,6 +131,7 @@ class MoveBundle:
         self._value = self.best
         self._least: Mapping[int, float] = {}
         self.stage: Stage | None = None
+        self.nodes = 0
         self._local = {t: LocalMoves(narrowing, joints[t], joints[t + 1]) for t in self._first}
 
     @property
@@ -210,7 +211,8 @@ class MoveBundle:
             return False
         judged = self._judged(self._prices, self._least)
         if judged is not None and judged.bound < self.best:
-            self.best, self._best_prices, self.stage = judged.bound, self._prices, judged.stage
+            self.best, self._best_prices = judged.bound, self._prices
+            self.stage, self.nodes = judged.stage, judged.nodes
         else:
             self._prices, self._moves.weight = self._best_prices, 1.5 * self._weight
         self._value, self._least, self._judged_prices = self.best, {}, self._best_prices
@@ -258,64 +260,18 @@ class MoveBundle:
         profits = {t: max(least.get(t, -np.inf), profit) for t, profit in profits.items()}
         if -np.inf in (*heights.values(), *profits.values()):
             return None  # at some step, no joint state that counts is known
-        high = dict[int, HighJointStates]()
-
-        def highest(k: int, joint: JointStates) -> float:
-            t = joint.t
-            if t in self._first:
-                # Joint states that begin a move above the known ones; the height of the second step
-                # is already known, up to rounding.
-                above = profits[t] - heights[t + 1] - CLEARLY * abs(self.best)
-                with suppress(NotEndedError):
-                    high[t] = self._high_joint_states(joint, min(above, heights[t]))
-                    heights[t] = max(heights[t], float(high[t].profits.max(initial=-np.inf)))
-                    return heights[t]
-            found = self._searches.highest(joint, heights[t], self._parameters.most_nodes)
-            if found is None:
-                raise NotEndedError
-            heights[t] = found.profit
-            return heights[t]
-
-        def highest_move(k: int, narrowing: Narrowing) -> float:
-            nonlocal new
-            t = self._first[k]
-            between = ProfitableMoves(narrowing, t)
-            try:
-                found = between.above(profits[t], self._move_searches(), self._stop, high.get(t))
-            except NotEndedError:
-                del profits[t]  # no constant, then
-                return math.inf
+        most_nodes = self._parameters.most_total_nodes - self._moves.nodes
+        exact = ExactHeights(self._narrowing, self._searches, heights, profits, most_nodes)
+        proved = exact.proved(written)
+        for t, found in exact.found.items():
             new += self._remember(t, found.part(slice(self._parameters.most_new)), prices)
-            profits[t] = max(profits[t], float(found.profits.max(initial=-np.inf)))
-            return profits[t]
-
-        def claims() -> tuple[tuple[StepConstant, ...], tuple[MoveConstant, ...]]:
-            constants = (StepConstant(t, height) for t, height in heights.items())
-            moves = (MoveConstant(t, profit) for t, profit in profits.items())
-            return tuple(constants), tuple(moves)
-
-        last_first = sorted(heights, key=lambda t: t in self._first)
-        lowest = tuple(
-            StepConstant(t, -np.inf if t in self._first else heights[t]) for t in last_first
-        )
-        try:
-            stage = Stage(written, lowest, claims()[1])
-            after = self._narrowing.after(stage, highest, highest_move)
-        except NotEndedError:
+        if proved is None:
             return None
-        new += sum(heights[t] > least.get(t, math.inf) for t in self._alone)
+        stage, after = proved
+        new += sum(exact.heights[t] > least.get(t, math.inf) for t in self._alone)
         paths = priced.best_paths(prices, {})[1]
         new += sum(self._known.add_path(number, path) for number, path in paths)
-        return _Judged(Stage(written, *claims()), after.pricing.bound, new)
-
-    def _high_joint_states(self, joint: JointStates, above: float) -> HighJointStates:
-        """Returns the joint states with a profit above a value; raises NotEndedError."""
-        searches = self._move_searches()
-        return high_joint_states(self._narrowing.model, joint, above, searches, self._stop)
-
-    def _move_searches(self) -> MoveSearches:
-        """Returns searches with a number of nodes of their own."""
-        return MoveSearches(self._parameters.most_nodes)
+        return _Judged(stage, after.pricing.bound, new, exact.nodes)
 
     # -- known moves ----------------------------------------------------------------------------
 
