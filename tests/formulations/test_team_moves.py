@@ -3,6 +3,7 @@ ones.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
@@ -31,6 +32,7 @@ from cocap_opt.formulations.certificates.staged import (
 )
 from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.profitable_moves import (
+    high_joint_states,
     most_profitable_move,
 )
 from cocap_opt.formulations.column_generation.parameters import MoveParameters, Parameters
@@ -121,6 +123,24 @@ def test_the_search_finds_the_highest_of_all_moves(problem: Problem, seed: int) 
             assert found == pytest.approx(highest, abs=1e-9)
             found = most_profitable_move(narrowing, t, highest + 1.0, searches, never)
             assert found == highest + 1.0
+
+
+@pytest.mark.parametrize("above", [-1e6, -1e17])
+def test_a_claim_far_too_low_hides_no_joint_state(above: float) -> None:
+    """Limits on slacks are not lost in the rounding of the claim, which a file may choose."""
+    model = compiled(tiny())
+    narrowing = Narrowing.of(model, random_multipliers(model, np.random.default_rng(0)), -1.0)
+    joint, robots = narrowing.joint_states(1), len(model.problem.robots)
+    slack = np.full(len(joint.states), 11.0)
+    joint = replace(
+        joint, charge=np.zeros_like(joint.charge), floor=0.0, limits=((robots * 11.0 + 1.0, slack),)
+    )
+
+    def n_found(joint: JointStates, above: float) -> int:
+        searches = MoveSearches(10**6, plain=True)
+        return len(high_joint_states(model, joint, above, searches, never).placed)
+
+    assert n_found(joint, above) == n_found(replace(joint, limits=()), -1e6) > 0
 
 
 @pytest.mark.slow

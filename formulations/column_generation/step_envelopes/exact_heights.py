@@ -110,7 +110,8 @@ class ExactHeights:
         """Lists the joint states of a step that may begin high moves; returns False if that takes
         too many nodes.
         """
-        t, searches = joint.t, MoveSearches(most := self._nodes())
+        t, most = joint.t, self._nodes()
+        searches = MoveSearches(most)
         above = self.profits[t] - self.heights[t + 1] - CLEARLY * abs(self._narrowing.bound)
         above = min(above, self.heights[t])
         try:
@@ -125,7 +126,8 @@ class ExactHeights:
 
     def _highest_move(self, k: int, narrowing: Narrowing) -> float:
         """Returns the height of moves between two steps; infinite if the search is too long."""
-        t, searches = self._first[k], MoveSearches(most := self._nodes())
+        t, most = self._first[k], self._nodes()
+        searches = MoveSearches(most)
         between = ProfitableMoves(narrowing, t)
         try:
             found = between.above(self.profits[t], searches, self._stop, self._high.get(t))

@@ -73,16 +73,16 @@ class LocalMoves:
         """Returns positions [2, R] at which about half of the robots make a random move instead."""
         placed, robots = start.copy(), len(self._classes)
         for robot in rng.integers(robots, size=robots // 2 + 1).tolist():
-            placed[:, robot] = self._some(robot, rng)
+            placed[:, robot] = self._random_move(robot, rng)
         return placed
 
     def random(self, rng: np.random.Generator) -> IntArray:
         """Returns positions [2, R] at which all robots make a random move, whatever is in the
         way.
         """
-        return np.array([self._some(robot, rng) for robot in range(len(self._classes))]).T
+        return np.array([self._random_move(robot, rng) for robot in range(len(self._classes))]).T
 
-    def _some(self, robot: int, rng: np.random.Generator) -> tuple[int, int]:
+    def _random_move(self, robot: int, rng: np.random.Generator) -> tuple[int, int]:
         """Returns the positions of a random move of a robot."""
         tails, heads = self._arcs[self._classes[robot]]
         way = int(rng.integers(len(tails)))
