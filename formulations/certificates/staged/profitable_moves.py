@@ -13,6 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.move_searches import Choices, MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
@@ -113,9 +114,15 @@ def _collecting(joint: JointStates, above: float) -> JointStates:
     """Returns the joint states for a search that collects those with a profit above a value.
 
     Such searches take prices for charges, and compare ceilings with the value. Limits on the
-    charges, whose floor is another, are shifted by the difference.
+    charges, whose floor is another, are shifted by the difference. Next to a value of large
+    magnitude they lose digits, here and in the search, so they get an allowance for that.
     """
-    limits = [(profit - joint.floor + above, raised) for profit, raised in joint.limits]
+    robots, limits = sum(joint.sizes), []
+    for profit, raised in joint.limits:
+        magnitude = abs(above) + abs(profit) + abs(joint.floor)
+        magnitude += robots * float(np.abs(raised).max(initial=0.0))
+        rounding = 16 * (robots + 4) * UNIT_ROUNDOFF * magnitude
+        limits.append((profit - joint.floor + above + rounding, raised))
     return replace(
         joint, charge=joint.price, floor=above, ceilings=(), limits=(*joint.ceilings, *limits)
     )
