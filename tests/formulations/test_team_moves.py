@@ -232,6 +232,20 @@ def test_searches_for_moves_share_the_work_of_a_file(monkeypatch: pytest.MonkeyP
         price_staged(model, file)
 
 
+@pytest.mark.parametrize("plain", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("claim", [-1e12, -1e18, -1e50])
+def test_constants_far_too_low_find_the_same_moves(claim: float, plain: bool) -> None:
+    """Next to their magnitude, limits on joint states lose digits, but no move."""
+    model = compiled(load_scene("tiny-share", 0))
+    narrowing = at_new_prices(model, np.random.default_rng(0))
+    narrowing = narrowing.above(optimum(model.problem).value * 0.8)
+    t = model.problem.first_step
+    highest = max(profits_of_moves(narrowing, t))
+    searches = MoveSearches(10**6, plain)
+    found = most_profitable_move(narrowing, t, claim, searches, never)
+    assert found == pytest.approx(highest, abs=1e-9)
+
+
 # -- the bundle -----------------------------------------------------------------------------------
 
 
