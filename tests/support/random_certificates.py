@@ -216,7 +216,7 @@ def random_team_moves(model: Model, rng: np.random.Generator) -> tuple[MoveConst
     """Claims for moves of the team; most are too low, and some moves share a step."""
     steps = [*range(model.problem.first_step, model.problem.horizon)]
     some = rng.choice(steps, int(rng.integers(1, len(steps) + 2))).tolist() if steps else []
-    claims = rng.choice([-1e3, -1e3, 5.0, 50.0, 500.0], len(some)).tolist()
+    claims = rng.choice([-1e3, -1e18, 5.0, 50.0, 500.0], len(some)).tolist()
     return tuple(MoveConstant(t, claim) for t, claim in zip(some, claims, strict=True))
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.formulations.certificates.staged.joint_states import Ceiling, JointStates
@@ -160,12 +161,14 @@ class ProfitableMoves:
         LimitReached
             If a limit is reached.
         """
+        nothing = np.zeros((0, len(self._team.numbers)), dtype=np.int64)
+        found, placed = [Moves(np.zeros(0), nothing, nothing)], 0
+        if least >= exact_sum(self._narrowing.ceiling(at) for at in (self._t, self._t + 1)):
+            return found[0]
         above = least - self._narrowing.ceiling(self._t + 1)
         if tails is None or tails.above > above:
             joint = self._narrowing.joint_states(self._t)
             tails = high_joint_states(self._narrowing.model, joint, above, searches, stop)
-        nothing = np.zeros((0, len(self._team.numbers)), dtype=np.int64)
-        found, placed = [Moves(np.zeros(0), nothing, nothing)], 0
         for moves in self._from(tails, least, searches, stop):
             found.append(moves.part(moves.profits > least + self._margin / 2))
             placed += found[-1].heads.size

@@ -163,8 +163,8 @@ class _Searches:
             yield
         except NotEndedError as error:
             raise UnfinishedError(
-                f"{field}: not verified: the searches of the file need more than {MOST_NODES:,} "
-                "nodes in total; the claim may still hold"
+                f"{field}: not verified: the searches of the file take more than {MOST_NODES:,} "
+                "nodes in total, or find too many joint states; the claim may still hold"
             ) from error
         self.done += 1
         self.progress(self.done, self.total)

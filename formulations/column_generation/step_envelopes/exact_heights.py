@@ -91,6 +91,11 @@ class ExactHeights:
         """Returns the number of nodes that the next search may use."""
         return max(min(self._parameters.most_nodes, self._most_nodes - self.nodes), 0)
 
+    def _count(self, nodes: int, times: int = 1) -> None:
+        """Counts the nodes of a search for moves, which a checker makes so many times."""
+        self.nodes += times * nodes
+        self._searches.nodes += nodes
+
     def _highest(self, _: int, joint: JointStates) -> float:
         """Returns the height of a step; raises NotEndedError."""
         t = joint.t
@@ -121,7 +126,7 @@ class ExactHeights:
         except NotEndedError:
             return False
         # A checker searches twice: for the constant of the step, and for that of the move.
-        self.nodes += 2 * (most - searches.nodes_left)
+        self._count(most - searches.nodes_left, times=2)
         return True
 
     def _highest_move(self, k: int, narrowing: Narrowing) -> float:
@@ -134,7 +139,7 @@ class ExactHeights:
         except NotEndedError:
             del self.profits[t]
             return math.inf
-        self.nodes += most - searches.nodes_left
+        self._count(most - searches.nodes_left)
         self.found[t] = found
         self.profits[t] = max(self.profits[t], float(found.profits.max(initial=-math.inf)))
         return self.profits[t]
