@@ -485,7 +485,7 @@ def test_checkers_prove_the_same_by_random_stages(
     assert checked is not None and not is_part
     bound = checked / cocap_check.ONE
     allowance = ALIKE * (1 + abs(bound))
-    assert max(best, 0.0) - allowance <= bound <= verified + allowance
+    assert best - allowance <= bound <= verified + allowance
     assert ask(text, found | {"bound": bound + allowance})[0] == 0
     assert ask(text, found | {"bound": bound - allowance})[0] == 1
 

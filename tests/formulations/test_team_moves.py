@@ -154,6 +154,8 @@ def test_local_search_finds_only_moves_without_conflicts(problem: Problem, seed:
     for t in range(problem.first_step, problem.horizon):
         ends = [narrowing.joint_states(at) for at in (t, t + 1)]
         local = LocalMoves(narrowing, *ends)
+        if not local.are_possible:
+            continue
         starts = [local.random(rng) for _ in range(8)]
         found = local.ascended(starts, (ends[0].price, ends[1].price))
         highest = max(profits_of_moves(narrowing, t), default=np.inf)

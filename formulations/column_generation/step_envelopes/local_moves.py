@@ -69,6 +69,11 @@ class LocalMoves:
             profits += counted_profits(joint, chosen) - raised
         return Moves(profits, *self._states(placed)).part(profits > -np.inf)
 
+    @property
+    def are_possible(self) -> bool:
+        """True if each robot has a move; otherwise no better plan is left."""
+        return all(len(self._arcs[number][0]) for number in self._classes)
+
     def changed(self, start: IntArray, rng: np.random.Generator) -> IntArray:
         """Returns positions [2, R] at which about half of the robots make a random move instead."""
         placed, robots = start.copy(), len(self._classes)

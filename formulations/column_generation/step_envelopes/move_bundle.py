@@ -285,13 +285,15 @@ class MoveBundle:
         """
         plan = self._searches.search.incumbent
         columns = () if plan is None else plan.columns
-        for t in self._first:
+        for t, local in self._local.items():
+            if not local.are_possible:
+                return
             ways = ((column.along.class_number, column.path) for column in columns)
             robots = sorted((number, path[t], path[t + 1]) for number, path in ways)
             try:
                 team = np.array(self._positions(t, robots)).reshape(2, -1) - self._begins(t)
             except KeyError:
-                team = self._local[t].random(self._known.rng)
+                team = local.random(self._known.rng)
             self._remember(t, self._ascend(t, [team], self._prices), self._prices)
 
     def _ascend(self, t: int, teams: Sequence[IntArray], prices: FloatArray) -> Moves:
