@@ -108,18 +108,18 @@ class LocalMoves:
     ) -> IntArray | None:
         """Returns the positions after a robot has changed its move; None if it has no better."""
         others = np.delete(placed, robot, axis=1)
-        gains = [
-            _gains(joint, among, price)
-            for joint, among, price in zip(self._ends, others, prices, strict=True)
-        ]
+        gains, counts = zip(
+            *(
+                _beside(joint, among, price)
+                for joint, among, price in zip(self._ends, others, prices, strict=True)
+            ),
+            strict=True,
+        )
         tails, heads = self._arcs[self._classes[robot]]
         profits = gains[0][tails] + gains[1][heads]
-        counts = np.logical_and(*(
-            _counts(joint, among)[at]
-            for joint, among, at in zip(self._ends, others, (tails, heads), strict=True)
-        ))  # fmt: skip
-        if counts.any():
-            profits[~counts] = -np.inf
+        may_count = counts[0][tails] & counts[1][heads]
+        if may_count.any():
+            profits[~may_count] = -np.inf
         now = gains[0][placed[0, robot]] + gains[1][placed[1, robot]]
         clearly = _CLEARLY * (1 + abs(now)) if now > -np.inf else 0.0
         above = np.flatnonzero(profits > now + clearly)
@@ -158,21 +158,21 @@ def _positions(joint: JointStates, number: int) -> dict[int, int]:
     return dict(zip(joint.states[of_class].tolist(), of_class.tolist(), strict=True))
 
 
-def _gains(joint: JointStates, others: IntArray, price: FloatArray) -> FloatArray:
-    """Returns the worth less the price [n] that each state adds to the states of other robots;
-    -inf for states in conflict with them.
+def _beside(
+    joint: JointStates, others: IntArray, price: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Returns the gain of each state beside those of other robots, and True if the state counts.
+
+    Returns
+    -------
+    The gains [n] of worth less price, -inf for states in conflict with others; and True [n] for
+    states that are worth enough, less charges, beside those of others.
     """
     seen = joint.pixels[others].sum(axis=0)
-    gains: FloatArray = joint.returns.values(seen + joint.pixels) @ joint.weights - price
-    every = np.arange(len(joint.states))
-    gains[joint.conflicts.between(every[:, None], others[None]).any(axis=1)] = -np.inf
-    return gains
-
-
-def _counts(joint: JointStates, others: IntArray) -> BoolArray:
-    """Returns True for states [n] that are worth enough, less charges, beside those of others."""
-    seen = joint.pixels[others].sum(axis=0)
-    worths = joint.returns.values(seen + joint.pixels) @ joint.weights
+    worths: FloatArray = joint.returns.values(seen + joint.pixels) @ joint.weights
     low = worths - joint.charge - joint.charge[others].sum()
     counts: BoolArray = low >= joint.floor - joint.margin
-    return counts
+    gains = worths - price
+    every = np.arange(len(joint.states))
+    gains[joint.conflicts.between(every[:, None], others[None]).any(axis=1)] = -np.inf
+    return gains, counts
