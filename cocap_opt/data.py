@@ -16,6 +16,8 @@ from cocap_opt.text import plain, with_article
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+# Indices in compiled loops: for signed ones, numba compiles a check for negative indices.
+IndexArray = NDArray[np.uint32]
 
 
 # These limits are far beyond what any scene needs, so a number outside them is a mistake. Within

@@ -7,23 +7,20 @@ rewarded or charged. Imported only if numba is installed.
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cocap_opt.compiling import compiled
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IndexArray, IntArray
 from cocap_opt.returns import return_of
 
 # Nothing is allocated here, so references need not be counted.
 _compiled = partial(compiled, nogil=True, error_model="numpy", _nrt=False)
 _inlined = partial(_compiled, kept=False, forceinline=True)
 _return_of = _inlined(return_of)
-# numbers of nodes or view sums; unsigned, so that no check for negative indices is compiled
-_Numbers = NDArray[np.uint32]
 
 
 @_inlined
 def _along(
-    value: FloatArray, heads: _Numbers, rewards: FloatArray, charges: FloatArray, edge: int
+    value: FloatArray, heads: IndexArray, rewards: FloatArray, charges: FloatArray, edge: int
 ) -> float:
     """Returns the value of an edge that may be rewarded or charged."""
     reward = rewards[edge] if len(rewards) else 0.0
@@ -33,9 +30,9 @@ def _along(
 
 @_compiled
 def best_nodes(
-    first_entry: IntArray, view_sums: _Numbers, pixels: FloatArray, seen: FloatArray,
+    first_entry: IntArray, view_sums: IndexArray, pixels: FloatArray, seen: FloatArray,
     before: FloatArray, weights: FloatArray, n_roots: int, caps: FloatArray, first_edge: IntArray,
-    heads: _Numbers, rewards: FloatArray, charges: FloatArray, is_charged: BoolArray,
+    heads: IndexArray, rewards: FloatArray, charges: FloatArray, is_charged: BoolArray,
     cost: FloatArray, starts: int, last: int, value: FloatArray, path: IntArray,
 ) -> None:  # fmt: skip
     """Finds the best path from one of the first nodes; nodes are numbered step by step.

@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import FloatArray, IndexArray, IntArray
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.formulations.certificates.staged.conflicts import Conflicts
 from cocap_opt.model import Model
@@ -206,12 +206,12 @@ class JointStates:
         return worths
 
     @cached_property
-    def sparse(self) -> tuple[IntArray, IntArray, FloatArray]:
+    def sparse(self) -> tuple[IndexArray, IndexArray, FloatArray]:
         """The pixels as compressed sparse rows: first entry of each state [n+1], faces, pixels."""
         rows, faces = np.nonzero(self.pixels)
         return (
-            np.searchsorted(rows, np.arange(len(self.pixels) + 1)),
-            # contiguous, as numba would compile again for another layout
-            np.ascontiguousarray(faces),
+            np.searchsorted(rows, np.arange(len(self.pixels) + 1)).astype(np.uint32),
+            # `astype` makes them contiguous; numba would compile again for another layout
+            faces.astype(np.uint32),
             self.pixels[rows, faces],
         )

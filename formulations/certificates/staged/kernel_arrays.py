@@ -4,7 +4,7 @@ rows.
 
 from typing import NamedTuple
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IndexArray, IntArray
 
 # Entries of `Memory.progress`; the depth is -1 if no search is in progress.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
@@ -19,18 +19,18 @@ PIXELS, VALUES = range(2)
 class Inputs(NamedTuple):
     """The arrays that a search reads, for n states, F faces, C classes, R robots and B bounds."""
 
-    first: IntArray  # [n+1] first entry of each state's coverage
-    faces: IntArray  # face of each entry
+    first: IndexArray  # [n+1] first entry of each state's coverage
+    faces: IndexArray  # face of each entry
     pixels: FloatArray  # pixels of each entry
     weights: FloatArray  # [F]
     n_roots: int  # number of faces before those that count drones
     caps: FloatArray  # [F - n_roots] limit k of each face that counts drones
     price: FloatArray  # [n]
     charge: FloatArray  # [n]
-    class_of: IntArray  # [n], not decreasing
-    classes: IntArray  # [R] class of the robot that is chosen at each depth
+    class_of: IndexArray  # [n], not decreasing
+    classes: IndexArray  # [R] class of the robot that is chosen at each depth
     counts: IntArray  # [R+1, C] remaining robots of each class at each depth
-    place_of: IntArray  # [n] place of each state, out of P places
+    place_of: IndexArray  # [n] place of each state, out of P places
     too_near: BoolArray  # [P, P] True if two robots may not be there at once
     raised: FloatArray  # [B, n] increase of prices or charges since each bound
     is_limit: BoolArray  # [B]
@@ -41,9 +41,9 @@ class Memory(NamedTuple):
 
     # depth, whether its node is new, whether all is done, number found, number of nodes
     progress: IntArray
-    states: IntArray  # [R+1, n] positions of states that may be taken
+    states: IndexArray  # [R+1, n] positions of states that may be taken
     numbers: IntArray  # [R+1, 2] their number, and the number of those of the next robot's class
-    child: IntArray  # [R+1] the next child
+    child: IndexArray  # [R+1] the next child
     # [3, R+1, n] gains less prices, gains less charges, and the largest reachable profit
     values: FloatArray
     seen: FloatArray  # [2, R+1, F] pixels so far, and their returns

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.compiling import compiled
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import FloatArray, IndexArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.kernel_arrays import (
     CHARGED,
@@ -21,6 +21,7 @@ from cocap_opt.formulations.certificates.staged.relaxation import (
     HEAT,
     LEAST_MASS,
     LEAST_PIXELS,
+    LEAST_SHARE,
     ROOM,
     ROUNDS,
     STEP,
@@ -41,7 +42,7 @@ class Relaxed(NamedTuple):
 
     margin: float  # margin of the relaxation, for rounding
     may_repeat: bool
-    cliques: IntArray  # [n]
+    cliques: IndexArray  # [n]
     least_pixels: FloatArray  # [F] smallest number of pixels at which a tangent touches the root
     gains: FloatArray  # [E] at the current node
     shares: FloatArray  # [R+1, n] of the mixture at each depth
@@ -49,9 +50,10 @@ class Relaxed(NamedTuple):
     slopes: FloatArray  # [2, F] for pixels and for single gains, weighted
     conditions: FloatArray  # [3, P] constants, values at the mixture, shares
     worth: FloatArray  # [n] of the node's states
-    picks: IntArray  # [R] numbers of the picked states among the node's states
+    picks: IndexArray  # [R] numbers of the picked states among the node's states
     last: FloatArray  # [C] worth of the last pick of each class, or mass of its mixture
-    moved: IntArray  # [n] new number of each of the node's states
+    active: IndexArray  # [B] numbers of the bounds with a share
+    moved: IndexArray  # [n] new number of each of the node's states
 
 
 def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
@@ -60,7 +62,7 @@ def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
     return Relaxed(
         margin=ROOM * joint.margin,
         may_repeat=joint.conflicts.may_repeat,
-        cliques=joint.cliques,
+        cliques=joint.cliques.astype(np.uint32),
         least_pixels=LEAST_PIXELS * joint.most_pixels,
         gains=np.zeros(len(data.pixels)),
         shares=np.zeros((robots + 1, n)),
@@ -68,9 +70,10 @@ def relaxed_of(data: Inputs, joint: JointStates) -> Relaxed:
         slopes=np.zeros((2, n_faces)),
         conditions=np.zeros((3, 2 + len(data.raised))),
         worth=np.zeros(n),
-        picks=np.zeros(robots, dtype=np.int64),
+        picks=np.zeros(robots, dtype=np.uint32),
         last=np.zeros(len(joint.sizes)),
-        moved=np.zeros(n, dtype=np.int64),
+        active=np.zeros(len(data.raised), dtype=np.uint32),
+        moved=np.zeros(n, dtype=np.uint32),
     )
 
 
@@ -217,7 +220,8 @@ def _find_shares(relaxed: Relaxed, high: float, lowest: float, heat: float) -> N
     conditions, total = relaxed.conditions, 0.0
     for p in range(conditions.shape[1]):
         value = conditions[AT_MIXTURE, p] + (high if p <= CHARGED else 0.0)
-        conditions[SHARES, p] = np.exp((lowest - value) / heat)
+        share = np.exp((lowest - value) / heat)
+        conditions[SHARES, p] = share if share >= LEAST_SHARE else 0.0
         total += conditions[SHARES, p]
     for p in range(conditions.shape[1]):
         conditions[SHARES, p] /= total
@@ -232,6 +236,11 @@ def _find_worth(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, kapp
     for p in range(conditions.shape[1]):
         if conditions[SHARES, p] > 0.0:
             constant += conditions[SHARES, p] * conditions[CONSTANTS, p]
+    active = 0
+    for k in range(len(data.raised)):
+        if conditions[SHARES, 2 + k] > 0.0:
+            relaxed.active[active] = k
+            active += 1
     for i in range(memory.numbers[depth, 0]):
         s, gain = memory.states[depth, i], 0.0
         for e in range(data.first[s], data.first[s + 1]):
@@ -239,7 +248,8 @@ def _find_worth(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, kapp
             gain += slopes[GAINS, f] * relaxed.gains[e] + slopes[PIXELS, f] * data.pixels[e]
         worth = gaining * gain - conditions[SHARES, PRICED] * data.price[s]
         worth -= conditions[SHARES, CHARGED] * data.charge[s]
-        for k in range(len(data.raised)):
+        for a in range(active):
+            k = relaxed.active[a]
             worth -= conditions[SHARES, 2 + k] * data.raised[k, s]
         relaxed.worth[i] = worth
     return constant
@@ -255,11 +265,14 @@ def _drop(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int, bound: flo
         relaxed.moved[i] = kept
         if bound - relaxed.last[data.class_of[s]] + worth[i] <= -relaxed.margin:
             continue
-        states[depth, kept] = s
-        worth[kept] = worth[i]
-        for row in range(3):
-            values[row, depth, kept] = values[row, depth, i]
+        if kept < i:
+            states[depth, kept] = s
+            worth[kept] = worth[i]
+            for row in range(3):
+                values[row, depth, kept] = values[row, depth, i]
         kept += 1
+    if kept == memory.numbers[depth, 0]:
+        return
     memory.numbers[depth, 0] = kept
     for k in range(len(data.classes) - depth):
         relaxed.picks[k] = relaxed.moved[relaxed.picks[k]]

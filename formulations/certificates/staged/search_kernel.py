@@ -391,13 +391,13 @@ class CompiledSearch:
             *joint.returns,
             joint.price,
             joint.charge,
-            joint.class_of,
-            classes,
+            joint.class_of.astype(np.uint32),
+            classes.astype(np.uint32),
             counts=np.array([
                 np.bincount(classes[d:], minlength=len(joint.sizes))
                 for d in range(len(classes) + 1)
             ]),
-            place_of=joint.conflicts.place_of,
+            place_of=joint.conflicts.place_of.astype(np.uint32),
             too_near=joint.conflicts.too_near,
             raised=np.array([raised for _, raised in bounds]).reshape(
                 len(bounds), len(joint.class_of)
@@ -466,9 +466,9 @@ def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
     return Memory(
         progress=np.array([-1 if most_found else 0, 1, 0, 0, 0]),
-        states=np.tile(np.arange(n), (depths, 1)),
+        states=np.tile(np.arange(n, dtype=np.uint32), (depths, 1)),
         numbers=np.tile([n, 0], (depths, 1)),
-        child=np.zeros(depths, dtype=np.int64),
+        child=np.zeros(depths, dtype=np.uint32),
         values=np.zeros((3, depths, n)),
         seen=np.zeros((2, depths, n_faces)),
         profits=np.zeros((2, depths)),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.compiling import compiled
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IndexArray, IntArray
 from cocap_opt.returns import return_of
 
 _MOST_SWEEPS = 50  # sweeps over all robots, per start
@@ -16,8 +16,8 @@ _GAIN = 1e-9  # relative; smaller increases do not count
 class AscentViews(NamedTuple):
     """The arrays that local search reads, for n states, F faces, R robots."""
 
-    first: IntArray  # [n+1] first entry of each state's coverage
-    faces: IntArray  # face of each entry
+    first: IndexArray  # [n+1] first entry of each state's coverage
+    faces: IndexArray  # face of each entry
     pixels: FloatArray  # pixels of each entry
     weights: FloatArray  # [F]
     n_roots: int  # number of faces before those that count drones
@@ -25,7 +25,7 @@ class AscentViews(NamedTuple):
     price: FloatArray  # [n]
     charge: FloatArray  # [n]
     ranges: IntArray  # [R, 2] first state of each robot's class, and the first of the next class
-    place_of: IntArray  # [n] place of each state, out of P places
+    place_of: IndexArray  # [n] place of each state, out of P places
     too_near: BoolArray  # [P, P] True if two robots may not be there at once
 
 
@@ -57,9 +57,9 @@ def _scanned(
         seen[f] = 0.0
     paid, charged, worth = 0.0, 0.0, 0.0
     for other in range(len(team)):
-        s = team[other]
-        if other == robot or s < 0:
+        if other == robot or team[other] < 0:
             continue
+        s = np.uint32(team[other])
         paid += views.price[s]
         charged += views.charge[s]
         for e in range(views.first[s], views.first[s + 1]):
@@ -69,9 +69,10 @@ def _scanned(
         worth += views.weights[f] * values[f]
     best, best_height, best_low, best_counts = -1, -np.inf, -np.inf, False
     for k in range(-1, len(states)):
-        s, gain = states[k] if k >= 0 else team[robot], 0.0
-        if s < 0:
+        taken = states[k] if k >= 0 else team[robot]
+        if taken < 0:
             continue
+        s, gain = np.uint32(taken), 0.0
         for e in range(views.first[s], views.first[s + 1]):
             f = views.faces[e]
             value = _return_of(views.n_roots, views.caps, f, seen[f] + views.pixels[e])
@@ -91,13 +92,12 @@ def _scanned(
             continue
         is_free = True
         for other in range(len(team)):
-            taken = team[other]
-            if other == robot or taken < 0:
+            if other == robot or team[other] < 0:
                 continue
-            if views.too_near[views.place_of[s], views.place_of[taken]]:
+            if views.too_near[views.place_of[s], views.place_of[team[other]]]:
                 is_free = False
         if is_free:
-            best, best_height, best_low, best_counts = s, now, low, counts
+            best, best_height, best_low, best_counts = taken, now, low, counts
     return best, best_height
 
 
@@ -176,9 +176,9 @@ def ascend(
 
 def call_once() -> None:
     """Runs a search without teams, so that the kernel is loaded, or compiled and stored."""
-    none, single = np.zeros(1, dtype=np.int64), np.ones(1)
+    none, single = np.zeros(1, dtype=np.uint32), np.ones(1)
     views = AscentViews(
-        np.array([0, 1]), none, single, single, 1, np.zeros(0), single, single,
+        np.array([0, 1], dtype=np.uint32), none, single, single, 1, np.zeros(0), single, single,
         np.array([[0, 1]]), none, np.zeros((1, 1), dtype=np.bool_),
     )  # fmt: skip
     ascend(views, 0.0, np.zeros((0, 1), dtype=np.int64), 0, 1)

@@ -92,7 +92,7 @@ def _compiled(
     ranges = np.repeat(np.column_stack([ends[:-1], ends[1:]]), joint.sizes, axis=0)
     views = AscentViews(
         *joint.sparse, joint.weights, *joint.returns, joint.price, joint.charge, ranges,
-        joint.conflicts.place_of, joint.conflicts.too_near,
+        joint.conflicts.place_of.astype(np.uint32), joint.conflicts.too_near,
     )  # fmt: skip
     full, high = (
         (parameters.full_starts, parameters.high_states)
