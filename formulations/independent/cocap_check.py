@@ -1191,20 +1191,24 @@ class Search:
         rows = {x: ([(e[0], e[3], e[4]) for e in gains[x]], self.rows[x]) for x in cands}
         mixture = _Mixture(constants_f, shares, rows, dict.fromkeys(self.most, 0.0))
         heat, best, prices = 0.0, math.inf, None
-        for k in range(self.tries):
+        for n in range(self.tries):
             (slopes, kappa), values = self._slopes(seen_f, mixture)
             if (lowest := min(values)) > 0:
                 break
-            heat = heat or max(-0.02 * lowest, 1e-9)
+            heat = heat or max(-0.01 * lowest, 1e-9)
             parts = [math.exp(max((lowest - value) / heat, -40.0)) for value in values]
+            parts = [part if part > 1e-4 else 0.0 for part in parts]
             total = sum(parts)
             parts = [part / total for part in parts]
+            used = [(k, part) for k, part in enumerate(parts) if part]
             gaining = sum(itertools.compress(parts, self.gaining))
             constant = gaining * kappa + sum(map(operator.mul, parts, constants_f))
             scaled = {g: (gaining * a, gaining * b) for g, (a, b) in slopes.items()}
             worth = {}
             for x, (views, pays) in rows.items():
-                value = -sum(map(operator.mul, parts, pays))
+                value = 0.0
+                for k, part in used:
+                    value -= part * pays[k]
                 for g, gain, amount in views:
                     a, b = scaled[g]
                     value += a * gain + b * amount
@@ -1216,7 +1220,7 @@ class Search:
                 best, prices = constant + picks[0], (slopes, parts)
             if best < 0:
                 break
-            mixture.move(picks[2], 2 / (20 + k))
+            mixture.move(picks[2], 2 / (30 + n))
         if prices is not None:
             cands = self._proved(seen, constants, counts, cands, gains, prices)
         return cands, mixture.shares
@@ -1241,9 +1245,10 @@ class Search:
             worth += min(gain, together)
             alpha = min(max(0.5 - 8 * (gain - together) / together, 0.0), 1.0)
             if cap is None:
-                touched = math.sqrt(before + max(amount, self.most[g] / ONE / 16))
-                beta = weight * (1 - alpha) / (2 * touched)
-                kappas += weight * (1 - alpha) * (touched - root) - beta * (touched**2 - before)
+                square, rest = before + max(amount, self.most[g] / ONE / 16), weight * (1 - alpha)
+                touched = math.sqrt(square)
+                beta = rest / (2 * touched)
+                kappas += rest * (touched - root) - beta * (square - before)
                 slopes[g] = alpha, beta
             else:
                 kappas += (1 - alpha) * together
@@ -1257,6 +1262,7 @@ class Search:
     ) -> list[int]:  # fmt: skip
         """Returns the states that remain at given prices, computed in multiples of 2^-30."""
         parts = [int(part * 2**30) for part in prices[1]]
+        used = [(part, pays) for part, pays in zip(parts, self.pays, strict=True) if part]
         gaining = sum(part for part, g in zip(parts, self.gaining, strict=True) if g)
         slopes, kappas = {}, 0
         for g, (alpha, beta) in prices[0].items():
@@ -1281,7 +1287,7 @@ class Search:
                 (slopes[e[0]][0] * e[1] >> 30) + (slopes[e[0]][1] * e[2] >> BITS) + 2
                 for e in gains[x]
             )
-            paid = sum(part * pays[x] for part, pays in zip(parts, self.pays, strict=True))
+            paid = sum(part * pays[x] for part, pays in used)
             worth[x] = (gaining * gain - paid >> 30) + 1
         return self._kept(constant, worth, counts, cands)
 
