@@ -126,6 +126,17 @@ class Geodesy:
         return f"{self._crs.name} ({':'.join(code)})" if code else str(self._crs.name)
 
     @property
+    def axes(self) -> str:
+        """The meaning of x and y in the scene, in words."""
+        if self._earth.origin is None:
+            return f"x and y in {self.name}"
+        latitude, longitude = self._earth.origin
+        return (
+            f"x and y (m) from latitude {latitude:.9g}, longitude {longitude:.9g}, along the axes "
+            f"of {self.name}"
+        )
+
+    @property
     def accuracy(self) -> float | None:
         """Possible error in m of latitudes and longitudes; None if unknown."""
         metres = float(self._to_earth.accuracy)

@@ -88,7 +88,7 @@ def waypoint_mission(
     _require_few(items, autopilot)
     _require_batteries(flight)
     known = zones(flight, flight.geodesy)
-    fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
+    fence = [z for z in known if has_fence and not (z.is_cut or crossed(flight, z))]
     contents = [write(*drone, fence) for drone in zip(found, items, strict=True)]
     delay = tolerated_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
@@ -207,7 +207,9 @@ def _fences(
             f"{_CORNERS}: check that yours has loaded all of them"
         )
     for zone in known if has_fence else ():
-        if zone not in fence:
+        if zone.is_cut:
+            yield f"{zone.name}, is not in the geofence, as longitude 180 cuts it"
+        elif zone not in fence:
             yield (
                 f"{zone.name}, is not in the geofence, as a drone flies above or below it and a "
                 "geofence has no heights"

@@ -38,6 +38,11 @@ class Zone(NamedTuple):
         return f"no-fly zone {self.number}, {self.told_heights}"
 
     @property
+    def is_cut(self) -> bool:
+        """True if longitude 180 cuts the zone, so that its corners are no polygon in degrees."""
+        return bool(np.ptp(self.corners[:, 0]) > 180)
+
+    @property
     def told_heights(self) -> str:
         """Its heights in words: above the sea or the ellipsoid, otherwise above the map's zero."""
         name = next((name for name in self.heights if name != "z"), "z")

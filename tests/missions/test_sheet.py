@@ -493,6 +493,8 @@ def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:
     lines = "\n".join(sections["Waypoint missions"])
     assert "*.px4.*.plan PX4 for PX4" in lines
     assert "*.ardupilot.*.waypoints\n*.ardupilot.*.plan ArduPilot for ArduPilot" in lines
+    places = "\n".join(sections["Places and heights"])
+    assert "Places: x and y (m) from latitude 43.26, longitude -2.93, along the axes of " in places
     limits = "\n".join(sections["Distances and limits"])
     assert "The ceiling is 50 m above " in limits
     assert re.search(r"No-fly zone 0, .*, with corners x \d+\.\d y \d+\.\d, ", limits)

@@ -73,6 +73,17 @@ def test_a_zone_that_a_drone_passes_below_is_no_fence() -> None:
     assert "no-fly zone 2, from 52 to 60 m above the sea, is not in the geofence" in said(mission)
 
 
+def test_a_zone_across_longitude_180_is_no_fence() -> None:
+    """In degrees its corners would enclose what is outside; the note says it."""
+    across = (3.0, 5.0, 0.0), (8.0, 6.0, 30.0)
+    mission = FORMATS[".plan"].writer()(flight_with(*BOXES, across, crs="EPSG:32760"), None)
+    for content in mission.files.values():
+        fence = json.loads(content)["geoFence"]["polygons"]
+        require_boxes([[point[::-1] for point in one["polygon"]] for one in fence], "EPSG:32760")
+    assert "is not in the geofence, as longitude 180 cuts it" in said(mission)
+    assert said(mission).count("not in the geofence") == 1
+
+
 def test_files_that_hold_no_fence_or_ceiling_say_so() -> None:
     """The crew reads what it must set itself, and above what."""
     listed = FORMATS[".waypoints"].writer()(flight_with(*BOXES, ceiling=9.5), None)

@@ -156,8 +156,7 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
         yield "Places: x and y of the map (m); its location on the Earth is unknown or left out."
     else:
         known = told_accuracy(flight.geodesy.accuracy)
-        name = flight.geodesy.name
-        yield f"Places: x and y in {name}; latitudes and longitudes by {known}."
+        yield f"Places: {flight.geodesy.axes}; latitudes and longitudes by {known}."
         yield from (f"{note}." for note in flight.axes())
     yield Heights.of(flight).sentence()
     yield _angles(flight)
