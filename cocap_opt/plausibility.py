@@ -22,6 +22,7 @@ _FLOATING = 1.0  # m, largest plausible height of feet above the ground
 _PROBE = 1e-3  # m, width of the column that is examined around a foot point
 _HEIGHTS = 0.3, 4.0  # m, of people and riders
 _FASTEST = 100.0  # m per step
+_AHEAD = 2.0  # times as fast as drones; in published scenes people are up to 1.5 times as fast
 _HOVERING = 100.0  # m, of a mesh above the highest cell; bridges and cranes are lower
 _TALLEST = 830.0  # m, of buildings
 _USUAL = 150.0  # m, median height of built-up cells; no city of towers exceeds it
@@ -39,7 +40,10 @@ _Pose = tuple[float, float, float, float]
 
 def warnings(problem: SceneData) -> list[str]:
     """Returns all likely mistakes in a problem, in words, one line each."""
-    return [*warnings_before_starts(problem), *_shut_in(problem, _around_robots(problem))]
+    return [
+        *warnings_before_starts(problem), *_outrun(problem),
+        *_shut_in(problem, _around_robots(problem)),
+    ]  # fmt: skip
 
 
 def warnings_before_starts(problem: SceneData) -> list[str]:
@@ -156,6 +160,23 @@ def _not_closed(mesh: Mesh) -> str:
     if len(ends) and float(ends.max()) - lowest <= _SUNK < highest - lowest:
         return "has no floor: only its surface is solid, and drones may fly inside"
     return "is not closed, so only its surface is solid"
+
+
+def _outrun(problem: SceneData) -> Iterator[str]:
+    """Yields a warning if the fastest person is much faster than all drones."""
+    resolution, horizon = problem.height_map.resolution, problem.horizon
+    people = [
+        (float(np.hypot(*np.diff(actor.poses[: horizon + 1, :2], axis=0).T).mean()), j)
+        for j, actor in _distinct_people(problem)
+    ]
+    longest = max((robot.motion.longest_aside(resolution) for robot in problem.robots), default=0.0)
+    pace, j = max(people, default=(0.0, 0))
+    if 0 < _AHEAD * longest < pace:
+        yield (
+            f"{problem.person(j)} moves {pace:.3g} m per step on average, and no drone more than "
+            f"{longest:.3g} m, so drones fall behind: longer moves need a larger `radius` or, with "
+            "an airframe, longer steps"
+        )
 
 
 def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:

@@ -580,6 +580,15 @@ starts = [{{ x = {EAST + 9.5}, y = {NORTH + 6.5} }}]
     assert read(write(tmp_path, filled)).height_map.heights[3, 4] == 30
 
 
+def test_people_who_outrun_all_drones_are_named(tmp_path: Path) -> None:
+    """Such a film is taken from afar; the message says which fields matter."""
+    walk = '[[walk]]\nname = "Ada"\npoints = [[2, 2], [18, 10]]\nspeed = 3\n'
+    for step, said in ((0.5, False), (1.5, True)):
+        problem = read(write(tmp_path, f"step = {step}" + FLAT + walk + DRONE))
+        found = [words for words in warnings(problem) if "Ada" in words]
+        assert [("so drones fall behind" in words) for words in found] == [True] * said
+
+
 def test_filmed_people_who_race_are_doubted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
