@@ -24,6 +24,7 @@ from cocap_opt.flight.touchdowns import Touchdowns
 from cocap_opt.flight.urgent import attention
 from cocap_opt.flight.ways import has_homes, parts_of_take
 from cocap_opt.missions import FORMATS
+from cocap_opt.missions.routes import seconds_to_step_0
 from cocap_opt.missions.sheet import pages_of
 from cocap_opt.missions.sheet.cards import battery_warnings, drone_cards, people_cards
 from cocap_opt.missions.sheet.clock import TAKE, Clock, phases_of
@@ -481,6 +482,20 @@ def test_a_battery_has_to_last_for_the_way_up_and_the_wait(smooth: bool) -> None
         other = Flight.of(problem.replace(robots=robots), plan, smooth)
         found = [*battery_warnings(other, clock_of(other))]
         assert [line.startswith(words) for line in found] == [True] * bool(words)
+
+
+def test_missions_of_drones_with_homes_have_a_start_of_their_own() -> None:
+    """They contain no flights from home, with which the running order begins."""
+    problem, plan = scene()
+    earth = co.Earth(crs="EPSG:25830", origin=(43.26, -2.93))
+    homes = [robot.replace(home=(robot.start.x, robot.start.y)) for robot in problem.robots]
+    for robots, said in ((problem.robots, 0), (tuple(homes), 1)):
+        flight = Flight.of(problem.replace(earth=earth, robots=robots), plan, False)
+        lines = text_of(flight)["Waypoint missions"]
+        found = [line for line in lines if "the running order does not hold for them" in line]
+        assert len(found) == said
+        at = clock_of(flight).at(-seconds_to_step_0(flight))
+        assert all(f"start all missions at once at {at}, in time" in line for line in found)
 
 
 def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:

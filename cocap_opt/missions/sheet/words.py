@@ -54,7 +54,7 @@ def sections(
         ),
         Section("Late drones and people", list(_delays(flight))),
         *take_off(flight, clock, grounds),
-        *_missions(flight),
+        *_missions(flight, clock),
         *([] if every is None else [*places(flight, every), *walks(flight, every)]),
     ]
 
@@ -270,7 +270,18 @@ def _limits(flight: Flight, clock: Clock) -> Iterator[Block]:
     yield Table(heads, rows, frozenset({0, 2, 3, 4, 5}))
 
 
-def _missions(flight: Flight) -> Iterator[Section]:
+def _instead_of_homes(flight: Flight, clock: Clock) -> Iterator[str]:
+    """Yields how missions begin and end if the running order has flights from and to home."""
+    if clock.parts:
+        begin = clock.at(-seconds_to_step_0(flight))
+        yield (
+            "Missions contain no flights from or to home, and no pause, so the running order does "
+            "not hold for them. Put each drone below its first place, and start all missions at "
+            f"once at {begin}, in time for step 0; at the end drones hover until pilots land them."
+        )
+
+
+def _missions(flight: Flight, clock: Clock) -> Iterator[Section]:
     """Yields what the crew must know about the missions of this flight for each autopilot."""
     if flight.is_smooth or flight.geodesy is None or flight.flown.problem.begins_in_the_air:
         return
@@ -289,6 +300,7 @@ def _missions(flight: Flight) -> Iterator[Section]:
         [
             "A mission flies only on the autopilot that its file names. Altitudes in its file "
             "are relative to the take-off: the surface below the drone's first place.",
+            *_instead_of_homes(flight, clock),
             Table(("files", "autopilot", "note"), rows),
         ],
     )
