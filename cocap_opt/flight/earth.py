@@ -283,4 +283,4 @@ def told_accuracy(metres: float | None) -> str:
     """Describes the accuracy of latitudes and longitudes; None: unknown."""
     if metres is None:
         return "conversion to WGS 84 of unknown accuracy"
-    return f"conversion to WGS 84 exact{f' to {metres:g} m' if metres else ''}"
+    return f"conversion to WGS 84 {f'accurate to {metres:g} m' if metres else 'exact'}"
