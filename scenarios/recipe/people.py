@@ -38,6 +38,7 @@ Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
 _REACH = 100.0  # m off the map; people farther away are not filmed
 _MOSTLY = 0.5  # share of all intervals between rows; if more are long, rows are too far apart
 _LONGEST = 60.0  # s; longest interval in which a straight walk may be intended
+_SWERVE = 0.5  # m; people who leave the straight walk by less are where the scene has them
 _LEAST_WALK = 0.5  # share of the scene's duration; a shorter walk may be unintended
 
 
@@ -91,6 +92,8 @@ class TracksTable(Table):
         ]
         names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
         if warning := _pace_warning(names, actors, step, causes):
+            log.warning("%s: %s", self._named, warning)
+        if warning := _swerve_warning(chosen, begin, step, steps):
             log.warning("%s: %s", self._named, warning)
         shown = [f"file: {self._named}: {name}" for name in names]
         _require_near_map(shown, actors, terrain, "`at` moves people, `origin` of [map] the map")
@@ -410,3 +413,28 @@ def _pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, ca
         return ""
     more = f"; {len(warnings)} of {len(actors)} people are so fast" if len(warnings) > 1 else ""
     return f"{warnings[0]}{more}: are {causes} right?"
+
+
+def _swerve_warning(tracks: Sequence[Track], begin: float, step: float, steps: int) -> str:
+    """Returns a warning about who leaves the straight walk from step to step the farthest; empty if
+    nobody leaves it by much.
+
+    Parameters
+    ----------
+    tracks : people who are present at all steps
+    begin : time of step 0, s
+    step : seconds between steps
+    steps : horizon T
+    """
+    swerves = [(*track.swerve(begin, step, steps), track.id) for track in tracks]
+    others = sum(away > _SWERVE for away, _, _ in swerves) - 1
+    if others < 0:
+        return ""
+    away, time, who = max(swerves, key=lambda swerve: swerve[0])
+    noun = "other" if others == 1 else "others"
+    more = f" (and {others} {noun} by more than {_SWERVE:g} m)" if others else ""
+    return (
+        f"id {who} is up to {distance(away)} off the straight walk between steps, "
+        f"{time - begin:.4g} s after step 0{more}; distances to people can be smaller by that: use "
+        "shorter steps or a larger distance to people"
+    )
