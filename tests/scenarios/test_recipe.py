@@ -637,12 +637,33 @@ def test_people_who_are_not_there_are_named(parts: Path) -> None:
         ("count = 3\nbegin = 70", "from 70 s on only 0 are"),
         (
             "",
-            r"who is filmed: write ids = \[12, 15\] or count = 2 in .*; all are present for 4 s f",
+            r"who is filmed: write ids = \[12, 15, 16\] or count = 3 in .*; all are present for 4",
         ),
         ("begin = 70", r"who is filmed: write .*; nobody is present for 4 s from 70 s on"),
     ):
         with pytest.raises(ProblemError, match=message):
             read(write(parts, FLAT + table + more + DRONE))
+
+
+@pytest.mark.parametrize(("people", "shown"), [(8, 8), (9, 2)])
+def test_an_example_of_whom_to_film_has_all_who_are_present(
+    tmp_path: Path, people: int, shown: int
+) -> None:
+    """Copied into a recipe, it forgets nobody; only of many people it has two. Who leaves early
+    cannot be filmed, and any name can be in it.
+    """
+    names = ["early", "Jo's", *(f"p{k}" for k in range(2, people + 1))]
+    rows = [f"{who},{t},{5 + t},{k}\n" for k, who in enumerate(names)
+            for t in range(5 if k else 3)]  # fmt: skip
+    (tmp_path / "people.csv").write_text("id,time,x,y\n" + "".join(rows))
+    table = '[[tracks]]\nfile = "people.csv"\nunit = "m"\n'
+    with pytest.raises(ProblemError, match="who is filmed") as refused:
+        read(write(tmp_path, FLAT + table + DRONE))
+    ids, count = re.findall(r"write (ids = .*) or (count = \d+) in", str(refused.value))[0]
+    assert ids.startswith('ids = ["Jo\'s", ') and "early" not in ids
+    for wanted in (ids, count):
+        problem = read(write(tmp_path, FLAT + table + f"{wanted}\n" + DRONE))
+        assert len(problem.actors) == 1 + shown  # one walks
 
 
 def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
