@@ -173,7 +173,7 @@ class Track(NamedTuple):
         return np.column_stack([np.interp(times, self.times, axis) for axis in self.points.T])
 
     def swerve(self, begin: float, step: float, steps: int) -> tuple[float, float]:
-        """Returns how far (m) the track is from the straight walk from step to step, and when (s).
+        """Returns the largest distance (m) from the straight walk between steps, and its time (s).
 
         Both are straight between their points and meet at the steps, so that the largest distance
         is at a frame.
