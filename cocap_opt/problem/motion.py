@@ -72,9 +72,13 @@ class Stride(Data, frozen=True):
                 within(getattr(self, field), 0, LARGEST, field, "m")
 
     def __str__(self) -> str:
-        words = {"aside": "aside", "upright": "up or down", "space": "in space"}
-        bounds = ((getattr(self, field), told) for field, told in words.items())
-        return ", ".join(f"{most:.3g} m {told}" for most, told in bounds if most is not None)
+        """The distances in words, without those that the distance in space makes redundant."""
+        parts = (self.aside, "horizontally"), (self.upright, "up or down")
+        space = math.inf if self.space is None else self.space
+        bounds = [
+            f"{most:.3g} m {told}" for most, told in parts if most is not None and most < space
+        ]
+        return ", ".join(([f"{space:.3g} m long"] if self.space is not None else []) + bounds)
 
     def within(self, other: "Stride | None") -> "Stride":
         """Returns the stride with the bounds of both."""

@@ -22,6 +22,13 @@ from cocap_opt.scenarios.hardware import camera_called
 
 MOST_DRONES = 1000
 
+# What the drones of a team have in common, and its names in the tables of a recipe.
+_ALIKE = {
+    "motion": "[drones.motion]",
+    "camera": "camera and tilts",
+    "limits": "airframe and limits",
+}
+
 
 class TeamChoice(NamedTuple):
     """A choice of drones.
@@ -91,10 +98,13 @@ def drone_of(problem: Problem) -> Robot:
     """
     first = problem.robots[0]
     for i, robot in enumerate(problem.robots):
-        for field in ("motion", "camera", "limits"):
-            same = getattr(robot, field) == getattr(first, field)
-            words = "must be the same as for robots[0] to make teams"
-            require(same, f"robots[{i}].{field}", words)
+        others = [field for field in _ALIKE if getattr(robot, field) != getattr(first, field)]
+        told = ", ".join(_ALIKE[field] for field in others)
+        words = (
+            f"must be alike to make teams, but drone {i} differs from drone 0 in "
+            f"{' and '.join(others)}; in a recipe, all [[drones]] tables need the same {told}"
+        )
+        require(not others, "robots", words)
         words = (
             "must be left out, or be several cells that are the same for all drones, to make teams"
         )

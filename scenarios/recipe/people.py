@@ -1,5 +1,6 @@
 """The people of a recipe, who follow recorded tracks or walk along given legs."""
 
+import json
 import logging
 import math
 from collections.abc import Sequence
@@ -38,6 +39,8 @@ Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
 _REACH = 100.0  # m off the map; people farther away are not filmed
 _MOSTLY = 0.5  # share of all intervals between rows; if more are long, rows are too far apart
 _LONGEST = 60.0  # s; longest interval in which a straight walk may be intended
+_SWERVE = 0.5  # m; people who leave the straight walk by less are where the scene has them
+_MOST_FILMED, _FEW = 8, 2  # people in an example of whom to film: all, or a few of more
 _LEAST_WALK = 0.5  # share of the scene's duration; a shorter walk may be unintended
 
 
@@ -92,6 +95,8 @@ class TracksTable(Table):
         names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
         if warning := _pace_warning(names, actors, step, causes):
             log.warning("%s: %s", self._named, warning)
+        if warning := _swerve_warning(chosen, begin, step, steps):
+            log.warning("%s: %s", self._named, warning)
         shown = [f"file: {self._named}: {name}" for name in names]
         _require_near_map(shown, actors, terrain, "`at` moves people, `origin` of [map] the map")
         clock = chosen[0].clock
@@ -138,12 +143,14 @@ class TracksTable(Table):
         """Returns the time (s) of step 0, and the people to film."""
         wished = self._begin(tracks)
         if (self.ids is None) == (self.count is None):
-            present = _present(tracks, steps * step, wished)
+            there, present = _present(tracks, steps * step, wished)
             if self.count is not None:
                 raise ProblemError(f"must have ids or a count, not both; {present}")
-            ids = ", ".join(repr(track.id) for track in tracks[:2]).replace("'", '"')
+            shown = there or tracks
+            shown = shown if len(shown) <= _MOST_FILMED else shown[:_FEW]
+            ids = ", ".join(json.dumps(track.id, ensure_ascii=False) for track in shown)
             raise ProblemError(
-                f"must say who is filmed: write ids = [{ids}] or count = {min(len(tracks), 2)} in "
+                f"must say who is filmed: write ids = [{ids}] or count = {len(shown)} in "
                 f"[[tracks]]; {present}"
             )
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
@@ -321,8 +328,10 @@ def _named(ids: list[int | str], tracks: list[Track]) -> list[Track]:
     return [by_id[name] for name in ids]
 
 
-def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
-    """Describes who is in a file, and when most of them are present for some seconds."""
+def _present(tracks: list[Track], seconds: float, begin: float | None) -> tuple[list[Track], str]:
+    """Returns who is present for some seconds when most people are, and describes who is in a file,
+    and that time.
+    """
     spans = np.array([span for track in tracks for span in track.spans()])
     lasting = spans[spans[:, 1] - spans[:, 0] >= seconds - SLACK]
     noun = "person" if len(tracks) == 1 else "people"
@@ -333,9 +342,8 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
     counts = np.searchsorted(np.sort(lasting[:, 0]), moments + SLACK, side="right")
     counts -= np.searchsorted(np.sort(lasting[:, 1]), moments + seconds - SLACK)
     if not len(lasting) or counts.max() == 0:
-        return f"{words}; nobody is present for {seconds:g} s" + (
-            "" if begin is None else f" from {begin:g} s on"
-        )
+        since = "" if begin is None else f" from {begin:g} s on"
+        return [], f"{words}; nobody is present for {seconds:g} s{since}"
     best = float(moments[np.argmax(counts)])
     there = [
         track
@@ -343,7 +351,7 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
         if any(a <= best + SLACK and best + seconds - SLACK <= b for a, b in track.spans())
     ]
     listed = f"{len(there)} ({_listed(there)})" if len(there) < len(tracks) else "all"
-    return f"{words}; {listed} are present for {seconds:g} s from {best:.12g} s on"
+    return there, f"{words}; {listed} are present for {seconds:g} s from {best:.12g} s on"
 
 
 def _is_there(track: Track, begin: float, seconds: float) -> bool:
@@ -410,3 +418,28 @@ def _pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, ca
         return ""
     more = f"; {len(warnings)} of {len(actors)} people are so fast" if len(warnings) > 1 else ""
     return f"{warnings[0]}{more}: are {causes} right?"
+
+
+def _swerve_warning(tracks: Sequence[Track], begin: float, step: float, steps: int) -> str:
+    """Returns a warning about who leaves the straight walk from step to step the farthest; empty if
+    nobody leaves it by much.
+
+    Parameters
+    ----------
+    tracks : people who are present at all steps
+    begin : time of step 0, s
+    step : seconds between steps
+    steps : horizon T
+    """
+    swerves = [(*track.swerve(begin, step, steps), track.id) for track in tracks]
+    others = sum(away > _SWERVE for away, _, _ in swerves) - 1
+    if others < 0:
+        return ""
+    away, time, who = max(swerves, key=lambda swerve: swerve[0])
+    noun = "other" if others == 1 else "others"
+    more = f" (and {others} {noun} by more than {_SWERVE:g} m)" if others else ""
+    return (
+        f"id {who} is up to {distance(away)} off the straight walk between steps, "
+        f"{time - begin:.4g} s after step 0{more}; distances to people can be smaller by that: use "
+        "shorter steps or a larger distance to people"
+    )

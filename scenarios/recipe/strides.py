@@ -232,10 +232,13 @@ def _changed(
     if motion.spacing * edge < old.spacing * before.height_map.resolution:
         words.append(f"cells are {edge:.3g} m, not {before.height_map.resolution:.3g}")
     count, all_ = len(motion.moves_on(after.height_map)), len(old.moves)
+    left = f"{count} moves, not {all_}"
+    if edge == before.height_map.resolution and count < all_:
+        left = f"only {count} of the {all_} moves are so short"
     if motion.stride is not None and motion.stride != old.stride:
-        words.append(f"moves are at most {motion.stride} ({count} of them, not {all_})")
+        words.append(f"moves are at most {motion.stride} ({left})")
     elif count != all_:
-        words.append(f"moves are at most {motion.radius} cells ({count} of them, not {all_})")
+        words.append(f"moves are at most {motion.radius} cells ({left})")
     if motion.headings != old.headings:
         words.append(f"headings are {motion.headings}, not {old.headings}")
     degrees = [360 / m.headings * min(m.turn, m.headings // 2) for m in (motion, old)]

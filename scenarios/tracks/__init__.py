@@ -172,6 +172,32 @@ class Track(NamedTuple):
             )
         return np.column_stack([np.interp(times, self.times, axis) for axis in self.points.T])
 
+    def swerve(self, begin: float, step: float, steps: int) -> tuple[float, float]:
+        """Returns the largest distance (m) from the straight walk between steps, and its time (s).
+
+        Both are straight between their points and meet at the steps, so that the largest distance
+        is at a frame.
+
+        Parameters
+        ----------
+        begin, step, steps
+            As in `at_steps`.
+
+        Raises
+        ------
+        ProblemError
+            If the person is not present at a step, or a parameter is out of range.
+        """
+        times, walk = _times(begin, step, steps), self.at_steps(begin, step, steps)
+        within = (self.times >= times[0]) & (self.times <= times[-1])
+        frames = self.times[within]
+        straight = np.column_stack([np.interp(frames, times, axis) for axis in walk.T])
+        away = np.hypot(*(self.points[within] - straight).T)
+        if not len(away):
+            return 0.0, begin
+        k = int(np.argmax(away))
+        return float(away[k]), float(frames[k])
+
     def actor(
         self,
         begin: float,

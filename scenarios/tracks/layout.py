@@ -455,17 +455,23 @@ def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
         f"{field}: must name the columns id, frame or time, and x and y or latitude and "
         f"longitude, not {', '.join(names)}{_about_corners(names)}"
     )
-    if field == "columns" or not places:
-        return words
     axes = _AXES[not places.keys() & {"x", "y"} and bool(places.keys() & _AXES[1])]
     wanted = ["id", *([] if places.keys() & {"frame", "time"} else ["time"]), *sorted(axes)]
     missing = [role for role in wanted if role not in places]
+    unused = len(names) - len(places)
+    if unused < len(missing) and missing[0] == "id":  # a file of one person needs none
+        missing = missing[1:]
+    if field == "columns" or not missing or unused < len(missing):
+        return words
     used = {place: role for role, place in places.items()}
     listed = ", ".join(f'"{used.get(place, "-")}"' for place in range(len(names)))
+    *others, last = missing
+    roles = f"{', '.join(others)} and {last}" if others else last
+    ending = "s" if others else ""
     return (
-        f"{words}; if it has {' and '.join(missing)} under another name, set columns = [{listed}] "
-        f"in [[tracks]] with {' and '.join(missing)} in the right "
-        f"place{'s' if len(missing) > 1 else ''}"
+        f"{words}; if it has {roles} under {'other names' if others else 'another name'}, set "
+        f"columns = [{listed}] in [[tracks]] with {roles} in the right place{ending}: the words of "
+        "this program in the order of the file's columns"
     )
 
 

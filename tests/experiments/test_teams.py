@@ -245,11 +245,18 @@ def test_wrong_options_are_one_line(
 
 
 def test_drones_that_are_not_alike_make_no_teams() -> None:
-    """The drone that differs is named, and its field."""
+    """The drone that differs is named, and its fields, as in a scene and as in a recipe."""
     problem = co.load("tiny-share", 0)
     first, second = problem.robots
     other = problem.replace(robots=(first, second.replace(motion=second.motion.replace(radius=2))))
-    with pytest.raises(ProblemError, match=r"robots\[1\].motion"):
+    with pytest.raises(
+        ProblemError,
+        match=r"^robots: .* drone 1 differs from drone 0 in motion; .* the same \[drones.motion\]$",
+    ):
+        TeamChoice(2).scene(other)
+    tilted = second.camera.replace(tilts=(0.1, 0.2))
+    other = other.replace(robots=(first, other.robots[1].replace(camera=tilted)))
+    with pytest.raises(ProblemError, match="in motion and camera; in a recipe"):
         TeamChoice(2).scene(other)
     goal = problem.replace(robots=(first.replace(goal=(first.start.x, first.start.y)), second))
     with pytest.raises(ProblemError, match=r"robots\[0\].goal"):

@@ -1,5 +1,6 @@
 import logging
 import math
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from test_cli import Run
 
 import cocap_opt as co
 from cocap_opt.flight.flights import Flight
+from cocap_opt.problem import Stride
 from cocap_opt.scenarios.maps.terrain import _rise_bounded
 
 HEAVY = """
@@ -68,7 +70,23 @@ def test_cells_are_divided_where_no_move_fits_a_step(
         assert robot.motion.headings == 8
     assert 0.14 < problem.airspace.people_stray < 0.15
     assert "cells are 0.5 m, not 1, moves are at most" in caplog.text
-    assert '(5 of them, not 9); flown = "straight" keeps the moves' in caplog.text
+    assert '(5 moves, not 9); flown = "straight" keeps the moves' in caplog.text
+
+
+def test_moves_that_are_left_are_told_by_what_bounds_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The way in space, and no horizontal distance that is longer; and how many moves these are."""
+    motion = 'airframe = "px4"\nmotion = { radius = 5 }'
+    problem = co.load(scene_of(tmp_path, "step = 2", motion))
+    left = len(problem.robots[0].motion.moves_on(problem.height_map))
+    assert problem.height_map.resolution == 1 and left < 121
+    words = rf"moves are at most [\d.]+ m long, [\d.]+ m up or down \(only {left} of the 121 moves "
+    assert re.search(words, caplog.text)
+    strides = Stride(aside=2.0, upright=1.0, space=3.0), Stride(aside=2.0)
+    assert [str(stride) for stride in strides] == [
+        "3 m long, 2 m horizontally, 1 m up or down", "2 m horizontally",
+    ]  # fmt: skip
 
 
 def test_recipes_whose_moves_all_fit_stay_as_they_are(

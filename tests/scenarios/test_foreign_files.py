@@ -68,16 +68,26 @@ def test_the_unit_may_be_in_a_second_bracket(tmp_path: Path, word: str) -> None:
         ("id,time,across,up", '["id", "time", "-", "-"] in [[tracks]] with x and y in the right'),
         ("id,time,x,up", '["id", "time", "x", "-"] in [[tracks]] with y in the right place'),
         ("t,x1,y1,x2,y2", "write a row for each person and moment"),
+        (
+            "Runner,Clock,Along,Across",
+            'if it has id, time, x and y under other names, set columns = ["-", "-", "-", "-"] in '
+            "[[tracks]] with id, time, x and y in the right places: the words of this program",
+        ),
+        ("Clock,Along,Across", 'if it has time, x and y under other names, set columns = ["-", "'),
+        ("id,frame,x", "not id, frame, x\n"),
+        ("Along,Across", "not Along, Across\n"),
     ],
 )
 def test_a_header_without_a_column_gets_the_columns_to_set(
     tmp_path: Path, names: str, shown: str
 ) -> None:
-    """The message lists what was recognised, ready to be completed."""
+    """The message lists what was recognised, if anything, ready to be completed; not if the file
+    has too few columns.
+    """
     row = ",".join("1" for _ in names.split(","))
     with pytest.raises(ProblemError) as told:
         tracks(tmp_path, f"{names}\n{row}\n")
-    assert shown in str(told.value)
+    assert shown in f"{told.value}\n"
 
 
 def test_rows_without_a_header_get_the_columns_of_known_data_sets(tmp_path: Path) -> None:

@@ -611,6 +611,32 @@ def test_filmed_people_who_race_are_doubted(
         read(write(tmp_path, "step = 0.5" + FLAT + table.replace("[1]", "[99]") + DRONE))
 
 
+def test_people_who_leave_the_straight_walk_between_steps_are_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The scene has people at the steps only, and drones keep their distance to that walk."""
+    table = '[[tracks]]\nfile = "people.csv"\nunit = "m"\nbegin = 2\n'
+    aside = {"Ann": (0, 0.4), "Ben": (1.5, 0), "Cas": (0, -0.6)}  # m, at 2.5 and 3.5 s
+    rows = [
+        f"{who},{k / 2},{4 + k / 2},{5 + y[k // 2 - 2] if k in (5, 7) else 5}\n"
+        for who, y in aside.items() for k in range(13)
+    ]  # fmt: skip
+    (tmp_path / "people.csv").write_text("id,time,x,y\n" + "".join(rows))
+    for ids, told in (
+        ('["Ann"]', []),
+        ('["Cas"]', ["Cas is up to 0.6 m off the straight walk between steps, 1.5 s after step 0"]),
+        ('["Ann", "Ben", "Cas"]', ["0.5 s after step 0 (and 1 other by more than 0.5 m); distanc"]),
+    ):
+        caplog.clear()
+        read(write(tmp_path, FLAT + table + f"turn = 5\nids = {ids}\n" + DRONE))
+        notes = [note for note in caplog.messages if "straight walk" in note]
+        assert len(notes) == len(told)
+        assert all(words in note for words, note in zip(told, notes, strict=True))
+    caplog.clear()
+    read(write(tmp_path, "step = 0.5" + FLAT + table + "count = 3\n" + DRONE))
+    assert "straight walk" not in caplog.text
+
+
 def test_people_who_are_not_there_are_named(parts: Path) -> None:
     """Ids that a file lacks and times at which too few are there."""
     table = '[[tracks]]\nfile = "people.txt"\nunit = "cm"\nfps = 16\n'
@@ -620,12 +646,33 @@ def test_people_who_are_not_there_are_named(parts: Path) -> None:
         ("count = 3\nbegin = 70", "from 70 s on only 0 are"),
         (
             "",
-            r"who is filmed: write ids = \[12, 15\] or count = 2 in .*; all are present for 4 s f",
+            r"who is filmed: write ids = \[12, 15, 16\] or count = 3 in .*; all are present for 4",
         ),
         ("begin = 70", r"who is filmed: write .*; nobody is present for 4 s from 70 s on"),
     ):
         with pytest.raises(ProblemError, match=message):
             read(write(parts, FLAT + table + more + DRONE))
+
+
+@pytest.mark.parametrize(("people", "shown"), [(8, 8), (9, 2)])
+def test_an_example_of_whom_to_film_has_all_who_are_present(
+    tmp_path: Path, people: int, shown: int
+) -> None:
+    """Copied into a recipe, it forgets nobody; only of many people it has two. Who leaves early
+    cannot be filmed, and any name can be in it.
+    """
+    names = ["early", "Jo's", *(f"p{k}" for k in range(2, people + 1))]
+    rows = [f"{who},{t},{5 + t},{k}\n" for k, who in enumerate(names)
+            for t in range(5 if k else 3)]  # fmt: skip
+    (tmp_path / "people.csv").write_text("id,time,x,y\n" + "".join(rows))
+    table = '[[tracks]]\nfile = "people.csv"\nunit = "m"\n'
+    with pytest.raises(ProblemError, match="who is filmed") as refused:
+        read(write(tmp_path, FLAT + table + DRONE))
+    ids, count = re.findall(r"write (ids = .*) or (count = \d+) in", str(refused.value))[0]
+    assert ids.startswith('ids = ["Jo\'s", ') and "early" not in ids
+    for wanted in (ids, count):
+        problem = read(write(tmp_path, FLAT + table + f"{wanted}\n" + DRONE))
+        assert len(problem.actors) == 1 + shown  # one walks
 
 
 def test_why_nobody_is_there_is_said(tmp_path: Path) -> None:
