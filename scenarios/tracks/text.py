@@ -1,8 +1,9 @@
 """Reader of tracked people in text files.
 
-Fields are separated by blanks, commas or semicolons; `#` begins a comment at the start of a line
-or after a blank; numbers have decimal points; ids may be words. The rows may be preceded by a line of names and by comments that state the
-columns, their unit and the frame rate, in the style of PeTrack and JuPedSim:
+Fields are separated by blanks, commas or semicolons; `#` begins a comment at the start of a line or
+after a blank; numbers have decimal points; ids may be words. The rows may be preceded by a line of
+names and by comments that state the columns, their unit and the frame rate, in the style of PeTrack
+and JuPedSim:
 
     # framerate: 25 fps
     # id frame x/m y/m z/m

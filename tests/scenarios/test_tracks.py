@@ -343,7 +343,7 @@ def test_ids_may_contain_the_sign_of_comments(tmp_path: Path) -> None:
     for name, other in (("P#1", "P#2"), ("1#1", "1#2")):
         text = f"frame,x,y,id\n0,1,2,{name}\n#1,1,2,A\n1,1,2,{name} # stays\n2,1,3,{other}\n"
         assert [track.id for track in read(tmp_path, text, unit="m", fps=1)] == [name, other]
-    with pytest.raises(ProblemError, match="line 2, id: must not have a blank before #, .*: #1"):
+    with pytest.raises(ProblemError, match=r"line 2, id: must not have a blank before #, .*: #1"):
         read(tmp_path, "frame,x,y,id\n0,1,2,P #1\n1,1,2,P #2\n", unit="m", fps=1)
     with pytest.raises(ProblemError, match="line 3, id: must be a number, not '1#2'"):
         read(tmp_path, "frame,x,y,id\n0,1,2,1\n1,1,2,1#2\n", unit="m", fps=1)
