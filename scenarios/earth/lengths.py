@@ -89,7 +89,7 @@ def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> fl
         if stated.metres != 1:
             log.warning("%s: its heights are in %s, as the file states", file, stated.name)
         return stated.metres
-    if not _same(stated.metres, 1 / PER_METRE[unit]):
+    if not same_length(stated.metres, 1 / PER_METRE[unit]):
         wanted = "metres" if unit == "m" else f"{unit}, the value of the field unit"
         short = _short(stated.metres)
         way_out = f'set unit = "{short}"' if short else "leave unit out to use the file's own"
@@ -107,9 +107,10 @@ def unknown(name: str) -> ProblemError:
 
 def _short(metres: float) -> str | None:
     """Returns the short name of a unit, given its length in metres; None if it has none."""
-    found = [unit for unit, per_metre in PER_METRE.items() if _same(metres, 1 / per_metre)]
+    found = [unit for unit, per_metre in PER_METRE.items() if same_length(metres, 1 / per_metre)]
     return min(found, key=lambda unit: abs(metres * PER_METRE[unit] - 1), default=None)
 
 
-def _same(metres: float, other: float) -> bool:
+def same_length(metres: float, other: float) -> bool:
+    """Returns True if two units have the same length, in m, but for the kind of foot."""
     return math.isclose(metres, other, rel_tol=_SAME_UNIT)

@@ -29,6 +29,17 @@ _UNIT, _MAYBE_UNIT = ("heightunit", "heightunits", "unitofheight", "heightuom"),
 _KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS,
           *_UNIT, *_MAYBE_UNIT)  # fmt: skip
 
+_ESTIMATE = "estheight"  # need not agree with the height
+# Other properties that probably are a height or a bottom, in any spelling.
+_LIKELY = re.compile(
+    r"(?i:height|hgt)|(?<![A-Za-z])(?:[Bb]ase(?![a-z])|BASE(?![A-Za-z]))|(?<=[a-z])Base(?![a-z])"
+)
+# Numbers about heights that are none; the tag maxheight is that of vehicles that may pass.
+_ABOUT = re.compile(
+    r"source|accuracy|error|quality|confidence|date|year|(?<![a-z])id(?![a-z])|^maxheight(?![a-z_])",
+    re.IGNORECASE,
+)
+
 _UNKNOWN = -1, "-1", "-1.0"  # as a height
 
 _LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
@@ -66,9 +77,11 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
     Raises
     ------
     ProblemError
-        If a value is not a length, or the bottom is not below the top; one line.
+        If a value is not a length, the bottom is not below the top, or a number is probably a
+        height but its name is unknown; one line.
     """
     given = _known(properties, field)
+    _refuse_likely(properties, field)
     _require_metres(given, field)
     bottom, top = _length(given, _BOTTOM, field, least=0), _length(given, _TOP, field)
     is_counted = False
@@ -122,7 +135,7 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
     """Returns the known properties, by names in lower case without separators."""
     found: dict[str, _Given] = {}
     for name, value in _flat(properties, field):
-        key = re.sub(r"[\s_:\-]", "", name).casefold()
+        key = _key(name)
         if key not in _KNOWN or value in (None, "") or (key in _TOP and value in _UNKNOWN):
             continue
         if key in found and not _is_same(found[key][1], value):
@@ -132,6 +145,29 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
             )
         found[key] = name, value
     return found
+
+
+def _refuse_likely(properties: Mapping[str, Any], field: str) -> None:
+    """Raises a ProblemError that names a property with a number that is probably a height.
+
+    Without it, a block in the air would become solid from the ground.
+    """
+    for name, value in _flat(properties, field):
+        if _key(name) in _KNOWN or not _LIKELY.search(name) or _ABOUT.search(name):
+            continue
+        number = _LENGTH.fullmatch(str(value).strip())
+        if number is None or float(number[1].replace(",", ".")) in (0, -1):
+            continue
+        raise ProblemError(
+            f"{field}.{name}: must be called height or min_height, with its unit if it is not m, "
+            'such as "40 ft", or be left out, as properties of this name are not read: '
+            f"{value!r:.40}"
+        )
+
+
+def _key(name: str) -> str:
+    """Returns a name in lower case without separators."""
+    return re.sub(r"[\s_:\-]", "", name).casefold()
 
 
 def _is_same(value: Any, other: Any) -> bool:
@@ -173,6 +209,19 @@ def _tags(text: str, field: str) -> dict[str, Any]:
         ) from error
 
 
+def _first(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> _Given | None:
+    """Returns the first of some properties that is present, with which the others must agree."""
+    found = [given[key] for key in names if key in given]
+    others = [given[key] for key in names if key in given and key != _ESTIMATE]
+    for name, value in others[1:]:
+        if not _is_same(value, others[0][1]):
+            raise ProblemError(
+                f"{field}: {others[0][0]} and {name} must agree, but are {others[0][1]!r:.40} and "
+                f"{value!r:.40}"
+            )
+    return found[0] if found else None
+
+
 def _length(
     given: Mapping[str, _Given], names: tuple[str, ...], field: str, least: float | None = None
 ) -> float | None:
@@ -182,7 +231,7 @@ def _length(
     ----------
     least : smallest allowed value; None: it must be above 0
     """
-    found = next((given[name] for name in names if name in given), None)
+    found = _first(given, names, field)
     if found is None:
         return None
     name, value = found
@@ -202,7 +251,7 @@ def _length(
 
 def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> float | None:
     """Returns the first of some numbers of storeys that is present; None if none is."""
-    found = next((given[name] for name in names if name in given), None)
+    found = _first(given, names, field)
     if found is None:
         return None
     name, value = found

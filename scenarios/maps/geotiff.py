@@ -16,7 +16,13 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import STRETCH
 from cocap_opt.scenarios.earth import utm
-from cocap_opt.scenarios.earth.lengths import Stated, metres_of_heights, stated_heights, unknown
+from cocap_opt.scenarios.earth.lengths import (
+    Stated,
+    metres_of_heights,
+    same_length,
+    stated_heights,
+    unknown,
+)
 from cocap_opt.scenarios.earth.units import units_of
 from cocap_opt.scenarios.maps.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
@@ -167,14 +173,29 @@ def _refuse_coordinates(crs: Any) -> None:
 
 
 def _stated_heights(dataset: Any, band: int) -> Stated | None:
-    """Returns the unit of heights that a band states, or else the file's reference system."""
+    """Returns the unit of heights that the file's reference system states, or else a band.
+
+    Raises
+    ------
+    ProblemError
+        If the system is one of depths, or the two state different units.
+    """
+    # GDAL gives a band without a unit that of the vertical system, also if it is one of depths.
+    of_system = units_of(dataset.crs.to_wkt()).heights if dataset.crs else None
     text = (dataset.units[band - 1] or "").strip()
-    if text:
-        stated = stated_heights(text)
-        if stated is None:
-            raise unknown(text)
+    if not text:
+        return of_system
+    stated = stated_heights(text)
+    if stated is None:
+        raise unknown(text)
+    if of_system is None:
         return stated
-    return units_of(dataset.crs.to_wkt()).heights if dataset.crs else None
+    if not same_length(stated.metres, of_system.metres):
+        raise ProblemError(
+            f"heights: band and reference system must state the same unit, not {stated.name} and "
+            f"{of_system.name}; state that of band {band} with gdal_edit.py -units"
+        )
+    return of_system
 
 
 def _refuse_stretched(dataset: Any) -> None:

@@ -18,6 +18,10 @@ from cocap_opt.text import plain
 MOST_READ = 200_000_000  # cells, 1.6 GB: a small compressed file can expand to far more
 LEAST_CELL = 0.01  # m; an edge of 10 to 30 arc seconds, read as metres, is smaller
 LOWEST, HIGHEST = -500.0, 9000.0  # m; all land on Earth lies between -430 and 8849
+# Usual codes for no data; in centimetres or millimetres, they would be heights of land. They are
+# apart from all other stored values; the ends of a range into which heights are packed are not.
+_LOW_CODES, _HIGH_CODES = (-999, -9999, -32767, -32768, -99999), (9999, 32767, 65535)
+_APART = 50
 SLIVER = 1e-6  # cells; smaller overlaps are rounding errors of large coordinates
 TINY_CELL, TINY_MAP = 0.05, 10.0  # m; such small maps are probably in degrees
 MOST_CELLS = 1_000_000  # cells of a grid; coverage of larger grids cannot be computed
@@ -170,20 +174,44 @@ class Layout(NamedTuple):
             _require(inside, f"origin: all of the raster must lie within +-{plain(LARGEST)} m")
 
     def _require_land(self, rows: FloatArray, scale: float, offset: float) -> None:
-        """Raises a ProblemError if values can only be an unstated mark of missing data."""
+        """Raises a ProblemError if values can only be an unstated mark of missing data.
+
+        Codes are looked for among the stored values, since -9999 cm would be land at -99.99 m.
+        """
         least, most = sorted((limit - offset) / scale for limit in (LOWEST, HIGHEST))
         low, high = np.fmin.reduce(rows, axis=None), np.fmax.reduce(rows, axis=None)
-        if not (low < least or high > most):  # nan if all cells are holes
+        is_out = low < least or high > most  # false for nan, if all cells are holes
+        is_low, is_high = (
+            (low < least, high > most)
+            if is_out
+            else (_is_code(low, rows, _LOW_CODES), _is_code(high, rows, _HIGH_CODES))
+        )
+        if not (is_low or is_high):
             return
-        value = f"{low if low < least else high:.9g}"
-        row, column = np.unravel_index(np.argmax((rows < least) | (rows > most)), rows.shape)
+        wrong = low if is_low else high
+        value = f"{wrong:.9g}"
+        marked = (rows < least) | (rows > most) if is_out else rows == wrong
+        row, column = np.unravel_index(np.argmax(marked), rows.shape)
         cells = int(column), len(rows) - 1 - int(row)
         x, y = (a + (k + 0.5) * d for a, k, d in zip(self.lower, cells, self.cell, strict=True))
+        if is_out:
+            land, way_out = "", "" if is_low else ", or unit if heights are not in metres"
+        else:
+            land = " and not be a usual code for no data"
+            way_out = "; if it is a height, convert the map to metres"
         raise ProblemError(
-            f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m, but the raster contains {value}, "
-            f"and the first such cell is at ({x:.3f}, {y:.3f}) m; set nodata={value} if it "
-            "means no data" + ("" if low < least else ", or unit if heights are not in metres")
+            f"heights: must lie within {LOWEST:g}..{HIGHEST:g} m{land}, but the raster contains "
+            f"{value}, and the first such cell is at ({x:.3f}, {y:.3f}) m; set nodata={value} if "
+            f"it means no data{way_out}"
         )
+
+
+def _is_code(end: float, rows: FloatArray, codes: tuple[int, ...]) -> bool:
+    """Returns True if the lowest or highest stored value can only be a code for no data."""
+    if end not in codes:
+        return False
+    gaps = np.abs(rows[~np.isin(rows, codes)] - end)
+    return bool(np.fmin.reduce(gaps, axis=None, initial=np.inf) > _APART)
 
 
 def _mark_holes(rows: FloatArray, nodata: float | None) -> None:

@@ -44,6 +44,7 @@ _TIME_UNIT_OF_COMMENT = re.compile(
 )
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
+_COMMENT = re.compile(r"(?:^|(?<=\s))#")
 _EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
 _OTHER_COMMENT = re.compile(r"\s*(?:%+|//+)\s*")
 # The whole word after it, so that 30000/1001 is not read as 30000.
@@ -149,7 +150,7 @@ class TextLayout(NamedTuple):
         header = None
         below: list[str] = []
         for line, raw in enumerate(io.StringIO(text), start=1):
-            content, _, comment = raw.partition("#")
+            content, comment = without_comment(raw)
             if header is None and _EXCEL.fullmatch(content.strip()):
                 continue
             if not content.strip():
@@ -273,8 +274,18 @@ def _comments(text: str, first: int) -> list[str]:
     if "#" not in text:
         return []
     rest = islice(io.StringIO(text), first - 1, None)
-    found = (raw.partition("#")[2].strip(" \t\n#") for raw in rest if "#" in raw)
+    found = (without_comment(raw)[1].strip(" \t\n#") for raw in rest)
     return list(dict.fromkeys(comment for comment in found if comment))
+
+
+def without_comment(line: str) -> tuple[str, str]:
+    """Returns the part of a line before a comment, and the comment without its first #, which is
+    the first character of the line or follows a blank: P#1 may be an id.
+    """
+    if "#" not in line:
+        return line, ""
+    content, *comment = _COMMENT.split(line, maxsplit=1)
+    return content, "".join(comment)
 
 
 def _bare_header(line: str, separator: str | None) -> list[str]:

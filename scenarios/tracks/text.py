@@ -1,8 +1,9 @@
 """Reader of tracked people in text files.
 
-Fields are separated by blanks, commas or semicolons; `#` begins a comment; numbers have decimal
-points; ids may be words. The rows may be preceded by a line of names and by comments that state the
-columns, their unit and the frame rate, in the style of PeTrack and JuPedSim:
+Fields are separated by blanks, commas or semicolons; `#` begins a comment at the start of a line or
+after a blank; numbers have decimal points; ids may be words. The rows may be preceded by a line of
+names and by comments that state the columns, their unit and the frame rate, in the style of PeTrack
+and JuPedSim:
 
     # framerate: 25 fps
     # id frame x/m y/m z/m
@@ -13,6 +14,7 @@ A row of units may follow the names, as in files of Pathfinder.
 import io
 import logging
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import islice
@@ -37,6 +39,7 @@ from cocap_opt.scenarios.tracks.layout import (
     require_degrees,
     require_ids,
     require_values,
+    without_comment,
 )
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers, settled
 from cocap_opt.scenarios.tracks.times import (
@@ -57,6 +60,7 @@ HEADS = 0.9, 2.5  # m, allowed median of a column called height; a name such as 
 _FAR_CLEARER = 10.0
 _FASTEST = 12.0  # m/s, of people
 _AXES = {"x", "y", "latitude", "longitude"}
+_ENDING_ZEROS = re.compile(r"\.0*$")
 _MISSING = {"", "na", "n/a", "null", "none", "-"}  # besides nan, which is a number
 
 
@@ -284,24 +288,66 @@ def _numbers_of(
     """Returns the numbers of columns, by their places, and the ids if they are words."""
     words = "id" in places and not is_number(layout.row[places["id"]])
     if not words:
+        place = places.get("id", count)
+        spelt: set[str] = set()
         try:
-            # This is a hundred times faster than the loop, but reads only plain numbers.
+            # This is much faster than the loop, but reads only plain numbers.
             table = np.loadtxt(
-                io.StringIO(text), delimiter=layout.delimiter, skiprows=layout.first - 1, ndmin=2
-            )
-            return {role: table[:, place] for role, place in places.items()}, None
+                _noting(text, layout, place, spelt),
+                delimiter=layout.delimiter, comments=None, ndmin=2,
+            )  # fmt: skip
         except ValueError:
             pass  # the loop reads the rows or names the wrong line
+        else:
+            _require_one_spelling(spelt)
+            return {role: table[:, place] for role, place in places.items()}, None
     columns = {role: place for role, place in places.items() if not (words and role == "id")}
     rows = _rows(text, layout, count)
     numbers = (_number(row[k], line, role) for line, row in rows for role, k in columns.items())
     table = np.fromiter(numbers, np.float64).reshape(-1, len(columns))
     values = dict(zip(columns, table.T, strict=True))
-    if not words:
+    if "id" not in places:
         return values, None
-    return values, np.array(
-        [_word(field, line) for line, field in _column_of(text, layout, places["id"], count)]
-    )
+    ids = [_word(field, line) for line, field in _column_of(text, layout, places["id"], count)]
+    if not words:
+        _require_one_spelling(set(ids))
+        return values, None
+    if places["id"] == count - 1:
+        _require_whole_words(text, layout)
+    return values, np.array(ids)
+
+
+def _noting(text: str, layout: TextLayout, place: int, spelt: set[str]) -> Iterator[str]:
+    """Yields the rows, and adds the fields of a column, if there is one, to a set."""
+    for _, content in _row_lines(text, layout):
+        spelt.update(content.split(layout.delimiter, place + 1)[place : place + 1])
+        yield content
+
+
+def _require_one_spelling(ids: set[str]) -> None:
+    """Raises a ProblemError if ids that are different texts are the same number, such as 7 and 07.
+
+    They may be of different people; but 7 and 7.0 are one, as some programs write it as both.
+    """
+    first: dict[float, str] = {}
+    for word in sorted({_ENDING_ZEROS.sub("", word.strip()) for word in ids}):
+        other = first.setdefault(float(word), word)
+        if other != word:
+            raise ProblemError(
+                f"id: {other[:20]} and {word[:20]} must not both be ids, as they are the same "
+                "number; write one of them if they are one person, or else different numbers"
+            )
+
+
+def _require_whole_words(text: str, layout: TextLayout) -> None:
+    """Raises a ProblemError if a comment cuts off the number at the end of an id, as in P #1."""
+    for line, raw in enumerate(io.StringIO(text), start=1):
+        content, comment = without_comment(raw)
+        if line >= layout.first and content.strip() and comment[:1].isdigit():
+            raise ProblemError(
+                f"line {line}, id: must not have a blank before #, which begins a comment: "
+                f"#{comment.strip()[:40]}"
+            )
 
 
 def _column_of(text: str, layout: TextLayout, place: int, count: int) -> Iterator[tuple[int, str]]:
@@ -312,7 +358,7 @@ def _column_of(text: str, layout: TextLayout, place: int, count: int) -> Iterato
 def _row_lines(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
     """Yields the lines that are rows, without comments, each with its line number."""
     for line, raw in enumerate(io.StringIO(text), start=1):
-        content = raw.partition("#")[0]
+        content, _ = without_comment(raw)
         if line >= layout.first and content.strip():
             yield line, content
 

@@ -377,6 +377,10 @@ def test_polygons_without_area_are_left_out_with_a_word(
         ({"min_height": 3}, (3, None)),
         ({"height": 9, "height:unit": "metres"}, (0, 9)),
         ({"height": 9, "units": 12}, (0, 9)),  # dwellings
+        ({"height": 9, "est_height": 8, "building:height": "9 m"}, (0, 9)),
+        ({"height": 9, "base_height": 0, "HEIGHT_FT": None, "hgt_min": -1}, (0, 9)),
+        ({"height": 9, "height:source": 2019, "heightAccuracy": 0.3, "maxheight": "2.1"}, (0, 9)),
+        ({"height": 9, "basement": 1, "BASEMENT": 1, "database": 7, "base": "rock"}, (0, 9)),
     ],
 )  # fmt: skip
 def test_properties_say_from_where_to_where_a_building_reaches(
@@ -411,6 +415,16 @@ def test_properties_say_from_where_to_where_a_building_reaches(
         ({"height": 3, "min_height": 3}, "p: the top, 3 m, must be above the bottom, 3 m"),
         ({"building:levels": 0}, "p: the top, 0 m, must be above"),
         ({"height": 3, "HEIGHT": 4}, "p: height and HEIGHT must agree, but are 3 and 4"),
+        ({"height": 12, "building:height": "40"}, "p: height and building:height must agree, but"),
+        ({"height": 12, "min_height": 3, "building:min_height": 4}, "p: min_height and building:"),
+        ({"levels": 3, "num_floors": 4}, "p: levels and num_floors must agree, but are 3 and 4"),
+        *(({"height": 40, name: value}, f"p.{name}: must be called height or min_height, with")
+          for name, value in {
+              "base_height": 30, "minHeightM": 30, "min_height_ft": "30", "render_min_height": 30,
+              "HEIGHT_FT": 131, "render_height": 20, "max_height": 20, "BLDGHGT": 9.5, "base": 30,
+              "BASE_ELEV": "30 m", "baseElevation": 30, "buildingBase": 30, "roof_hgt": 3,
+          }.items()),
+        ({"tags": {"base_height": "30"}}, "p.base_height: must be called height or min_height"),
         ({"height": 3, "tags": {"height": "4"}}, "p: height and height must agree, but are 3 and"),
     ],
 )  # fmt: skip

@@ -354,6 +354,40 @@ def test_tiff_scale_and_offset(tiff: Write) -> None:
     assert_array_equal(read_raster(path, nodata=-32768).values, [[math.nan, 100], [102, 101]])
 
 
+@pytest.mark.parametrize(
+    ("dtype", "code"),
+    [("int16", -9999), ("int16", -32768), ("int16", -32767), ("int16", 32767), ("uint16", 65535),
+     ("float32", -9999), ("int32", -99999), ("float32", np.finfo(np.float32).min)],
+)  # fmt: skip
+def test_codes_for_no_data_are_found_before_heights_are_scaled(
+    tiff: Write, grid: Callable[[str], Path], dtype: str, code: float
+) -> None:
+    """In centimetres, -9999 would be land at -99.99 m; what is declared as no data is a hole."""
+
+    def scale(dataset: Any) -> None:
+        dataset.scales = [0.01]
+
+    rows, words = [[0, 400], [code, 800]], f"contains {code:.9g}, .*; set nodata={code:.9g} if"
+    heights = [[math.nan, 0], [8, 4]]
+    refused(tiff(rows, dtype, change=scale), words.replace("+", r"\+"))
+    refused(tiff(rows, dtype), words.replace("+", r"\+"), unit="cm")
+    assert_array_equal(read_raster(tiff(rows, dtype), unit="cm", nodata=code).values, heights)
+    assert_array_equal(read_raster(tiff(rows, dtype, nodata=code), unit="cm").values, heights)
+    text = f"ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 2\n0 400\n{code:.9g} 800"
+    refused(grid(text), words.replace("+", r"\+"), unit="cm")
+    assert_array_equal(read_raster(grid(text), unit="cm", nodata=code).values, heights)
+
+
+def test_ends_of_a_packed_range_are_heights(tiff: Write) -> None:
+    """Some programs spread heights over all numbers of a type; values beside its ends show it."""
+
+    def scale(dataset: Any) -> None:
+        dataset.scales, dataset.offsets = [0.001], [40.0]
+
+    path = tiff([[-32767, -32760], [32767, 32750]], "int16", change=scale)
+    assert read_raster(path).values.max() == pytest.approx(72.767)
+
+
 def test_tiff_bands(tiff: Write) -> None:
     """Of several bands one must be named."""
     path = tiff([ROWS, (np.array(ROWS) + 10).tolist()])

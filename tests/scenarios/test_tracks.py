@@ -338,6 +338,38 @@ def test_ids_of_several_scenes_may_be_kept(tmp_path: Path) -> None:
     assert len(read(tmp_path, text + "B,2,1,1,2\n", unit="m", fps=1, columns=columns)) == 2
 
 
+def test_ids_may_contain_the_sign_of_comments(tmp_path: Path) -> None:
+    """It begins a comment only at the start of a line or after a blank; people are not joined."""
+    for name, other in (("P#1", "P#2"), ("1#1", "1#2")):
+        text = f"frame,x,y,id\n0,1,2,{name}\n#1,1,2,A\n1,1,2,{name} # stays\n2,1,3,{other}\n"
+        assert [track.id for track in read(tmp_path, text, unit="m", fps=1)] == [name, other]
+    with pytest.raises(ProblemError, match=r"line 2, id: must not have a blank before #, .*: #1"):
+        read(tmp_path, "frame,x,y,id\n0,1,2,P #1\n1,1,2,P #2\n", unit="m", fps=1)
+    with pytest.raises(ProblemError, match="line 3, id: must be a number, not '1#2'"):
+        read(tmp_path, "frame,x,y,id\n0,1,2,1\n1,1,2,1#2\n", unit="m", fps=1)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("007", "07"), ("1000", "1e3"), ("7e0", "7.0"), ("+7", "7"), ("-0", "0")]
+)
+@pytest.mark.parametrize("time", ["0", "10:00:00"])
+def test_ids_that_are_the_same_number_are_refused(
+    tmp_path: Path, one: str, other: str, time: str
+) -> None:
+    """They may be of different people; beside words, they are different words."""
+    later = time.replace("0", "1", 1)
+    text = f"id,time,x,y\n{one},{time},1,2\n{other},{later},1,3\n"
+    with pytest.raises(ProblemError) as caught:
+        read(tmp_path, text, unit="m")
+    assert {one, other.removesuffix(".0")} <= set(str(caught.value).split())
+    assert "must not both be ids, as they are the same number" in str(caught.value)
+    text = f"id,time,x,y,note\n{one},{time},1,2,a\n{other},{later},1,3,b\n"
+    with pytest.raises(ProblemError, match="must not both be ids"):
+        read(tmp_path, text, unit="m")
+    words = text.replace("note\n", f"note\nA,{time},1,2,a\n")
+    assert [track.id for track in read(tmp_path, words, unit="m")] == sorted([one, other, "A"])
+
+
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     """It is wrong input, too."""
     with pytest.raises(ProblemError, match="no such file"):

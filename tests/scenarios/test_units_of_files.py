@@ -405,3 +405,33 @@ def test_vertical_systems_of_tiffs_tell_the_unit(
     assert read_raster(path).values == pytest.approx(90 * metres, rel=1e-9)
     if metres != 1:
         assert read_raster(path, unit="ft").values == pytest.approx(90 * metres, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("system", "unit", "words"),
+    [
+        ("32633+5715", None, "must have heights, which count upwards, not depths"),
+        ("32633+5715", "m", "must have heights, which count upwards, not depths"),
+        ("26913+6360", "m", "must state the same unit, not m and US survey foot; .* -units"),
+        ("26913+5703", "ft", "must state the same unit, not ft and metre; .* -units"),
+        ("26913+6360", "ft", US_FOOT),
+        ("26913+5703", "metres", 1.0),
+    ],
+)
+def test_bands_of_tiffs_do_not_contradict_the_vertical_system(
+    tmp_path: Path, system: str, unit: str | None, words: Any
+) -> None:
+    """A unit of the band's own does not make heights of depths, or metres of feet."""
+    rasterio = pytest.importorskip("rasterio")
+    path = tmp_path / "map.tif"
+    form = {"width": 1, "height": 1, "count": 1, "dtype": "float64", "crs": f"EPSG:{system}"}
+    corner = rasterio.Affine(2, 0, 500000, 0, -2, 4800000)
+    with rasterio.open(path, "w", driver="GTiff", transform=corner, **form) as file:
+        file.write(np.array([[[90.0]]]))
+        if unit is not None:
+            file.units = (unit,)
+    if isinstance(words, str):
+        with pytest.raises(ProblemError, match=words):
+            read_raster(path)
+    else:
+        assert read_raster(path).values == pytest.approx(90 * words, rel=1e-9)
