@@ -34,12 +34,14 @@ _ESTIMATE = "estheight"  # need not agree with the height
 _LIKELY = re.compile(
     r"(?i:height|hgt)|(?<![A-Za-z])(?:[Bb]ase(?![a-z])|BASE(?![A-Za-z]))|(?<=[a-z])Base(?![a-z])"
 )
-# Numbers about heights that are none; the tag maxheight is that of vehicles that may pass.
+# Numbers about heights that are none, and altitudes of the ground; the tag maxheight is that of
+# vehicles that may pass.
 _ABOUT = re.compile(
-    r"source|accuracy|error|quality|confidence|date|year|(?<![a-z])id(?![a-z])|^maxheight(?![a-z_])",
+    r"elev|altitude|ground|terrain|source|accuracy|error|quality|confidence|date|year|(?<![a-z])id(?![a-z])|^maxheight(?![a-z_])",
     re.IGNORECASE,
 )
 
+_LOWEST = re.compile(r"base|min|bottom|lower", re.IGNORECASE)
 _UNKNOWN = -1, "-1", "-1.0"  # as a height
 
 _LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
@@ -81,9 +83,9 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
         height but its name is unknown; one line.
     """
     given = _known(properties, field)
-    _refuse_likely(properties, field)
     _require_metres(given, field)
     bottom, top = _length(given, _BOTTOM, field, least=0), _length(given, _TOP, field)
+    _refuse_likely(properties, field, top)
     is_counted = False
     if top is None and (storeys := _number(given, _STOREYS, field)) is not None:
         is_counted = True
@@ -147,16 +149,23 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
     return found
 
 
-def _refuse_likely(properties: Mapping[str, Any], field: str) -> None:
+def _refuse_likely(properties: Mapping[str, Any], field: str, top: float | None) -> None:
     """Raises a ProblemError that names a property with a number that is probably a height.
 
-    Without it, a block in the air would become solid from the ground.
+    Without it, a block in the air would become solid from the ground, or a building too low. What
+    is no higher than the top, such as eaves, changes nothing.
+
+    Parameters
+    ----------
+    top : the stated height, m; None: not stated
     """
     for name, value in _flat(properties, field):
         if _key(name) in _KNOWN or not _LIKELY.search(name) or _ABOUT.search(name):
             continue
         number = _LENGTH.fullmatch(str(value).strip())
-        if number is None or float(number[1].replace(",", ".")) in (0, -1):
+        if number is None or (length := float(number[1].replace(",", "."))) in (0, -1):
+            continue
+        if top is not None and length <= top and not _LOWEST.search(name):
             continue
         raise ProblemError(
             f"{field}.{name}: must be called height or min_height, with its unit if it is not m, "

@@ -380,6 +380,7 @@ def test_polygons_without_area_are_left_out_with_a_word(
         ({"height": 9, "est_height": 8, "building:height": "9 m"}, (0, 9)),
         ({"height": 9, "base_height": 0, "HEIGHT_FT": None, "hgt_min": -1}, (0, 9)),
         ({"height": 9, "height:source": 2019, "heightAccuracy": 0.3, "maxheight": "2.1"}, (0, 9)),
+        ({"height": 9, "eaveHeight": 6, "ground_height": 31, "BASE_ELEV": "30 m"}, (0, 9)),
         ({"height": 9, "basement": 1, "BASEMENT": 1, "database": 7, "base": "rock"}, (0, 9)),
     ],
 )  # fmt: skip
@@ -421,9 +422,11 @@ def test_properties_say_from_where_to_where_a_building_reaches(
         *(({"height": 40, name: value}, f"p.{name}: must be called height or min_height, with")
           for name, value in {
               "base_height": 30, "minHeightM": 30, "min_height_ft": "30", "render_min_height": 30,
-              "HEIGHT_FT": 131, "render_height": 20, "max_height": 20, "BLDGHGT": 9.5, "base": 30,
-              "BASE_ELEV": "30 m", "baseElevation": 30, "buildingBase": 30, "roof_hgt": 3,
+              "HEIGHT_FT": 131, "render_height": 60, "max_height": 41, "BLDGHGT": 49.5, "base": 30,
+              "buildingBase": 30, "roof_hgt": 53,
           }.items()),
+        *(({name: 3}, f"p.{name}: must be called height or min_height, with")
+          for name in ("render_height", "max_height", "BLDGHGT", "roof_hgt", "base", "HEIGHT_FT")),
         ({"tags": {"base_height": "30"}}, "p.base_height: must be called height or min_height"),
         ({"height": 3, "tags": {"height": "4"}}, "p: height and height must agree, but are 3 and"),
     ],
