@@ -37,7 +37,8 @@ _LIKELY = re.compile(
 # Numbers about heights that are none, and altitudes of the ground; the tag maxheight is that of
 # vehicles that may pass.
 _ABOUT = re.compile(
-    r"elev|altitude|ground|terrain|source|accuracy|error|quality|confidence|date|year|(?<![a-z])id(?![a-z])|^maxheight(?![a-z_])",
+    r"elev|altitude|ground|terrain|source|accuracy|error|quality|confidence|date|year"
+    r"|(?<![a-z])id(?![a-z])|^maxheight(?![a-z_])",
     re.IGNORECASE,
 )
 
