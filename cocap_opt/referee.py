@@ -342,15 +342,16 @@ class _Referee:
         at = [(*height_map.centre(s.x, s.y), self._altitude(robot, s)) for s in path]
         for j, actor in enumerate(self.problem.actors):
             half, rules = actor.shape.height / 2, airspace.rules_beside(actor)
+            who = f"{self.problem.person(j)}{actor.told_swerve}"
             body = [(x, y, z + half) for x, y, z, _ in actor.poses.tolist()]
             ways = [(x - u, y - v, z - w) for (x, y, z), (u, v, w) in zip(at, body, strict=False)]
             for t, way in enumerate(ways):
                 if _too_near(way, rules):
-                    yield f"step {t} is {math.hypot(*way[:2]):.3g} m from {self.problem.person(j)}"
+                    yield f"step {t} is {math.hypot(*way[:2]):.3g} m from {who}"
                 elif t + 1 < len(ways) and _pass_too_near(
                     way, ways[t + 1], self._with_stray(rules, at[t], at[t + 1])
                 ):
-                    yield f"step {t} to {t + 1} passes too close to {self.problem.person(j)}"
+                    yield f"step {t} to {t + 1} passes too close to {who}"
 
     def _with_stray(self, rules: CollisionRules, a: _Position, b: _Position) -> CollisionRules:
         """Returns the rules near people for a move (m) that may deviate from constant speed."""

@@ -74,6 +74,9 @@ def recipe(path: Path) -> str:
             del robot["motion"]["spacing"]
     if float(problem["airspace"]["people_stray"]) == 0:
         del problem["airspace"]["people_stray"]
+    for actor in problem["actors"]:
+        if float(actor["swerve"]) == 0:
+            del actor["swerve"]
     objective = problem["objective"]
     if objective["views"] is None:
         del objective["views"]

@@ -83,7 +83,9 @@ class FlightAnswer(NamedTuple):
             yield "between drones", f"{found['least_distance']:.2f} m at least; {rule}"
         if found["people_distance"] is not None:
             rule = _rule(asked.people_aside, asked.people_above, "above", "on people")
-            yield "to people", f"{found['people_distance']:.2f} m at least, from above; {rule}"
+            wide = max(actor.swerve for actor in flown.problem.actors)
+            off = f", with people up to {wide:.3g} m off their straight walks" if wide else ""
+            yield "to people", f"{found['people_distance']:.2f} m at least, from above{off}; {rule}"
         tightest = max(self.flight.rows(), key=_tightness)
         if tightest["limit"] is not None:
             yield "nearest to a limit", _told_demand(tightest)

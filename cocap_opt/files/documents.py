@@ -291,6 +291,7 @@ def problem_digest(problem: Problem) -> str:
     fields["objective"].get("views", {}).pop("share", None)
     newer = (
         (fields["height_map"], "lift", None), (fields["airspace"], "people_stray", 0.0),
+        *((actor, "swerve", 0.0) for actor in fields["actors"]),
         *((robot["motion"], "stride", None) for robot in fields["robots"]),
         *((robot["motion"], "spacing", 1) for robot in fields["robots"]),
     )  # fmt: skip

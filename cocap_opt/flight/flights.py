@@ -267,8 +267,9 @@ class Flight(NamedTuple):
         if nearest := Nearest.of_people_without_rule(self.flown, asked):
             yield Note(
                 f"drone {nearest.first} comes within {nearest.distance:.2f} m of "
-                f"{self.flown.problem.person(nearest.second)} at {nearest.t:.1f} s, seen from "
-                "above; the scene has no rule on people",
+                f"{self.flown.problem.person(nearest.second)}"
+                f"{self.flown.problem.actors[nearest.second].told_swerve} at {nearest.t:.1f} s, "
+                "seen from above; the scene has no rule on people",
                 Kind.URGENT,
                 "plan with `people` under [airspace]",
             )

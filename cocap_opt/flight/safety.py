@@ -7,7 +7,7 @@ zones, a piece of a flight is halved until the box of its coefficients contains 
 Proved, for the polynomials of a `Trajectory`, from step 0 to the last step:
 - Drones keep the separation, or the vertical distance, of the scene's rules.
 - They keep the distance to people that the airspace requires; people walk straight from step to
-  step.
+  step, or leave this walk by no more than their `swerve`.
 - They keep their clearance to matter, and stay on the map, out of no-fly zones and below the
   ceiling.
 
@@ -91,7 +91,7 @@ def _between_drones(flown: Trajectory) -> Iterator[Danger]:
 
 
 def _near_people(flown: Trajectory) -> Iterator[Danger]:
-    """Yields the violations of the distance from people, who walk straight from step to step."""
+    """Yields the violations of the distance from people, wherever their `swerve` lets them be."""
     problem = flown.problem
     airspace, count = problem.airspace, flown.pieces.shape[1]
     if not airspace.people_aside:
@@ -222,15 +222,17 @@ class Nearest(NamedTuple):
     def of_people(cls, flown: Trajectory) -> Self | None:
         """Returns the closest horizontal approach of a drone to the middle of a person.
 
-        Returns None if the scene has no people.
+        The distance is less the `swerve` of that person. Returns None if the scene has no people.
         """
-        problem, pieces = flown.problem, flown.pieces
-        if not problem.actors:
-            return None
-        walks = np.array([flown.walk_of(actor)[:, :2] for actor in problem.actors])
-        ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
-        drone, person = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
-        return cls._of(flown, ways, drone, person)
+        found = []
+        drones = np.arange(len(flown.pieces))
+        for j, actor in enumerate(flown.problem.actors):
+            ways = flown.pieces[:, :, :2] - flown.walk_of(actor)[:, :2]
+            nearest = cls._of(
+                flown, ways.reshape(-1, 2, DEGREE + 1), drones, np.full_like(drones, j)
+            )
+            found.append(nearest._replace(distance=max(nearest.distance - actor.swerve, 0.0)))
+        return min(found, key=lambda nearest: nearest.distance, default=None)
 
     @classmethod
     def _of(cls, flown: Trajectory, ways: FloatArray, first: IntArray, second: IntArray) -> Self:

@@ -160,7 +160,7 @@ class TimeGraph:
             here, there = actor.poses[[t, min(t + 1, len(actor.poses) - 1)], :2]
             x, y = height_map.cell_of(*here.tolist())
             # m, including the person's walk during the step
-            aside = airspace.people_aside + math.hypot(*(there - here))
+            aside = airspace.rules_beside(actor).separation + math.hypot(*(there - here))
             aside += airspace.people_stray * self.motion.radius * resolution * math.sqrt(2)
             reach = math.ceil(aside / resolution) + 1
             around = self.places_around(x, y, reach)

@@ -152,7 +152,7 @@ class PlayerPlan:
 
     def _near_to(self, j: int, at: FloatArray) -> Iterator[tuple[float, float, int]]:
         """Yields the times at which a drone at places [T+1, 3] (m) is too close to a person, and
-        the distances.
+        the distances, less the person's `swerve`.
         """
         actor, airspace = self._problem.actors[j], self._problem.airspace
         ways = at - actor.middles[: len(at)]
@@ -160,7 +160,7 @@ class PlayerPlan:
             if airspace.near_person(actor, t, at[t], at[t + 1]):
                 share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1])[0])
                 x, y, _ = (1 - share) * ways[t] + share * ways[t + 1]
-                yield t + share, math.hypot(x, y), j
+                yield t + share, max(math.hypot(x, y) - actor.swerve, 0.0), j
 
     def _flown(self) -> Trajectory | None:
         """Returns the smooth flight; None if drones fly straight or stay."""

@@ -262,6 +262,7 @@ class PlayerScene:
             "names": actor.shape.face_names,
             "height": self.rounded(np.array(actor.shape.height)),
             "poses": self.rounded(poses),
+            "swerve": self.rounded(np.array(actor.swerve)),
         }
 
     @cached_property

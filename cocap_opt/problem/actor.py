@@ -5,7 +5,16 @@ from functools import cached_property
 import msgspec
 import numpy as np
 
-from cocap_opt.data import MOST_WEIGHT, Data, FloatArray, frozen, read_only, require, within
+from cocap_opt.data import (
+    LARGEST,
+    MOST_WEIGHT,
+    Data,
+    FloatArray,
+    frozen,
+    read_only,
+    require,
+    within,
+)
 from cocap_opt.problem.shapes import Cuboid, Shape
 from cocap_opt.text import printable, shortened
 
@@ -24,6 +33,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     name : the person's name for readers; None if unspecified
     begin : time of step 0 in the person's track, s; None: there is no track
     take : name of the only take in which the person is present; None: all takes
+    swerve : how far the person may be, horizontally, from the straight walk between two steps, m
 
     Raises
     ------
@@ -39,6 +49,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     name: str | None = None
     begin: float | None = None
     take: str | None = None
+    swerve: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,8 +71,14 @@ class Actor(Data, frozen=True, eq=False, dict=True):
             msgspec.structs.force_setattr(self, "take", shortened(printable(self.take)))
         if self.begin is not None:
             within(self.begin, -_LATEST, _LATEST, "begin")
+        within(self.swerve, 0, LARGEST, "swerve", "m")
         for value in self.importance or ():
             within(value, 0, MOST_WEIGHT, "importance")
+
+    @property
+    def told_swerve(self) -> str:
+        """Words for where the person may be, after a distance; empty on straight walks."""
+        return f", up to {self.swerve:.3g} m off the straight walk" if self.swerve else ""
 
     @cached_property
     def middles(self) -> FloatArray:

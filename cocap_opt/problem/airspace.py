@@ -17,7 +17,8 @@ class Airspace(Data, frozen=True):
 
     No-fly zones and the ceiling are checked like solid matter, cell by cell: a cell that a zone
     covers in part is closed between the zone's lower and upper height, inclusive. People walk
-    straight from pose to pose within a step.
+    straight from pose to pose within a step, or leave this walk by no more than their `swerve`, by
+    which drones keep a larger distance from them.
 
     Attributes
     ----------
@@ -99,7 +100,9 @@ class Airspace(Data, frozen=True):
         return np.asarray(least / (least + spare))
 
     def rules_beside(self, actor: Actor) -> CollisionRules:
-        """Returns the rules between a drone and the middle of a person's body."""
+        """Returns the rules between a drone and the middle of a person's body on a straight walk."""
         half = actor.shape.height / 2
         over = LARGEST if self.people_above is None else self.people_above + half
-        return CollisionRules(separation=self.people_aside, vertical=min(over, LARGEST))
+        return CollisionRules(
+            separation=self.people_aside + actor.swerve, vertical=min(over, LARGEST)
+        )

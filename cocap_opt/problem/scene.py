@@ -275,7 +275,10 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         """The people, including only one of those who walk alike in several takes."""
         if not self.takes:
             return self.actors
-        alike = {(actor.poses.tobytes(), actor.shape): actor for actor in reversed(self.actors)}
+        alike = {
+            (actor.poses.tobytes(), actor.shape, actor.swerve): actor
+            for actor in reversed(self.actors)
+        }
         return tuple(reversed(alike.values()))
 
     @cached_property

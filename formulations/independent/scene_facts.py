@@ -353,7 +353,7 @@ class _Near:
                 (tail, actor["poses"][t]), (head or tail, actor["poses"][after])
             )
         ]  # fmt: skip
-        aside, above = self._aside - _TOLERANCE, math.inf
+        aside, above = self._aside + actor["swerve"] - _TOLERANCE, math.inf
         if self._above is not None:
             above = self._above + half - _TOLERANCE
         if head is not None and self._stray:

@@ -25,7 +25,16 @@ from cocap_opt.scenarios.tables import (
     Unit,
 )
 from cocap_opt.scenarios.text import rectangle
-from cocap_opt.scenarios.tracks import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
+from cocap_opt.scenarios.tracks import (
+    BODY,
+    MOST_GAP,
+    SLACK,
+    STILL,
+    Track,
+    off_walk,
+    on_one_clock,
+    swerve_of,
+)
 from cocap_opt.scenarios.tracks.times import SINCE_1970, Epoch, likely_unit
 from cocap_opt.text import distance, pair, plain
 
@@ -282,7 +291,10 @@ class WalkTable(Table):
         yaw = Track.headings(points, STILL * step)
         if self.heading is not None:
             yaw[:] = math.radians(self.heading)
-        actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name)
+        actor = Actor(
+            poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name,
+            swerve=self._swerve(points, step),
+        )  # fmt: skip
         x, y = self.points[0]
         walk = f"the walk of {self.name}" if self.name else f"the walk from {pair(x, y)} m"
         if warning := _pace_warning([walk], [actor], step, "speed and step"):
@@ -305,10 +317,27 @@ class WalkTable(Table):
             "speed and points right?"
         )
 
+    def _swerve(self, walk: FloatArray, step: float) -> float:
+        """Returns how far (m) corners are off the walk [T+1, 2] (m) that is straight between steps.
+
+        Parameters
+        ----------
+        step : seconds between steps
+        """
+        if not self.speed:
+            return 0.0
+        corners, behind = self._corners()
+        reached = (behind - self.first) / self.speed
+        return swerve_of(off_walk(step * np.arange(len(walk)), walk, reached, corners)[0])
+
+    def _corners(self) -> tuple[FloatArray, FloatArray]:
+        """Returns the corners [n, 2] (m) of the legs, and the way [n] (m) up to each of them."""
+        corners = np.array(self.points)
+        return corners, np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+
     def _along(self, step: float, steps: int) -> FloatArray:
         """Returns the points [T+1, 2] (m) at the steps."""
-        corners = np.array(self.points)
-        behind = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+        corners, behind = self._corners()
         if self.first > behind[-1] * (1 + 1e-9):
             raise ProblemError(
                 f"first: must be at most {behind[-1]:.6g} m, the length of the way, not "
@@ -440,6 +469,6 @@ def _swerve_warning(tracks: Sequence[Track], begin: float, step: float, steps: i
     more = f" (and {others} {noun} by more than {_SWERVE:g} m)" if others else ""
     return (
         f"id {who} is up to {distance(away)} off the straight walk between steps, "
-        f"{time - begin:.4g} s after step 0{more}; distances to people can be smaller by that: use "
-        "shorter steps or a larger distance to people"
+        f"{time - begin:.4g} s after step 0{more}; drones that keep a distance to people keep that "
+        "much more: shorter steps make it less"
     )

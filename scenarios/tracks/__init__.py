@@ -175,9 +175,6 @@ class Track(NamedTuple):
     def swerve(self, begin: float, step: float, steps: int) -> tuple[float, float]:
         """Returns the largest distance (m) from the straight walk between steps, and its time (s).
 
-        Both are straight between their points and meet at the steps, so that the largest distance
-        is at a frame.
-
         Parameters
         ----------
         begin, step, steps
@@ -188,15 +185,8 @@ class Track(NamedTuple):
         ProblemError
             If the person is not present at a step, or a parameter is out of range.
         """
-        times, walk = _times(begin, step, steps), self.at_steps(begin, step, steps)
-        within = (self.times >= times[0]) & (self.times <= times[-1])
-        frames = self.times[within]
-        straight = np.column_stack([np.interp(frames, times, axis) for axis in walk.T])
-        away = np.hypot(*(self.points[within] - straight).T)
-        if not len(away):
-            return 0.0, begin
-        k = int(np.argmax(away))
-        return float(away[k]), float(frames[k])
+        walk = self.at_steps(begin, step, steps)
+        return off_walk(_times(begin, step, steps), walk, self.times, self.points)
 
     def actor(
         self,
@@ -233,6 +223,7 @@ class Track(NamedTuple):
             shape=shape if self.height is None else shape.replace(height=self.height),
             name=self.id if isinstance(self.id, str) else f"id {self.id}",
             begin=begin,
+            swerve=swerve_of(self.swerve(begin, step, steps)[0]),
         )
 
     @staticmethod
@@ -298,6 +289,34 @@ class Track(NamedTuple):
         lost = gap & (times > last + SLACK) & (times < following - SLACK)
         outside = (times < self.times[0] - SLACK) | (times > self.times[-1] + SLACK)
         return np.asarray(lost | outside)
+
+
+def off_walk(
+    times: FloatArray, walk: FloatArray, frames: FloatArray, points: FloatArray
+) -> tuple[float, float]:
+    """Returns the largest distance (m) of a path from a walk that meets it at the steps, and its
+    time (s).
+
+    Both are straight between their points, so the distance is largest at a frame of the path.
+
+    Parameters
+    ----------
+    times, walk : times [T+1] (s) of the steps, and points [T+1, 2] (m) of the walk
+    frames, points : times [n] (s) of the path, and its points [n, 2] (m)
+    """
+    within = (frames >= times[0]) & (frames <= times[-1])
+    if not within.any():
+        return 0.0, float(times[0])
+    frames = frames[within]
+    straight = np.column_stack([np.interp(frames, times, axis) for axis in walk.T])
+    away = np.hypot(*(points[within] - straight).T)
+    k = int(np.argmax(away))
+    return float(away[k]), float(frames[k])
+
+
+def swerve_of(away: float) -> float:
+    """Returns a distance (m) in whole millimetres, rounded up unless it is rounding itself."""
+    return max(math.ceil(away * 1e3 - 1e-3), 0) / 1e3
 
 
 def _tracks(table: TrackTable, gap: float | None) -> list[Track]:

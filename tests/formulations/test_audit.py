@@ -194,7 +194,7 @@ def airy() -> Problem:
             Robot(start=State(8, 5, 1, 2), motion=motion.replace(layers=(5.0, 6.0), spacing=2)),
         ),
         actors=(
-            Actor(poses=walk, importance=(1.0, 2.0, 0.5, 0.25)),
+            Actor(poses=walk, importance=(1.0, 2.0, 0.5, 0.25), swerve=0.4),
             standing(43.0, 3.0, 1.0, 0.4, steps=4),
         ),
         horizon=3,
@@ -227,6 +227,9 @@ def test_airspace_slopes_strides_and_areas_are_known() -> None:
         other = {**scene, "airspace": {**scene["airspace"], name: changed}}
         auditor = Auditor(other, facts_of_scene(other), read_instance(text))
         assert auditor.facts().differences, name
+    walker, *others = scene["actors"]
+    other = {**scene, "actors": [{**walker, "swerve": 0.0}, *others]}
+    assert Auditor(other, facts_of_scene(other), read_instance(text)).facts().differences
 
 
 def replaced(word: str, change: Callable[[str], str]) -> Callable[[str], str]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import rasterio
 import trimesh
-from hypothesis import given
+from hypothesis import given, reject
 from hypothesis import strategies as st
 from rasterio.transform import Affine
 from strategies import examples, standing
@@ -22,6 +22,8 @@ from strategies import examples, standing
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import problem_digest
+from cocap_opt.flight.safety import Nearest
+from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.plausibility import narrow_way, warnings
@@ -625,7 +627,7 @@ def test_people_who_leave_the_straight_walk_between_steps_are_named(
     for ids, told in (
         ('["Ann"]', []),
         ('["Cas"]', ["Cas is up to 0.6 m off the straight walk between steps, 1.5 s after step 0"]),
-        ('["Ann", "Ben", "Cas"]', ["0.5 s after step 0 (and 1 other by more than 0.5 m); distanc"]),
+        ('["Ann", "Ben", "Cas"]', ["0.5 s after step 0 (and 1 other by more than 0.5 m); drones"]),
     ):
         caplog.clear()
         read(write(tmp_path, FLAT + table + f"turn = 5\nids = {ids}\n" + DRONE))
@@ -635,6 +637,44 @@ def test_people_who_leave_the_straight_walk_between_steps_are_named(
     caplog.clear()
     read(write(tmp_path, "step = 0.5" + FLAT + table + "count = 3\n" + DRONE))
     assert "straight walk" not in caplog.text
+
+
+@examples(20)
+@given(seed=st.integers(0, 10**6), people=st.sampled_from([1.5, 3.0]))
+def test_distances_to_people_hold_along_rows_and_legs(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, people: float
+) -> None:
+    """People who turn between the steps are as far from drones as the airspace requires."""
+    folder, rng = tmp_path_factory.mktemp("rows"), np.random.default_rng(seed)
+    times = np.arange(0.0, 8.01, 0.5)
+    rows = [17.0, 15.0] + rng.normal(0, 0.5, (len(times), 2)).cumsum(axis=0)
+    table = "".join(f"Ann,{t},{x},{y}\n" for t, (x, y) in zip(times, rows.tolist(), strict=True))
+    (folder / "people.csv").write_text("id,time,x,y\n" + table)
+    legs = rng.uniform([10, 9], [26, 12], (4, 2)).round(2)
+    text = (
+        f"step = 2\nsteps = 4\n[map]\nsize = [30, 30]\n[airspace]\npeople = {people}\n"
+        '[[tracks]]\nfile = "people.csv"\nunit = "m"\nids = ["Ann"]\n'
+        f"[[walk]]\npoints = {legs.tolist()}\nspeed = 1.3\n"
+        "[[drones]]\nstarts = [{ x = 12.5, y = 14.5 }, { x = 18.5, y = 18.5 }]\n"
+    )
+    try:
+        problem = read(write(folder, text))
+    except ProblemError:  # a drone begins too close to somebody
+        reject()
+    plan = co.plan(problem, planner="cocap").plan
+    assert plan is not None
+    flown = Trajectory.straight(problem, plan)
+    dense = np.linspace(0, problem.horizon * 2.0, 801)
+    at = flown.at(dense).place[:, :2].reshape(2, -1, 2)
+    way = np.append(0.0, np.hypot(*np.diff(legs, axis=0).T).cumsum())
+    walks = [
+        [np.interp(dense, times, axis) for axis in rows.T],
+        [np.interp(1.3 * dense, way, axis) for axis in legs.T],
+    ]
+    least = min(float(np.hypot(*(at - np.transpose(walk)).T).min()) for walk in walks)
+    nearest = Nearest.of_people(flown)
+    assert nearest is not None
+    assert people - 1e-6 <= nearest.distance <= least + 1e-6
 
 
 def test_people_who_are_not_there_are_named(parts: Path) -> None:

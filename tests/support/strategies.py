@@ -183,6 +183,7 @@ def actors(draw: st.DrawFn, height_map: HeightMap, horizon: int) -> Actor:
         shape=shape,
         weights=None if weights is None else (weights, 0.5, *[1.0] * (len(shape.faces()) - 2)),
         importance=importance,
+        swerve=draw(st.sampled_from([0.0, 0.0, 0.0, 1.3])),
     )
 
 

@@ -204,7 +204,7 @@ def _distances(flight: Flight, clock: Clock) -> Iterator[str]:
         yield (
             f"Minimum distance to people, seen from above: {close.distance:.2f} m (drone "
             f"{close.first} and {problem.person(close.second)}, at {clock.time(close.t)} near "
-            f"x {x:.1f}, y {y:.1f}, {heights.told(z)})."
+            f"x {x:.1f}, y {y:.1f}, {heights.told(z)}){problem.actors[close.second].told_swerve}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
     if problem.airspace.ceiling is not None:

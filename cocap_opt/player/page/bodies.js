@@ -97,7 +97,8 @@ export class Bodies {
     if (aside === null) return;
     this.data.people.forEach((person, j) => {
       const [x, y, z] = this.person(j, time), top = above === null ? sky : z + person.height + above;
-      const low = ring(SIDES, aside, x, y, z + 0.05), high = ring(SIDES, aside, x, y, Math.max(top, z));
+      const wide = aside + person.swerve;
+      const low = ring(SIDES, wide, x, y, z + 0.05), high = ring(SIDES, wide, x, y, Math.max(top, z));
       pen.veil(high, CLOSED, 0.09, how);
       low.forEach((p, k) => {
         const next = (k + 1) % SIDES;
