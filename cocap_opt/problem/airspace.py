@@ -100,7 +100,7 @@ class Airspace(Data, frozen=True):
         return np.asarray(least / (least + spare))
 
     def rules_beside(self, actor: Actor) -> CollisionRules:
-        """Returns the rules between a drone and the middle of a person's body on a straight walk."""
+        """Returns the rules between a drone and the middle of a body on its straight walk."""
         half = actor.shape.height / 2
         over = LARGEST if self.people_above is None else self.people_above + half
         return CollisionRules(

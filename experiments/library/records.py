@@ -48,6 +48,7 @@ LEAST = 10.0  # units of J; smaller bounds are compared as this one, as values h
 MOST_BYTES = 1_000_000  # bytes of a compressed file
 _ONLY_TEXT = 80  # characters of a submitted name; longer ones are cut
 _MOST_SECONDS = 1e9
+_IN_COQ = " in Coq"
 
 
 class Digest(NamedTuple):
@@ -74,7 +75,8 @@ class Record(NamedTuple):
     date : of the submission, UTC
     program : program that found it, as submitted or as in the file
     seconds : time of the search, as submitted or as in the file; nan if neither has it
-    checked : version of cocap-opt whose `cocap-check` accepted it
+    checked : version of cocap-opt whose `cocap-check` accepted it; with "in Coq" after it, whose
+        `cocap-check-verified` accepted it
     """
 
     name: str
@@ -276,8 +278,9 @@ class Library:
         seconds: float | None = None,
         folder: Path | None = None,
         time_limit: float = TIME_LIMIT,
+        verified: Path | None = None,
     ) -> Record:
-        """Adds a plan, a certificate or a proof, if `cocap-check` accepts it and it is better.
+        """Adds a plan, a certificate or a proof, if a checker accepts it and it is better.
 
         Parameters
         ----------
@@ -286,6 +289,7 @@ class Library:
         seconds : time of the search; None to use the time in the file
         folder : folder with the instance's files that are not in the library
         time_limit : seconds for the checker; inf for none
+        verified : the program `cocap-check-verified`, for bounds; None: `cocap-check` judges
 
         Raises
         ------
@@ -295,7 +299,9 @@ class Library:
         content = read_bytes(path)
         told = _told(content, path)
         entry = self._of_digest(str(told.get("digest")), path)
-        found = proved(self.instance(entry, folder), content, str(path), time_limit)
+        instance = self.instance(entry, folder)
+        judge = None if told.get("format") == "cocap-opt plan" else verified
+        found = proved(instance, content, str(path), time_limit, judge)
         # The checker ignores some fields; users of the file need them to be valid, too.
         file = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
         if isinstance(file, CertificateFile | ProofFile):
@@ -310,7 +316,7 @@ class Library:
             sha256, _word(who) or "-", f"{datetime.now(UTC):%Y-%m-%d}",
             _word(program or told.get("planner") or told.get("method") or "-"),
             _seconds(taken),
-            version("cocap-opt"),
+            version("cocap-opt") + _IN_COQ * (judge is not None),
         )  # fmt: skip
         with self._locked():
             self._require_better(entry, found, path)
@@ -323,9 +329,14 @@ class Library:
         return record
 
     def recheck(
-        self, record: Record, folder: Path | None = None, time_limit: float = math.inf
+        self,
+        record: Record,
+        folder: Path | None = None,
+        time_limit: float = math.inf,
+        verified: Path | None = None,
     ) -> Proved:
-        """Checks a record again; `time_limit` is in seconds.
+        """Checks a record again, a bound by the program `cocap-check-verified` if it is given;
+        `time_limit` is in seconds.
 
         Raises
         ------
@@ -333,8 +344,11 @@ class Library:
             If the file does not prove the record's value.
         """
         instance = self.instance(self.entry(record.name), folder)
-        found = proved(instance, self.content(record), record.file, time_limit)
-        if found != (record.kind, record.value):
+        judge = None if record.kind == PLAN else verified
+        found = proved(instance, self.content(record), record.file, time_limit, judge)
+        # Both checkers round up, in units of their own.
+        near = abs(found.value - record.value) <= (ROUNDED if judge else 0.0)
+        if found.kind != record.kind or not (near or found.value == record.value):
             raise FileError(f"{record.file}: proves {found.value:.6f}, not {record.value:.6f}")
         return found
 

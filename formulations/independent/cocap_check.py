@@ -2123,6 +2123,10 @@ def reason_of(error: BaseException) -> str:
         return f"must have the field {error}"
     if isinstance(error, UnicodeDecodeError):
         return f"must be UTF-8 text, but byte {error.start + 1} is not"
+    if isinstance(error, (OverflowError, RecursionError)):
+        return "a number is too large, or lists are nested too deeply"
+    if isinstance(error, (AttributeError, IndexError, TypeError)):
+        return f"a field has a value of the wrong kind or length ({error})"
     return str(error) or type(error).__name__
 
 

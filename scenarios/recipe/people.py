@@ -328,7 +328,8 @@ class WalkTable(Table):
             return 0.0
         corners, behind = self._corners()
         reached = (behind - self.first) / self.speed
-        return swerve_of(off_walk(step * np.arange(len(walk)), walk, reached, corners)[0])
+        times = step * np.arange(len(walk), dtype=np.float64)
+        return swerve_of(off_walk(times, walk, reached, corners)[0])
 
     def _corners(self) -> tuple[FloatArray, FloatArray]:
         """Returns the corners [n, 2] (m) of the legs, and the way [n] (m) up to each of them."""

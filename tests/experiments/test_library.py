@@ -227,6 +227,39 @@ def test_a_file_that_keeps_the_checker_busy_is_refused(
     assert not empty.records()
 
 
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        ("echo 'no plan has more than 54 / 2, that is 27.0 (1 leaf)'", "27.0"),
+        ("echo 'no plan has more than 1 / 3, that is 0.333334 (1 leaf)'", "above a bound of"),
+        ("echo 'refused: the claim does not follow'; exit 1", "refused: the claim does not"),
+        ("echo 'not decided: too long'; exit 3", "refused: not decided: too long"),
+        ("sleep 5", "`cocap-check-verified` did not end within 2 s"),
+        ("echo 'no plan has more than 27'", "not judged: `cocap-check-verified` answered"),
+        (None, "cannot be run: No such file"),
+    ],
+)
+def test_the_verified_checker_may_judge_bounds(
+    empty: Library, tmp_path: Path, answer: str | None, told: str
+) -> None:
+    """Its fraction is the record, rounded up; plans are judged by `cocap-check`."""
+    program = tmp_path / "program"
+    if answer is not None:
+        program.write_text(f"#!/bin/sh\n{answer}\n")
+        program.chmod(0o755)
+    plan = empty.submit(empty.folder / GOOD[0], verified=program)
+    assert (plan.value, "Coq" in plan.checked) == (27.0, False)
+    path = empty.folder / GOOD[1]
+    if told == "27.0":
+        record = empty.submit(path, verified=program)
+        assert (record.value, record.checked[-7:]) == (27.0, " in Coq")
+        assert empty.recheck(record, verified=program).value == 27.0
+        return
+    with pytest.raises(FileError, match=told):
+        empty.submit(path, time_limit=2.0, verified=program)
+    assert len(empty.records()) == 1
+
+
 def test_a_checker_that_was_killed_is_told(
     empty: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -380,8 +413,13 @@ def test_small_stored_records_are_accepted_again(name: str) -> None:
         library.recheck(record)
 
 
+# The program `cocap-check-verified`, if bounds are to be checked by it, too.
+VERIFIED = Path(os.environ["COCAP_OPT_VERIFIED"]) if "COCAP_OPT_VERIFIED" in os.environ else None
 # Checks of these take minutes of CPU time.
-HARD = {"crowd-16-1000", "field-1", "field-1000", "field-1001", "field-long-0"}
+HARD = {
+    "crowd-16-1000", "field-1", "field-1000", "field-1001", "field-long-0", "field-views2-0",
+    "field-views2-1000",
+}  # fmt: skip
 
 
 @pytest.mark.long(seconds=10)
@@ -396,7 +434,7 @@ def test_all_stored_records_are_accepted_again(name: str) -> None:
     if entry.is_by_reference and folder is None:
         pytest.skip(f"needs {entry.family.source} in the data folder (COCAP_OPT_DATA)")
     for record in library.records(name):
-        library.recheck(record, folder)
+        library.recheck(record, folder, verified=VERIFIED)
 
 
 def folder_of(family: str) -> Path | None:

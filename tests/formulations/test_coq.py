@@ -26,8 +26,9 @@ from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
 from cocap_opt.experiments.lab.studies.verified import WITHOUT_PATHS
+from cocap_opt.experiments.library.entries import DATA
 from cocap_opt.experiments.library.records import Library
-from cocap_opt.files.documents import decode_document, problem_digest
+from cocap_opt.files.documents import FileError, decode_document, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import CertificateFile, Staged
 from cocap_opt.formulations.certificates.staged import price_staged
@@ -74,6 +75,21 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 def ask(built: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> Ask:
     """Lowers files and runs the program on them."""
     return _asks(built[0], tmp_path_factory.mktemp("lowered"))
+
+
+def test_it_judges_bounds_of_the_library(
+    built: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It accepts what `cocap-check` accepted, to a unit of rounding, and refuses a lower claim."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path / "cache"))
+    known = Library(Path(shutil.copytree(DATA, tmp_path / "library")))
+    (bound,) = [row for row in known.records("corridor-0") if row.kind == "bound"][-1:]
+    assert known.recheck(bound, verified=built[0]).value == pytest.approx(bound.value, abs=1e-6)
+    file = json.loads(known.content(bound))
+    file["bound"] = 0.999 * bound.value
+    (tmp_path / "low.json").write_text(json.dumps(file))
+    with pytest.raises(FileError, match="refused: "):
+        known.submit(tmp_path / "low.json", verified=built[0])
 
 
 # Advice in place of advice.ml: as many numbers as it likes, of any size and sign, at every node.

@@ -647,7 +647,7 @@ def test_distances_to_people_hold_along_rows_and_legs(
     """People who turn between the steps are as far from drones as the airspace requires."""
     folder, rng = tmp_path_factory.mktemp("rows"), np.random.default_rng(seed)
     times = np.arange(0.0, 8.01, 0.5)
-    rows = [17.0, 15.0] + rng.normal(0, 0.5, (len(times), 2)).cumsum(axis=0)
+    rows = np.array([17.0, 15.0]) + rng.normal(0, 0.5, (len(times), 2)).cumsum(axis=0)
     table = "".join(f"Ann,{t},{x},{y}\n" for t, (x, y) in zip(times, rows.tolist(), strict=True))
     (folder / "people.csv").write_text("id,time,x,y\n" + table)
     legs = rng.uniform([10, 9], [26, 12], (4, 2)).round(2)

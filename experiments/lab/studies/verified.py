@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,6 +17,7 @@ from cocap_opt.files.documents import Document, FileError
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation, searchless
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.independent import instance_of
+from cocap_opt.formulations.independent.machine_checked import checking
 from cocap_opt.model import compiled
 from cocap_opt.output.printing import Listing, counted
 from cocap_opt.problem import Problem
@@ -25,7 +25,6 @@ from cocap_opt.run.options import UsageError
 from cocap_opt.scenarios import load_scene
 
 _TABLE = "verified.csv"
-_FOLDER = Path(__file__).parents[3] / "formulations" / "certificates" / "coq"
 _PROOF, _MULTIPLIERS = "proof without a search", "multipliers of a staged certificate"
 _STAGES, _BOUND = "stages only", "certificate of bound"
 _CLAIMS = {
@@ -121,9 +120,8 @@ def checked(program: Path, problem: Problem, claimed: Document, claim: str) -> V
         instance.write_text(instance_of(compiled(problem)), encoding="utf-8")
         claimed.save(file)
         multipliers = ["--multipliers"] * (claim == _MULTIPLIERS)
-        lower = [sys.executable, str(_FOLDER / "lower.py"), str(instance), str(file)]
-        lowering = _seconds([*lower, "-o", str(lowered), *multipliers])
-        check = _seconds([str(program), str(instance), str(lowered)])
+        commands = checking(program, instance, file, lowered, *multipliers)
+        lowering, check = _seconds(commands.lower), _seconds(commands.check)
         numbers = json.loads(file.read_text("utf-8"))
         return _described(problem.name, claim, numbers, lowering, check)
 

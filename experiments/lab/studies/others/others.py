@@ -29,11 +29,12 @@ from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.printing import Listing, Record, print_texts
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan
 from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.options import Option, UsageError
 
-_PLANNERS = ("cocap-lns", "cocap")
+_PLANNERS = (RECOMMENDED, "cocap-lns", "cocap")
 _INTERRUPTED = 130  # exit code after Ctrl-C
 _JUDGED = {PLAN: "the plan", BETWEEN: "between cells", WORD: "their word"}
 _NOTES = """\
