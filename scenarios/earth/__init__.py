@@ -6,6 +6,10 @@ This module contains the names of systems, and checks whether two texts mean the
 import re
 
 _SHOWN = 60  # letters of a system's name in a message
+_ONE_CODE = re.compile(r"EPSG:(\d+)", re.I)  # may be of a compound system
+_TWO_CODES = re.compile(r"(\w+:\d+)\+\d+")
+# A compound system in WKT, up to the bracket behind the keyword of its first part.
+_COMPOUND = re.compile(r'(?:COMPD_CS|COMPOUNDCRS)\s*[\[(]\s*"[^"]*"\s*,\s*(\w+\s*[\[(])', re.I)
 # The code of a whole system, at the end of its WKT.
 _CODE = re.compile(r'(?:ID|AUTHORITY)\s*\[\s*"(\w+)"\s*,\s*"?(\d+)"?\s*\]\s*\]\s*$')
 
@@ -16,8 +20,8 @@ def short_name(crs: str) -> str:
 
 
 def same_system(crs: str, other: str) -> bool:
-    """Returns True if two texts mean the same reference system."""
-    crs, other = (text.strip().partition("+")[0] for text in (crs, other))  # without heights
+    """Returns True if two texts mean the same reference system, apart from heights."""
+    crs, other = _horizontal(crs), _horizontal(other)
     if _coded(crs).upper() == _coded(other).upper():
         return True
     try:
@@ -31,6 +35,30 @@ def same_system(crs: str, other: str) -> bool:
             return bool(CRS.from_user_input(crs) == CRS.from_user_input(other))
     except CRSError:
         return False
+
+
+def has_heights(crs: str) -> bool:
+    """Returns True if a text of a reference system names a system of heights above the sea, too."""
+    return _horizontal(crs) != crs.strip()
+
+
+def _horizontal(crs: str) -> str:
+    """Returns a text of a reference system without its system of heights."""
+    crs = crs.strip()
+    if codes := _TWO_CODES.fullmatch(crs):
+        return codes[1]
+    code = _ONE_CODE.fullmatch(crs)
+    text = crs if code is None else wkt_of_code(int(code[1])) or crs
+    compound = _COMPOUND.match(text)
+    if compound is None:
+        return crs
+    depth, is_quoted = 0, False
+    for k in range(compound.end() - 1, len(text)):
+        is_quoted ^= text[k] == '"'
+        depth += 0 if is_quoted else (text[k] in "[(") - (text[k] in "])")
+        if depth == 0:
+            return text[compound.start(1) : k + 1]
+    return crs
 
 
 def _coded(crs: str) -> str:

@@ -10,7 +10,7 @@ from msgspec import Meta
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy, Place
 from cocap_opt.problem import Earth
-from cocap_opt.scenarios.earth import same_system, short_name, utm
+from cocap_opt.scenarios.earth import has_heights, same_system, short_name, utm
 from cocap_opt.scenarios.tables import Coordinate, Table
 from cocap_opt.scenarios.text import rectangle
 from cocap_opt.world.workspace import HeightMap
@@ -147,6 +147,11 @@ class EarthTable(Table):
             raise ProblemError(f"crs: must be given, {self._what_crs_is()}")
         if (self.height is None) != (self.heights is None):
             raise ProblemError("height, heights: both must be given, or neither")
+        if self.heights == "above-ellipsoid" and has_heights(system):
+            raise ProblemError(
+                'heights: must be "above-sea", as the reference system says by its own system of '
+                f"heights: {short_name(system)}"
+            )
         earth = Earth(
             crs=system,
             origin=None if self.latitude is None else (self.latitude, self.longitude or 0.0),

@@ -23,7 +23,8 @@ _TOP = "height", "buildingheight", "estheight", "measuredheight"
 _STOREYS = "buildinglevels", "levels", "numfloors"
 _ROOF, _ROOF_STOREYS = "roofheight", "rooflevels"
 _BOTTOM = "minheight", "buildingminheight"
-_BOTTOM_STOREYS = "buildingminlevel", "minlevel", "minfloor"
+# Not min_level, which is the lowest storey of a building with an indoor map.
+_BOTTOM_STOREYS = "buildingminlevel", "minfloor"
 # Units of the heights, and columns that may also count dwellings.
 _UNIT, _MAYBE_UNIT = ("heightunit", "heightunits", "unitofheight", "heightuom"), ("unit", "units")
 _KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS,
@@ -107,11 +108,18 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
 
 
 def is_underground(properties: Mapping[str, Any]) -> bool:
-    """Returns True for a structure that OpenStreetMap says is below the ground."""
+    """Returns True for a structure that OpenStreetMap or Overture Maps says is below the ground."""
     return any(
-        name.casefold() == "location" and value == "underground"
+        (_key(name) == "location" and value == "underground")
+        or (_key(name) == "isunderground" and value in (True, "true", 1))
         for name, value in _flat(properties, "properties")
     )
+
+
+def is_no_building(properties: Mapping[str, Any]) -> bool:
+    """Returns True for an area of which OpenStreetMap says that it is no building."""
+    flat = _flat(properties, "properties")
+    return any(_key(name) == "building" and value == "no" for name, value in flat)
 
 
 def may_be_underground(properties: Mapping[str, Any]) -> bool:

@@ -26,6 +26,7 @@ from cocap_opt.scenarios.maps.building_heights import (
     STOREY,
     Extent,
     extent,
+    is_no_building,
     is_underground,
     may_be_underground,
 )
@@ -33,7 +34,7 @@ from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
 from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
 from cocap_opt.scenarios.tables import PER_METRE, Point
-from cocap_opt.text import pair, plain
+from cocap_opt.text import pair, plain, shortened
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
 Meaning = Literal["obstacles", "walkable"]
@@ -64,6 +65,20 @@ class GroundPlan(NamedTuple):
             return "the file states none"
         listed = self.properties[k] or "none"
         return f"polygon {k + 1} has no property `height` in metres; its properties: {listed}"
+
+    def told_height(self, height: float) -> str:
+        """Says how many polygons with properties get a height (m) as theirs is not known; empty if
+        there are none.
+        """
+        without = [k for k, extent in enumerate(self.extents) if extent.top is None]
+        telling = [k for k in without if k < len(self.properties) and self.properties[k]]
+        if not telling:
+            return ""
+        return (
+            f"{len(without)} of {len(self.extents)} polygons state no height that is read, and get "
+            f"the {height:g} m of the table; properties of polygon {telling[0] + 1}: "
+            f"{shortened(self.properties[telling[0]])}"
+        )
 
 
 class _Plan(msgspec.Struct):
@@ -222,6 +237,10 @@ def _of_polygons(
         if deep:
             kept = [item for item in kept if item not in deep]
             notes.append(f"{len(deep)} of {len(found)} polygons are underground, and are left out")
+        no_house = [item for item in kept if is_no_building(item[0].properties)]
+        if no_house:
+            kept = [item for item in kept if item not in no_house]
+            notes.append(f"{len(no_house)} of {len(found)} polygons have building = no: left out")
         if below := sum(may_be_underground(item.properties) for item, _ in kept):
             notes.append(
                 f"{below} of {len(found)} polygons are buildings with a negative layer; if they "

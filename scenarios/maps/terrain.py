@@ -7,6 +7,8 @@ from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth import same_system, short_name
@@ -31,6 +33,21 @@ DEEP = 1.0  # m below the ground; a lower value in a map of heights above the gr
 
 
 _HARDLY = 1e-3  # m; smaller lifts are ignored
+_EDGE = 1e-6  # cells; areas that reach no farther into a cell only touch it
+
+
+class Ground(NamedTuple):
+    """The ground below an area.
+
+    Attributes
+    ----------
+    lowest : altitude (m) of the lowest cell that the area reaches
+    base : altitude (m) of the lowest cell of which it covers at least half as much as of any, so
+        that a ditch or a wall beside it does not count
+    """
+
+    lowest: float
+    base: float
 
 
 class Terrain(NamedTuple):
@@ -71,6 +88,29 @@ class Terrain(NamedTuple):
         if lift.max() < _HARDLY:
             return self
         return self._replace(height_map=height_map.replace(lift=lift))
+
+    def below(self, area: BaseGeometry) -> "Ground":
+        """Returns the ground below polygons (m); off the map, that of the nearest cells."""
+        size, origin = self.height_map.resolution, np.array(self.height_map.origin)
+        corners = np.array(area.bounds).reshape(2, 2)
+        most = np.array(self.height_map.shape) - 1
+        first, last = np.floor((corners - origin) / size).clip(0, most).astype(np.int64)
+        part = self.ground[first[0] : last[0] + 1, first[1] : last[1] + 1]
+        if part.min() == part.max():
+            return Ground(float(part.min()), float(part.min()))
+        i, j = (axis.ravel() for axis in np.mgrid[first[0] : last[0] + 1, first[1] : last[1] + 1])
+        low = origin[:, None] + size * (np.array([i, j]) + _EDGE)
+        boxes = shapely.box(*low, *(low + size * (1 - 2 * _EDGE)))
+        shapely.prepare(area)
+        touched = shapely.intersects(area, boxes)
+        shares = np.where(touched, 1.0, 0.0)
+        partly = touched & ~shapely.contains(area, boxes)
+        shares[partly] = shapely.area(shapely.intersection(area, boxes[partly])) / size**2
+        if not touched.any():  # off the map
+            touched, shares = np.ones_like(touched), np.ones_like(shares)
+        mostly = shares >= 0.5 * shares.max()
+        heights = part.ravel()
+        return Ground(float(heights[touched].min()), float(heights[mostly].min()))
 
     def floor(self, x: float, y: float) -> float:
         """Returns the altitude of the ground at a point (m); outside the map, the altitude of the

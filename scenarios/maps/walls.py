@@ -1,11 +1,13 @@
 """The ground plans of a recipe, and the extrusion of their walls to meshes."""
 
 import logging
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
@@ -15,6 +17,7 @@ from cocap_opt.scenarios.kinds import JSON, WKT
 from cocap_opt.scenarios.maps.building_heights import Extent
 from cocap_opt.scenarios.maps.ground_plans import GroundPlan, Meaning, ground_plan
 from cocap_opt.scenarios.maps.parts import polygons_of
+from cocap_opt.scenarios.maps.terrain import Ground
 from cocap_opt.scenarios.tables import (
     Coordinate,
     Length,
@@ -27,6 +30,8 @@ from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import Mesh
 
 log = logging.getLogger(__name__)
+
+_TALL = 300.0  # m; few buildings are taller
 
 
 class WallsTable(Table):
@@ -45,17 +50,20 @@ class WallsTable(Table):
     unit: Unit | None = None
     border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
     at: Point = (0.0, 0.0)  # m, position of the plan's origin
-    base: Coordinate | None = None  # m, altitude of the foot of the walls; None: the lowest ground
+    base: Coordinate | None = None  # m, altitude of the foot; None: the lowest ground below each
 
     def meshes(
-        self, folder: Path, lowest: float, projection: MapProjection = NOWHERE
+        self,
+        folder: Path,
+        below: Callable[[BaseGeometry], Ground],
+        projection: MapProjection = NOWHERE,
     ) -> list[Mesh]:
         """Reads the ground plan and returns its walls.
 
         Parameters
         ----------
         folder : of the file that the table names
-        lowest : altitude (m) of the lowest ground
+        below : the ground below an area on the map
         projection : converts longitudes and latitudes to metres
 
         Raises
@@ -64,7 +72,6 @@ class WallsTable(Table):
             If the file cannot be read, or has no such ground plan or no wall; one line that names
             the file.
         """
-        base = lowest if self.base is None else self.base
         with naming(folder / self.file):
             text = read_text(folder / self.file, (JSON, WKT))
             plan = ground_plan(text, self.name, self.unit, self.polygons, projection)
@@ -80,13 +87,25 @@ class WallsTable(Table):
                     "walls, m"
                 )
             extents = [*plan.extents, *[Extent()] * (len(areas) - len(plan.extents))]
+            areas = [translate(area, *self.at) for area in areas]
             walls = [
-                extruded(area, base + self._top(extent, k, plan), base + extent.bottom)
+                self._wall(area, below, self._top(extent, k, plan), extent.bottom)
                 for k, (area, extent) in enumerate(zip(areas, extents, strict=True))
             ]
-        for note in plan.notes:
+        heights = [] if self.height is None else [plan.told_height(self.height)]
+        heights += _doubts_of_heights(plan.extents)
+        for note in filter(None, (*plan.notes, *heights)):
             log.warning("%s: %s", self.file, note)
-        return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
+        return walls
+
+    def _wall(
+        self, area: BaseGeometry, below: Callable[[BaseGeometry], Ground], top: float, bottom: float
+    ) -> Mesh:
+        """Returns the solid above an area on the map, between two heights (m) above its foot."""
+        ground = below(area) if self.base is None else Ground(self.base, self.base)
+        is_raised = bottom > 0 or ground.lowest >= ground.base
+        foot = ground.base + bottom if is_raised else ground.lowest
+        return extruded(area, ground.base + top, foot)
 
     def _top(self, extent: Extent, k: int, plan: GroundPlan) -> float:
         """Returns the top (m above the foot) of the wall with this number, by default the
@@ -102,6 +121,18 @@ class WallsTable(Table):
                 f"top the file does not state, not {self.height:g}"
             )
         return self.height
+
+
+def _doubts_of_heights(extents: Sequence[Extent]) -> Iterator[str]:
+    """Yields a question if a building is so tall that its height may count from the sea."""
+    tops = [extent.top or 0.0 for extent in extents]
+    tallest = max(tops, default=0.0)
+    if tallest > _TALL:
+        k = tops.index(tallest)
+        yield (
+            f"polygon {k + 1} is {tallest:g} m tall: are heights above the ground, not above the "
+            "sea, and in metres?"
+        )
 
 
 def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:

@@ -6,13 +6,31 @@ write similar ones. glTF is in metres by definition.
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.earth.lengths import unit_of_length
 from cocap_opt.scenarios.tables import PER_METRE, Unit
 
-_STATED = re.compile(r"\bunits?(?:\s+of\s+length)?\s*(?:[:=]|\bis\b|\bare\b)\s*(.*)", re.IGNORECASE)
+# What has the unit, the unit, and how many of one make how many of the other: 1 unit = 2.54 cm.
+_STATED = re.compile(
+    r"(?:(?P<of>[^\W\d_]+)\s+)?(?P<many>\d[\d.,]*\s+)?\bunits?(?:\s+of\s+length)?\s*"
+    r"(?:[:=]|\bis\b|\bare\b)\s*(?P<number>[-+]?[\d.,]*\d(?:e[-+]?\d+)?)?(?P<unit>.*)",
+    re.IGNORECASE,
+)
+_OF_OTHERS = {
+    "texture",
+    "textures",
+    "uv",
+    "angle",
+    "angles",
+    "angular",
+    "time",
+    "mass",
+    "colour",
+    "color",
+}
 # Lengths in which recipes have no coordinates.
 _OTHERS = {
     "in", "inch", "inches", "yd", "yard", "yards", "mile", "miles", "km", "kilometer", "kilometers",
@@ -33,8 +51,16 @@ def settled_unit(path: Path, unit: Unit | None) -> str:
     """
     found: dict[str, str] = {}
     for comment in _comments(path):
-        if (stated := _STATED.search(comment)) and (name := _unit_in(stated[1])):
+        stated = _STATED.search(comment)
+        if stated is None or (stated["of"] or "").lower() in _OF_OTHERS:
+            continue
+        if name := _unit_in(stated["unit"]):
             found.setdefault(name, comment.strip()[:60])
+            if not _is_one(stated["many"]) or not _is_one(stated["number"]):
+                raise ProblemError(
+                    f"unit: a comment states {comment.strip()[:60]!r}, which is a scale: export "
+                    f"the mesh in one of {', '.join(PER_METRE)}"
+                )
     if len(found) > 1:
         raise ProblemError(f"unit: must be one, but comments state {' and '.join(found)}")
     for name, comment in found.items():
@@ -49,6 +75,13 @@ def settled_unit(path: Path, unit: Unit | None) -> str:
             )
         return name
     return unit or "m"
+
+
+def _is_one(number: str | None) -> bool:
+    """Returns True if a number is 1, or left out."""
+    with suppress(ValueError):
+        return number is None or float(number.replace(",", ".")) == 1
+    return False
 
 
 def _unit_in(text: str) -> str | None:

@@ -41,7 +41,7 @@ def meshes_of(
         yield from mesh.parts
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            walls = plan.meshes(folder, float(terrain.ground.min()), projection)
+            walls = plan.meshes(folder, terrain.below, projection)
             require_on_map(walls, terrain.height_map, _ways_to_walls(recipe, walls))
         yield from walls
 

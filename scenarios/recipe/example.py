@@ -54,7 +54,8 @@ name = "bottleneck"         # which geometry of the file; default: its only one
 height = 2.0                # m above base, for polygons without a height of their own; no default
 border = 0.2                # m, thickness of walls around the walkable area; default: no walls
 at = [30, 10]               # added to the points; default: nothing
-base = 50.0                 # m, altitude of the foot; default: the lowest ground below
+base = 50.0                 # m, altitude of the foot; default: the lowest ground below each
+                            # polygon
 
 [[tracks]]
 file = "people.txt"         # or a JuPedSim database, or GPX, which requires [earth]; several files
@@ -159,8 +160,9 @@ homes = [[14, 4]]           # for all drones or for none; default: none
 
 [[no_fly]]
 polygon = [[40, 10], [50, 10], [50, 20]]   # a cell that it covers in part is closed, too
-bottom = 0.0                # m, altitude from which it is closed; default: no bottom
-top = 30.0                  # m; default: no top
+bottom = 50.0               # m, altitude from which it is closed, not above ground; default: no
+                            # bottom
+top = 80.0                  # m, altitude; default: no top
 
 [airspace]
 ceiling = 30.0              # m, measured as layers are; default: no ceiling

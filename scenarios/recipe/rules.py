@@ -1,10 +1,14 @@
 """The tables of a recipe that define where drones may not fly although there is no obstacle."""
 
+from collections.abc import Callable
+
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.problem import SEPARATION, Airspace, CollisionRules
 from cocap_opt.scenarios.maps.ground_plans import sound
+from cocap_opt.scenarios.maps.terrain import Ground
 from cocap_opt.scenarios.maps.walls import extruded
 from cocap_opt.scenarios.tables import Coordinate, Point, Size, Table
 from cocap_opt.scenarios.text import naming
@@ -18,20 +22,30 @@ class NoFlyTable(Table):
     bottom: Coordinate = -LARGEST  # m, altitude
     top: Coordinate = LARGEST  # m, altitude
 
-    def zone(self) -> Mesh:
+    def zone(self, ground_below: Callable[[BaseGeometry], Ground]) -> Mesh:
         """Returns the zone as a solid.
+
+        Parameters
+        ----------
+        ground_below : the ground below an area
 
         Raises
         ------
         ProblemError
-            If the polygon has fewer than three corners or crosses itself, or bottom is not below
-            top.
+            If the polygon has fewer than three corners or crosses itself, bottom is not below top,
+            or top is below the ground everywhere.
         """
         if len(self.polygon) < 3:
             raise ProblemError(f"polygon: must have at least 3 corners, not {len(self.polygon)}")
         area = sound(Polygon(self.polygon), "polygon")
         if not self.bottom < self.top:
             raise ProblemError(f"top: must be above bottom, {self.bottom:g} m, not {self.top:g}")
+        ground = ground_below(area)
+        if self.top <= ground.lowest:
+            raise ProblemError(
+                f"top: must be above the ground below the zone, which is at {ground.lowest:g} m or "
+                f"more, not {self.top:g}: it is an altitude, not a height above the ground"
+            )
         return extruded(area, self.top, self.bottom)
 
 
@@ -44,12 +58,20 @@ class AirspaceTable(Table):
     # m above heads at which drones may be closer; None: they may not
     over_people: Size | None = None
 
-    def airspace(self, zones: tuple[NoFlyTable, ...]) -> Airspace:
-        """Returns the limits of the airspace."""
+    def airspace(
+        self, zones: tuple[NoFlyTable, ...], ground_below: Callable[[BaseGeometry], Ground]
+    ) -> Airspace:
+        """Returns the limits of the airspace.
+
+        Parameters
+        ----------
+        zones : the no-fly zones
+        ground_below : the ground below an area
+        """
         solids = []
         for k, table in enumerate(zones):
             with naming(f"no_fly[{k}]"):
-                solids.append(table.zone())
+                solids.append(table.zone(ground_below))
         if self.over_people is not None and not self.people:
             raise ProblemError("airspace: over_people: must be left out if people is 0")
         return Airspace(

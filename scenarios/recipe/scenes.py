@@ -176,7 +176,7 @@ class _Place(NamedTuple):
             # errors about walls or tracks off the map come first, as they name the right place
             with naming("earth"):
                 require_likely(earth, terrain.height_map)
-        airspace = recipe.airspace.airspace(recipe.no_fly)
+        airspace = recipe.airspace.airspace(recipe.no_fly, terrain.below)
         if airspace.people_aside:
             airspace = airspace.replace(people_stray=stray)
         for k, zone in enumerate(airspace.no_fly):

@@ -7,7 +7,7 @@ similar tables.
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
@@ -33,9 +33,17 @@ _UNIT = (
     r"|px|pixels?|inch(?:es)?|yards?|dm|km)(?![\w/])"  # the last ones are rejected
 )
 _UNIT_OF_COMMENT = re.compile(
-    r"(?:\bunits?\s*[:=]\s*|(?<![\w/])[xyz]\s*[/\[(]\s*"
-    r"|\b(?:x|y|units?|data|coordinates?|positions?|points?|trajector(?:y|ies))\b.*\bin\s+)"
-    + _UNIT,
+    r"(?:\bunits?\s*[:=]\s*|(?<![\w/])[xyz]\s*[/\[(]\s*)" + _UNIT, re.IGNORECASE
+)
+_ABOUT_PLACES = re.compile(
+    r"\b(?:x|y|units?|data|coordinates?|positions?|points?|trajector(?:y|ies))\b", re.IGNORECASE
+)
+_IN_UNIT = re.compile(r"\bin\s+" + _UNIT, re.IGNORECASE)
+_CLAUSE = re.compile(r"[,;]|\.(?=\s|$)")
+# What other lengths are of: their units are not those of x and y.
+_OTHER_LENGTH = re.compile(
+    r"error|accura|precision|uncertain|deviation|sigma|\bstd\b|\brms|noise|resolution|threshold"
+    r"|\bsteps?\b|stride|spacing|\bradi|diameter|baseline|\bdop\b",
     re.IGNORECASE,
 )
 _TIME_UNIT_OF_COMMENT = re.compile(
@@ -119,9 +127,12 @@ _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x
 _NUMBERED = re.compile(r"[xy]_?\d+")  # x1, y1, x2, y2, .. may also be a pair for each person
 _EDGES = 2  # edges of a box that the columns must name to be recognised as corners
 
-# Columns of numbers of recordings, in each of which ids count anew; spelt as above, without "id".
-_RECORDINGS = {"scene", "recording", "sequence", "seq", "video", "clip", "experiment", "trial",
-               "run", "session", "dataset"}  # fmt: skip
+# Columns of numbers of recordings, places or days: in each of them ids may count anew, and one time
+# may be another moment; spelt as above, without "id".
+_RECORDINGS = {"scene", "recording", "rec", "sequence", "seq", "video", "clip", "experiment",
+               "trial", "run", "session", "dataset", "take", "camera", "cam", "file", "filename",
+               "match", "game", "period", "half", "floor", "level", "storey", "story", "location",
+               "date", "day"}  # fmt: skip
 
 Places = dict[str, int]  # role -> place in a row
 
@@ -220,7 +231,7 @@ class TextLayout(NamedTuple):
 
     def units(self, names: Sequence[str]) -> set[str]:
         """Returns the units of length that comments, the header and the names of columns state."""
-        found = [unit for comment in self._all for unit in _UNIT_OF_COMMENT.findall(comment)]
+        found = [unit for comment in self._all for unit in _units_of_comment(comment)]
         found += _units_of_length(names, self.below)
         found += _units_of_length(self.header or (), ())  # `columns` may have renamed them
         return {_require_known_unit(unit) for unit in sorted(found)}
@@ -368,6 +379,14 @@ def _is_units(fields: Sequence[str]) -> bool:
     return len(others) < len(fields) and not any(Name.of(field).role for field in others)
 
 
+def _units_of_comment(comment: str) -> Iterator[str]:
+    """Yields the units of length that a comment states, but not those of errors and the like."""
+    clauses = [part for part in _CLAUSE.split(comment) if not _OTHER_LENGTH.search(part)]
+    yield from chain.from_iterable(map(_UNIT_OF_COMMENT.findall, clauses))
+    if any(map(_ABOUT_PLACES.search, clauses)):
+        yield from chain.from_iterable(map(_IN_UNIT.findall, clauses))
+
+
 def _units_of_length(names: Sequence[str], row: Sequence[str]) -> Iterator[str]:
     """Yields the units of x, y and z that the names of columns or the row of units state."""
     for place, name in enumerate(names):
@@ -486,10 +505,9 @@ def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
     )
 
 
-def recording_of(names: Sequence[str]) -> int | None:
-    """Returns the place of the column that numbers recordings; None without such a column."""
-    found = (k for k, name in enumerate(names) if _spelt(name).removesuffix("id") in _RECORDINGS)
-    return next(found, None)
+def recordings_of(names: Sequence[str]) -> list[int]:
+    """Returns the places of the columns that number recordings, places or days."""
+    return [k for k, name in enumerate(names) if _spelt(name).removesuffix("id") in _RECORDINGS]
 
 
 def _roles(names: Sequence[str]) -> list[str]:

@@ -35,7 +35,7 @@ from cocap_opt.scenarios.tracks.layout import (
     fields_of,
     is_number,
     places_of,
-    recording_of,
+    recordings_of,
     require_degrees,
     require_ids,
     require_values,
@@ -87,8 +87,9 @@ def _of_layout(
     field = "columns" if form.columns else "header"
     places = places_of(names, field)
     is_in_degrees = "latitude" in places
-    default = "m" if is_in_degrees and not form.unit else form.unit
-    unit = settled("unit", layout.units(names), default)
+    stated = layout.units(names)
+    default = "m" if is_in_degrees and not (form.unit or stated) else form.unit
+    unit = settled("unit", stated, default)
     time_unit = _time_unit(layout, names, places, form.time_unit)
     rate = layout.rate(places, form.fps)
     stamps = None
@@ -233,18 +234,16 @@ def _require_one_recording(text: str, layout: TextLayout, names: Sequence[str]) 
     It would join people who have nothing but their id in common, and show people of different
     recordings at once.
     """
-    place = recording_of(names)
-    if place is None:
-        return
-    found = dict.fromkeys(field for _, field in _column_of(text, layout, place, len(names)))
-    if len(found) > 1:
-        first, other, *_ = found
-        kept = ", ".join(f'"{"-" if k == place else name}"' for k, name in enumerate(names))
-        raise ProblemError(
-            f"{names[place]}: must be the same in all rows, as ids count anew in each, but is "
-            f"{first[:20]!r} and {other[:20]!r}; keep the rows of one or, if all ids are of "
-            f"different people at one time, set columns = [{kept}] in [[tracks]]"
-        )
+    for place in recordings_of(names):
+        found = dict.fromkeys(field for _, field in _column_of(text, layout, place, len(names)))
+        if len(found) > 1:
+            first, other, *_ = found
+            kept = ", ".join(f'"{"-" if k == place else name}"' for k, name in enumerate(names))
+            raise ProblemError(
+                f"{names[place]}: must be the same in all rows, as ids or times may count anew in "
+                f"each, but is {first[:20]!r} and {other[:20]!r}; keep the rows of one or, if all "
+                f"ids are of different people at one time, set columns = [{kept}] in [[tracks]]"
+            )
 
 
 def _require_heads(table: TrackTable, names: Sequence[str]) -> None:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import ProblemError
 from cocap_opt.planners.sequential import sequential
@@ -14,9 +16,10 @@ from cocap_opt.problem import Earth
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.building_heights import extent
 from cocap_opt.scenarios.maps.ground_plans import sound
+from cocap_opt.scenarios.maps.terrain import Ground, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable, extruded
 from cocap_opt.scenarios.recipe import read
-from cocap_opt.world.workspace import Mesh
+from cocap_opt.world.workspace import HeightMap, Mesh
 
 pyproj = pytest.importorskip("pyproj")
 
@@ -53,13 +56,18 @@ def collection(*features: Any, **members: Any) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": list(features), **members}
 
 
+def level(_area: BaseGeometry) -> Ground:
+    """Flat ground at 0 m."""
+    return Ground(0.0, 0.0)
+
+
 def walls(
     folder: Path, content: Any, at: MapProjection = HERE, name: str = "plan", **fields: Any
 ) -> list[Mesh]:
     """Read a plan of obstacles, 8 m high where it does not say it."""
     (folder / name).write_text(content if isinstance(content, str) else json.dumps(content))
     table = WallsTable(file=name, **{"height": 8.0, "polygons": "obstacles"} | fields)
-    meshes = table.meshes(folder, 0.0, at)
+    meshes = table.meshes(folder, level, at)
     assert all(mesh.is_solid for mesh in meshes)
     return meshes
 
@@ -320,7 +328,7 @@ def test_repeated_points_make_no_solid_hollow(tmp_path: Path, altitudes: tuple[f
     assert volume(walls(tmp_path, text)[0]) == pytest.approx(800)
     room = [[10, 10], [10, 10], [20, 10], [20, 20], [20, 20], [10, 20], [10, 10], [10, 10]]
     (tmp_path / "room").write_text(json.dumps({"a": {"walkable": room, "obstacles": [room]}}))
-    (mesh,) = WallsTable(file="room", height=8.0).meshes(tmp_path, 0.0)
+    (mesh,) = WallsTable(file="room", height=8.0).meshes(tmp_path, level)
     assert mesh.is_solid and volume(mesh) == pytest.approx(800)
 
 
@@ -524,6 +532,53 @@ def test_other_files_of_polygons_are_named(tmp_path: Path, text: str, words: str
     """With what writes them as GeoJSON."""
     with pytest.raises(ProblemError, match=words):
         walls(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("properties", "told"),
+    [
+        ({"HAUTEUR": 25, "NB_ETAGES": 8}, "get the 8 m of the table; properties of polygon 1: HAU"),
+        ({"height": 540}, "polygon 1 is 540 m tall: are heights above the ground"),
+        ({"height": 9, "min_level": 1, "max_level": 4}, ""),
+        ({}, ""),
+    ],
+)
+def test_doubtful_heights_are_told(
+    tmp_path: Path, properties: dict[str, Any], told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A height under another name gives way to that of the table; levels of floor plans lift no
+    building.
+    """
+    plan = house(10, 10, **properties)
+    ((*_, low, _, _, top),) = boxes(walls(tmp_path, collection(plan)))
+    assert (low, top) == (0.0, properties.get("height", 8.0))
+    assert told in caplog.text and len(caplog.messages) == bool(told)
+
+
+def test_what_is_no_building_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """By its tag."""
+    plans = collection(house(10, 10, height=12), house(30, 10, building="no"))
+    assert boxes(walls(tmp_path, plans)) == ONE
+    assert "1 of 2 polygons have building = no: left out" in caplog.text
+
+
+def test_buildings_stand_on_the_ground_below_them(tmp_path: Path) -> None:
+    """Not on the lowest of the map, nor on that of a ditch beside them; their feet reach both."""
+    heights = np.add.outer(100 + 0.5 * np.arange(60), np.zeros(60))
+    heights[20, :] = 90.0  # a ditch of one cell
+    terrain = Terrain(HeightMap(heights=heights, resolution=1.0), heights)
+    plan = {"type": "Polygon", "coordinates": [ring(10, 10, wide=10.2)]}
+    (tmp_path / "plan").write_text(json.dumps(collection(feature(plan, height=12))))
+    table = WallsTable(file="plan", polygons="obstacles")
+    assert boxes(table.meshes(tmp_path, terrain.below, HERE)) == [
+        [10.0, 10.0, 90.0, 20.2, 20.0, 117.0]
+    ]
+    raised = feature(plan, height=12, min_height=3)
+    (tmp_path / "plan").write_text(json.dumps(collection(raised)))
+    assert boxes(table.meshes(tmp_path, terrain.below, HERE))[0][2::3] == [108.0, 117.0]
+    based = WallsTable(file="plan", polygons="obstacles", base=50.0)
+    assert boxes(based.meshes(tmp_path, terrain.below, HERE))[0][2::3] == [53.0, 62.0]
+    assert terrain.below(shapely.box(100, 5, 110, 9)) == Ground(129.5, 129.5)  # off the map
 
 
 SCENE = """

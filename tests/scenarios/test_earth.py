@@ -7,12 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from rasterio.crs import CRS
 from rasterio.transform import Affine
 
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, problem_digest
 from cocap_opt.problem import Earth, Problem
+from cocap_opt.scenarios.earth import same_system
+from cocap_opt.scenarios.earth.place import EarthTable
 from cocap_opt.scenarios.recipe import read
+from cocap_opt.world.workspace import HeightMap
 
 pyproj = pytest.importorskip("pyproj")
 
@@ -231,3 +235,32 @@ def test_maps_of_different_systems_are_refused(tmp_path: Path) -> None:
     path.write_text(RECIPE.format(map=files, x=505_002, y=4_789_002, more=""))
     with pytest.raises(ProblemError, match="ground: must be in the reference system of the map"):
         read(path)
+
+
+UTM32 = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "is_same"),
+    [
+        (UTM32, UTM32.replace("=32", "=33"), False),
+        (UTM32, "EPSG:32632", True),
+        ("EPSG:32633", UTM32, False),
+        ("EPSG:25832+5783", "EPSG:25832", True),
+        ("EPSG:5555", "EPSG:25832", True),  # the code of a compound system
+        ("EPSG:5555", "EPSG:25833", False),
+    ],
+)
+def test_systems_are_compared_without_their_heights(one: str, other: str, is_same: bool) -> None:
+    """In all spellings, and not by what comes before a plus."""
+    for crs in {one, CRS.from_user_input(one).to_wkt()}:
+        assert same_system(crs, other) is same_system(other, crs) is is_same
+
+
+def test_heights_that_contradict_the_system_are_refused() -> None:
+    """A system with heights above the sea has none above the ellipsoid."""
+    table = EarthTable(height=0.0, heights="above-ellipsoid")
+    flat = HeightMap(heights=np.zeros((3, 3)), resolution=1.0, origin=(500000.0, 5800000.0))
+    with pytest.raises(ProblemError, match='heights: must be "above-sea", as the reference'):
+        table.earth("EPSG:25832+5783", flat)
+    assert table.earth("EPSG:25832", flat).heights is not None

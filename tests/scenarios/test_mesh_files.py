@@ -614,6 +614,21 @@ def test_a_unit_that_no_recipe_has_is_refused(tmp_path: Path, name: str, comment
             shape(path, unit=unit)
 
 
+@pytest.mark.parametrize("name", COMMENTED)
+@pytest.mark.parametrize(
+    "comment", ["1 unit = 10 cm", "1 unit = 0.0254 m", "Units: 0.1 m", "100 units = 1 m",
+                "units = 1,5 ft"],
+)  # fmt: skip
+def test_scales_in_comments_are_refused(tmp_path: Path, name: str, comment: str) -> None:
+    """A unit of the file that is some units of length; one of one is the unit itself."""
+    path = saved(tmp_path, name, with_comment(name, comment))
+    with pytest.raises(ProblemError, match=f"states '{comment}', which is a scale"):
+        shape(path)
+    for same, metre in (("1 unit = 1 cm", 100), ("texture units: cm", 1)):
+        path = saved(tmp_path, name, with_comment(name, same))
+        assert np.ptp(shape(path).vertices) == pytest.approx(10 / metre)
+
+
 def test_comments_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
     """One unit for all coordinates."""
     text = str(with_comment("a.obj", "unit: mm")) + "# unit: m\n"

@@ -17,6 +17,7 @@ import trimesh
 from hypothesis import given, reject
 from hypothesis import strategies as st
 from rasterio.transform import Affine
+from shapely.geometry.base import BaseGeometry
 from strategies import examples, standing
 
 import cocap_opt as co
@@ -41,6 +42,7 @@ from cocap_opt.problem import (
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.earth.place import MapProjection
+from cocap_opt.scenarios.maps.terrain import Ground
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe import EXAMPLE, read
@@ -69,6 +71,11 @@ def write_tif(path: Path, values: FloatArray, cell: float = 1.0) -> None:
 def read_mesh(path: Path, **fields: Any) -> Mesh:
     """The mesh that a recipe has from a file."""
     return MeshTable(file=path.name, **fields).mesh(path.parent)
+
+
+def level(_area: BaseGeometry) -> Ground:
+    """Flat ground at 0 m."""
+    return Ground(0.0, 0.0)
 
 
 def write(folder: Path, text: str) -> Path:
@@ -249,6 +256,19 @@ def test_zones_and_people_are_kept_clear_of(tmp_path: Path) -> None:
     assert words == "paths[0]: steps 3-4 are in a no-fly zone"
     ahead = Plan(paths=(tuple(problem.robots[0].start._replace(x=x) for x in (2, 4, 6, 7, 7)),))
     assert "step 2 is 1.58 m from person 0" in " ".join(check(problem, ahead).violations)
+
+
+def test_a_zone_below_the_ground_is_refused(tmp_path: Path) -> None:
+    """Its altitudes were meant as heights above the ground, and would close nothing."""
+    table = "[[no_fly]]\npolygon = [[0, 0], [9, 0], [9, 9]]\ntop = {}\n"
+    (tmp_path / "map.asc").write_text(
+        "ncols 20\nnrows 12\nxllcorner 0\nyllcorner 0\ncellsize 1\n" + ("500 " * 20 + "\n") * 12
+    )
+    text = 'steps = 2\n[map]\nfile = "map.asc"\nheights = "absolute"\nground = "surface"\n'
+    text += "[[walk]]\npoints = [[5, 6], [6, 6]]\n" + DRONE
+    with pytest.raises(ProblemError, match=r"no_fly.0.: ?.*top: must be above the ground below th"):
+        read(write(tmp_path, text + table.format(120)))
+    assert read(write(tmp_path, text + table.format(501))).airspace.no_fly
 
 
 @pytest.mark.parametrize(
@@ -1005,10 +1025,10 @@ def test_systems_of_wkt_are_in_metres(
     (tmp_path / "walls.wkt").write_text(f"SRID={code};POLYGON (({ring}))")
     table = WallsTable(file="walls.wkt", height=2.0, polygons="obstacles")
     if message is None:
-        assert table.meshes(tmp_path, 0.0)[0].vertices.max() == size
+        assert table.meshes(tmp_path, level)[0].vertices.max() == size
         return
     with pytest.raises(ProblemError, match=message):
-        table.meshes(tmp_path, 0.0)
+        table.meshes(tmp_path, level)
 
 
 @pytest.mark.parametrize("system", ["urn:ogc:def:crs:EPSG::7844", "EPSG:7844",
@@ -1021,7 +1041,7 @@ def test_systems_of_geojson_are_in_metres(tmp_path: Path, system: str) -> None:
     (tmp_path / "walls.geojson").write_text(json.dumps(plan))
     table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
     with pytest.raises(ProblemError, match=r"crs: must be a projection in metres, .* not 7844"):
-        table.meshes(tmp_path, 0.0)
+        table.meshes(tmp_path, level)
 
 
 @pytest.mark.parametrize(
@@ -1044,10 +1064,10 @@ def test_walls_are_in_the_system_of_the_scene(
     table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
     projection = MapProjection(None if scene is None else Earth(crs=scene))
     if not words:
-        assert len(table.meshes(tmp_path, 0.0, projection)) == 1
+        assert len(table.meshes(tmp_path, level, projection)) == 1
         return
     with pytest.raises(ProblemError, match=words):
-        table.meshes(tmp_path, 0.0, projection)
+        table.meshes(tmp_path, level, projection)
 
 
 def test_what_is_no_number_in_wkt_is_said_once(
@@ -1057,7 +1077,7 @@ def test_what_is_no_number_in_wkt_is_said_once(
     (tmp_path / "walls.wkt").write_text("POLYGON ((0 0, nan 5, 5 5, 0 0))")
     table = WallsTable(file="walls.wkt", height=2.0, polygons="obstacles")
     with pytest.raises(ProblemError, match="coordinates: must be finite numbers"):
-        table.meshes(tmp_path, 0.0)
+        table.meshes(tmp_path, level)
     assert not recwarn.list
 
 
@@ -1068,7 +1088,7 @@ def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:
     def top(stated: str | None, **fields: Any) -> float:
         plan = {"walkable": pillar, "obstacles": [pillar]} | ({"unit": stated} if stated else {})
         (tmp_path / "plan.json").write_text(json.dumps({"one": plan}))
-        (mesh,) = WallsTable(file="plan.json", height=2.0, **fields).meshes(tmp_path, 0.0)
+        (mesh,) = WallsTable(file="plan.json", height=2.0, **fields).meshes(tmp_path, level)
         return float(mesh.vertices[:, 0].max())
 
     assert top("cm") == top(None, unit="cm") == 3.0
@@ -1107,7 +1127,7 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
 
     def volume(unit: Any = "m", **fields: Any) -> float:
         table = WallsTable(file="plan", height=2.0, unit=unit, **fields)
-        walls = table.meshes(tmp_path, lowest=0.0)
+        walls = table.meshes(tmp_path, level)
         assert all(wall.is_solid for wall in walls)
         corners = [np.moveaxis(wall.corners, 1, 0) for wall in walls]
         return sum(float((a * np.cross(b, c)).sum() / 6) for a, b, c in corners)
@@ -1139,7 +1159,7 @@ def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
         table = WallsTable(
             file="houses.geojson", height=8.0, base=1.0, polygons="obstacles", unit="m"
         )
-        return [float(wall.vertices[:, 2].max()) for wall in table.meshes(tmp_path, lowest=0.0)]
+        return [float(wall.vertices[:, 2].max()) for wall in table.meshes(tmp_path, level)]
 
     two = house(9, 5)
     square = two["geometry"]["coordinates"]
@@ -1168,13 +1188,13 @@ def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -
         content = {"type": "FeatureCollection", "features": houses[:count]}
         (tmp_path / "houses.geojson").write_text(json.dumps(content))
         if count == 1:
-            assert table.meshes(tmp_path, lowest=0.0)[0].vertices[:, 2].max() == 3
+            assert table.meshes(tmp_path, level)[0].vertices[:, 2].max() == 3
     words = "height: must be given .* polygon 2 has no property `height` .*: .*'inn', storeys = 2$"
     with pytest.raises(ProblemError, match=words):
-        table.meshes(tmp_path, lowest=0.0)
+        table.meshes(tmp_path, level)
     (tmp_path / "houses.geojson").write_text("POLYGON ((0 0, 2 0, 2 2, 0 0))")
     with pytest.raises(ProblemError, match=r"height: must be given .* the file states none"):
-        table.meshes(tmp_path, lowest=0.0)
+        table.meshes(tmp_path, level)
 
 
 @pytest.mark.parametrize(
@@ -1212,7 +1232,7 @@ def test_plans_that_cannot_be_meant_are_refused(tmp_path: Path, text: str, words
     states_it = text.startswith('{"a"')
     table = WallsTable(file="plan", height=2.0, polygons=None if states_it else "obstacles")
     with pytest.raises(ProblemError, match=words) as error:
-        table.meshes(tmp_path, lowest=0.0)
+        table.meshes(tmp_path, level)
     assert "\n" not in str(error.value)
 
 
@@ -1220,7 +1240,7 @@ def test_a_rounding_does_not_refuse_a_wall(tmp_path: Path) -> None:
     """A ring that passes a point twice, or crosses itself by a millimetre, is meant."""
     ring = [[0, 0], [4, 0], [4, 4], [2, 4], [2, 0], [2, 4], [0, 4]]
     (tmp_path / "plan").write_text(json.dumps({"a": {"walkable": ring, "obstacles": [ring]}}))
-    (mesh,) = WallsTable(file="plan", height=2.0).meshes(tmp_path, lowest=0.0)
+    (mesh,) = WallsTable(file="plan", height=2.0).meshes(tmp_path, level)
     assert mesh.vertices[:, :2].max() == 4
 
 
@@ -1234,7 +1254,7 @@ def test_walls_of_a_ground_plan(tmp_path: Path) -> None:
     path.write_text(json.dumps(plans))
 
     def walls_of(**fields: Any) -> list[Mesh]:
-        return WallsTable(file=path.name, **fields).meshes(tmp_path, lowest=0.0)
+        return WallsTable(file=path.name, **fields).meshes(tmp_path, level)
 
     walls = walls_of(name="room", height=2.0, border=0.5)
     assert all(wall.is_solid for wall in walls)
@@ -1258,7 +1278,7 @@ def test_a_wall_around_a_hole_is_solid(tmp_path: Path) -> None:
     plan = {"room": {"walkable": [[1, 1], [5, 1], [5, 4], [1, 4]]}}
     (tmp_path / "plan.json").write_text(json.dumps(plan))
     table = WallsTable(file="plan.json", height=3.0, border=1.0, base=2.0)
-    (mesh,) = table.meshes(tmp_path, lowest=0.0)
+    (mesh,) = table.meshes(tmp_path, level)
     assert mesh.is_solid
     assert (mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()) == (2.0, 5.0)
     a, b, c = np.moveaxis(mesh.corners, 1, 0)

@@ -215,6 +215,40 @@ def test_words_that_only_begin_as_units_do_are_none(tmp_path: Path, head: str, w
         read(tmp_path, f"{head}\n1,0,1,2\n")
 
 
+@pytest.mark.parametrize(
+    ("comment", "unit"),
+    [
+        ("x and y in m, position error in cm", "m"),
+        ("x, y in m; step length in cm; 1.4 m/s", "m"),
+        ("positions in cm. Resolution of the grid: cells in m", "cm"),
+        ("trajectories, all in mm", "mm"),
+        ("x and y in m, z in cm", "the file states cm and m"),
+        ("RTK rover log, position accuracy in cm", "must be given, as the file does not state it"),
+    ],
+)
+def test_units_of_errors_and_the_like_are_not_those_of_places(
+    tmp_path: Path, comment: str, unit: str
+) -> None:
+    """A comment that names two units for x, y and z is refused."""
+    text = f"# {comment}\nid,time,x,y\n1,0,1200,2400\n"
+    if " " in unit:
+        with pytest.raises(ProblemError, match=unit):
+            read(tmp_path, text)
+        return
+    (found,) = read(tmp_path, text)
+    scale = {"m": 1.0, "cm": 100.0, "mm": 1000.0}[unit]
+    assert found.points.tolist() == [pytest.approx([1200 / scale, 2400 / scale])]
+
+
+@pytest.mark.parametrize("name", ["date", "day", "floor", "match_id", "camera", "Half", "file"])
+def test_rows_of_several_days_or_places_are_refused(tmp_path: Path, name: str) -> None:
+    """They would be laid on top of each other."""
+    text = f"id,{name},time,x [m],y [m]\n1,a,0,1,2\n2,{{}},0,3,4\n"
+    assert len(read(tmp_path, text.format("a"))) == 2
+    with pytest.raises(ProblemError, match=f"{name}: must be the same in all rows, as ids or tim"):
+        read(tmp_path, text.format("b"))
+
+
 # -- a row of units, boxes, and encodings ----------------------------------------------------
 
 

@@ -292,7 +292,8 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         (
             "scene," + HEADED.replace("\n1,", "\nA,1,") + "B,1,9,1,2\n",
             {},
-            "scene: must be the same in all rows, as ids count anew in each, but is 'A' and 'B'; ",
+            "scene: must be the same in all rows, as ids or times may count anew in each, "
+            "but is 'A' and 'B'; ",
         ),
         (
             "recordingId," + HEADED.replace("\n1,", "\n4,1,") + "5,1,9,1,2\n",
