@@ -58,13 +58,13 @@ def trajectory(
         A row per drone and moment: `drone`, `t` (s since step 0), `x`, `y`, `z` (m, coordinates of
         the map), `yaw` (degrees, 0 along x, counter-clockwise, without jumps at a full turn),
         `pitch` (degrees, of the camera, 0 level, negative below), `above_ground` where the ground
-        is known from the map, `above_takeoff` (over the map below the drone's start), and, if the
-        scene has a place on the Earth, `latitude`, `longitude` (WGS 84), `above_sea` or
-        `above_ellipsoid`. `attrs` has `step`, `reward`, `least_distance` (m, between two drones at
-        any moment), `people_distance` (m, from a drone to the middle of a person, seen from above;
-        None without people) and the like, and, for drones with homes, `from_home`: for each drone
-        and part of the take the `seconds` from take-off to landing, and the ways `out` and `back`,
-        as in `cocap-opt fly --json`.
+        is known from the map, `above_takeoff` (over the surface below the drone's first place) or
+        `above_home` (not for drones in the air) and, if the scene has a place on the Earth,
+        `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs` has `step`,
+        `reward`, `least_distance` (m, between two drones at any moment), `people_distance` (m, from
+        a drone to the middle of a person, seen from above; None without people) and the like, and,
+        for drones with homes, `from_home`: for each drone and part of the take the `seconds` from
+        take-off to landing, and the ways `out` and `back`, as in `cocap-opt fly --json`.
 
     Raises
     ------

@@ -104,8 +104,9 @@ class Flight(NamedTuple):
     def columns(self, every: float | None = None) -> dict[str, FloatArray]:
         """Returns the flights as columns: drone, t (s), x, y, z (m), yaw, pitch (degrees), ..
 
-        The names of heights give their datum: the scene's zero (z), the ground and the map's
-        surface below the drone's start, if these are known, and the sea or the ellipsoid.
+        The names of heights give their datum: the scene's zero (z), the ground if it is known, the
+        surface below the drone's first place or at its home (`above_takeoff` or `above_home`; not
+        for drones in the air), and the sea or the ellipsoid.
 
         Parameters
         ----------
@@ -121,7 +122,13 @@ class Flight(NamedTuple):
         height_map = problem.height_map
         if height_map.knows_ground:
             columns["above_ground"] = z - height_map.ground[height_map.cells_below(found.place)]
-        columns["above_takeoff"] = z - height_map.heights[self.flown.start_cells][found.drone]
+        if not problem.begins_in_the_air:
+            homes = [robot.home for robot in problem.robots if robot.home is not None]
+            name = "above_home" if homes else "above_takeoff"
+            surfaces = (
+                height_map.heights[tuple(np.array(homes).T)] if homes else self.flown.start_surfaces
+            )
+            columns[name] = z - surfaces[found.drone]
         if self.geodesy is not None:
             columns["latitude"], columns["longitude"] = self.geodesy.degrees(x, y)
         if problem.earth is not None and problem.earth.heights is not None:

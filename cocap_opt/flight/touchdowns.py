@@ -175,18 +175,18 @@ class Touchdowns(NamedTuple):
 def _found(flight: Flight) -> Iterator[Touchdown]:
     """Yields the touchdowns of a flight."""
     problem, height_map = flight.flown.problem, flight.flown.problem.height_map
-    places = list(_places(flight))
+    places = list(touchdown_places(flight))
     lands = lands_at(problem.land_cover, np.array([place[:2] for _, _, place in places]))
     ground = height_map.ground if height_map.knows_ground else None
     for (drone, kind, (x, y, z)), land in zip(places, lands, strict=True):
-        i, j = (int(cell[0]) for cell in height_map.cells_below(np.array([[x, y]])))
-        tops = (high for _, high in problem.workspace.columns.at(i, j) if high <= z)
-        surface = max(tops, default=float(height_map.heights[i, j]))
-        above = None if ground is None else surface - float(ground[i, j])
+        point = np.array([[x, y, z]])
+        surface = float(problem.workspace.surfaces_below(point)[0])
+        cell = height_map.cells_below(point)
+        above = None if ground is None else surface - float(ground[cell][0])
         yield Touchdown(drone, kind, x, y, z, surface, above, land)
 
 
-def _places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
+def touchdown_places(flight: Flight) -> Iterator[tuple[int, str, list[float]]]:
     """Yields each drone, the kind of its touchdown, and the position (m) above it."""
     problem, flown = flight.flown.problem, flight.flown
     height_map = problem.height_map

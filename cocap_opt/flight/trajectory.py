@@ -101,6 +101,11 @@ class Trajectory:
         return read_only(derivative(self.velocities) / self.piece_seconds)
 
     @property
+    def start_surfaces(self) -> FloatArray:
+        """Altitudes [R] (m) of the ground, roofs or meshes below the drones at step 0."""
+        return self.problem.workspace.surfaces_below(self.at(np.zeros(1)).place)
+
+    @property
     def start_cells(self) -> tuple[IntArray, IntArray]:
         """The cells x [R], y [R] below the drones at step 0."""
         return self.problem.height_map.cells_below(self.at(np.zeros(1)).place)

@@ -64,7 +64,7 @@ def _move(
 ) -> None:  # fmt: skip
     """Writes the best of the values [P] over moves.
 
-    Each pass widens the window by a cell along one axis. Values that it leaves at both ends lie in
+    Each pass widens the window by a leap along one axis. Values that it leaves at both ends lie in
     the border, and no later pass carries them out of it.
     """
     n, source, here = len(values), values, 0
@@ -100,8 +100,8 @@ def sweep(
         the last step
     room : [4, P] working memory
     turn, pitch_turn : largest turns of heading and pitch in a step
-    reaches, strides : [3] largest moves in layers and in cells along x and y, and the differences
-        between the numbers of neighbours along these axes
+    reaches, strides : [3] largest moves in leaps along layers, x and y, and the differences between
+        the numbers of places that a leap joins
     places, heads : [n] irregular places, and [K, n] the places to which their moves lead
     """
     headings, pitches = value.shape[1:3]

@@ -63,6 +63,9 @@ class TimeGraph:
         climb = min(motion.climb, len(motion.layers) - 1)
         self.motion = motion
         self.border = (climb, motion.radius, motion.radius)
+        # Moves are in a box of as many leaps along each axis, of as many layers or cells each.
+        self.leaps = (1, motion.spacing, motion.spacing)
+        self.reaches = (climb, motion.radius // motion.spacing, motion.radius // motion.spacing)
         # Layer and cell of place 0.
         self._first = (-climb, self.window.x0 - motion.radius, self.window.y0 - motion.radius)
         padded = tuple(n + 2 * b for n, b in zip(sizes, self.border, strict=True))
@@ -141,11 +144,13 @@ class TimeGraph:
 
     @cached_property
     def irregular(self) -> Irregular:
-        """The places from which a move to a free place is closed."""
+        """The places from which a move within the box to a free place is closed."""
         hidden = np.zeros(self.n_places, dtype=bool)
-        for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
+        rows, none = dict(zip(self.moves, self.allowed, strict=True)), np.zeros_like(hidden)
+        for move in self.motion.moves:  # those that no stride allows have no row
+            shift = sum(i * stride for i, stride in zip(move, self.strides, strict=True))
             # The border is closed and as wide as the moves are long, so nothing wraps around.
-            hidden |= np.roll(self.free, -shift) & ~allowed
+            hidden |= np.roll(self.free, -shift) & ~rows.get(move, none)
         places = np.flatnonzero(hidden & self.free)
         # A closed move is listed as staying, which is always allowed.
         heads = self.neighbours(places)

@@ -102,16 +102,21 @@ def _sweep_at_once(graph: TimeGraph, value: FloatArray, reward: FloatArray) -> N
     places, heads, _ = graph.irregular
     sweep(
         value.reshape(shape), reward.reshape(shape), np.empty((4, graph.n_places)),
-        *_limits_of(graph), np.array(graph.strides), places, heads,
+        *_limits_of(graph), _leaps_of(graph, graph.strides), places, heads,
     )  # fmt: skip
 
 
+def _leaps_of(graph: TimeGraph, strides: Sequence[int]) -> IntArray:
+    """Returns the differences [3] of the numbers of places that a leap along each axis joins."""
+    return np.array(strides) * np.array(graph.leaps)
+
+
 def _limits_of(graph: TimeGraph) -> tuple[int, int, IntArray]:
-    """Returns the largest turns of heading and pitch in a step, and the cells of a move."""
+    """Returns the largest turns of heading and pitch in a step, and the leaps of a move."""
     motion, headings = graph.motion, graph.shape[0]
     # At most all headings, each once.
     turn = motion.turn if 2 * motion.turn + 1 <= headings else headings // 2
-    return turn, motion.pitch_turn, np.array(graph.border)
+    return turn, motion.pitch_turn, np.array(graph.reaches)
 
 
 def best_path(
@@ -241,12 +246,16 @@ class _BackwardStep:
         irregular, heads, _ = self.frame.irregular
         best_of_moves(
             ahead.reshape(shape), self._after_turn.reshape(shape), self._best.reshape(shape),
-            np.empty((4, places)), *self._limits, np.array(self.frame.strides), irregular, heads,
+            np.empty((4, places)), *self._limits, self._leaps, irregular, heads,
         )  # fmt: skip
 
     @cached_property
     def _limits(self) -> tuple[int, int, IntArray]:
         return _limits_of(self._graph)
+
+    @cached_property
+    def _leaps(self) -> IntArray:
+        return _leaps_of(self._graph, self.frame.strides)
 
     def _turn(self, ahead: FloatArray) -> None:
         """Finds the maximum over the orientations to which one step can turn."""
@@ -285,11 +294,11 @@ class _BackwardStep:
     def _window(self) -> None:
         """Finds the maximum over the box of cell moves.
 
-        Each pass widens the window by one cell along one axis. Values that a pass leaves at both
+        Each pass widens the window by one leap along one axis. Values that a pass leaves at both
         ends lie in the border, and no later pass carries them out of it.
         """
         out, pair, source = self._best, self._pair, self._after_turn
-        for reach, stride in zip(self._graph.border, self.frame.strides, strict=True):
+        for reach, stride in zip(self._graph.reaches, self._leaps.tolist(), strict=True):
             for _ in range(reach):
                 np.maximum(source[:-stride], source[stride:], out=pair[:-stride])
                 np.maximum(pair[: -2 * stride], pair[stride:-stride], out=out[stride:-stride])

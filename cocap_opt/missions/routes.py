@@ -95,11 +95,12 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
     """Returns the route of each drone of a flight."""
     problem, columns = flight.flown.problem, flight.columns(flight.flown.step)
     rows = {name: column.reshape(len(problem.robots), -1) for name, column in columns.items()}
-    height, earth = rows["above_takeoff"], problem.earth
+    surfaces, earth = flight.flown.start_surfaces, problem.earth
+    height = rows["z"] - surfaces[:, None]
     until = seconds_to_step_0(flight)
     found = []
     for i in range(len(problem.robots)):
-        x, y, ground = rows["x"][i], rows["y"][i], float(rows["z"][i, 0] - height[i, 0])
+        x, y, ground = rows["x"][i], rows["y"][i], float(surfaces[i])
         above_sea = earth is not None and earth.heights == "sea"
         lengths = geodesy.lengths(x, y)
         places = np.column_stack([rows["latitude"][i], rows["longitude"][i], height[i]])
@@ -139,6 +140,4 @@ def seconds_in_the_air(flight: Flight) -> float:
 
 def _first_heights(flight: Flight) -> FloatArray:
     """Returns the heights [R] (m) of the first places above take-off."""
-    columns = flight.columns(flight.flown.seconds)
-    heights: FloatArray = columns["above_takeoff"][columns["t"] == 0]
-    return heights
+    return flight.flown.at(np.zeros(1)).place[:, 2] - flight.flown.start_surfaces

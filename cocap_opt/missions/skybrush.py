@@ -42,7 +42,7 @@ def write(flight: Flight, every: float | None) -> Export:
     """Returns a show of a flight, straight or smooth."""
     require_nothing_else(every, "a show has curves, not moments")
     problem = flight.flown.problem
-    grounds = problem.height_map.heights[flight.flown.start_cells].tolist()
+    grounds = flight.flown.start_surfaces.tolist()
     local = flight.flown.pieces - np.array([0, 0, min(grounds), 0, 0])[:, None]
     curves = [_split(pieces[:, :3], _cubic, _OFF) for pieces in local]
     turns = [_split(pieces[:, YAW : YAW + 1], _line, _TURNED_OFF) for pieces in local]

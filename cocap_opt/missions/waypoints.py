@@ -20,9 +20,11 @@ Command List" of ArduCopter's.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
-from cocap_opt.data import FieldError, ProblemError
+import numpy as np
+
+from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.changes import (
     people_and_delay,
     tolerated_delay,
@@ -44,6 +46,7 @@ from cocap_opt.missions.routes import (
 from cocap_opt.missions.zones import Zone, crossed, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import SEPARATION, CollisionRules
+from cocap_opt.problem.rules import TOLERANCE
 
 _PART = "no-common-clock.drone"
 _LITTLE = 0.1  # s; smaller delays are not reported
@@ -96,7 +99,7 @@ def waypoint_mission(
     behind = max(map(autopilot.behind, found))
     urgent = *late, *_too_late(behind, delay, to_people)
     for_crew = (
-        *_ends(flight, autopilot), *_fences(flight, autopilot, has_fence, known, fence),
+        *_ends(flight, autopilot), *_fences(flight, autopilot, found, has_fence, known, fence),
         autopilot.note, *_waits(behind, autopilot), *_clock(flight, delay),
     )  # fmt: skip
     notes = (
@@ -187,7 +190,12 @@ def _too_late(behind: float, delay: float | None, to_people: float | None) -> It
 
 
 def _fences(
-    flight: Flight, autopilot: Autopilot, has_fence: bool, known: list[Zone], fence: list[Zone]
+    flight: Flight,
+    autopilot: Autopilot,
+    found: list[Route],
+    has_fence: bool,
+    known: list[Zone],
+    fence: list[Zone],
 ) -> Iterator[str]:
     """Yields which limits of the airspace the files contain, and which they do not."""
     if known and not has_fence:
@@ -214,22 +222,38 @@ def _fences(
                 f"{zone.name}, is not in the geofence, as a drone flies above or below it and a "
                 "geofence has no heights"
             )
-    yield from _ceiling(flight, autopilot)
+    yield from _ceiling(flight, autopilot, found)
 
 
-def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
+def _ceiling(flight: Flight, autopilot: Autopilot, found: list[Route]) -> Iterator[str]:
     """Yields the ceiling relative to the take-offs, which mission files do not contain."""
     problem, ceiling = flight.flown.problem, flight.flown.problem.airspace.ceiling
     if ceiling is None:
         return
-    altitudes, surface = problem.height_map.ceilings(ceiling), problem.height_map.heights
-    starts = zip(*flight.flown.start_cells, strict=True)
-    least = min(float(altitudes[x, y] - surface[x, y]) for x, y in starts)
-    yield (
-        f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files: set "
-        f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off, to {least:.4g} m "
-        "or less"
-    )
+    altitudes = problem.height_map.ceilings(ceiling)[flight.flown.start_cells]
+    allowed = altitudes - flight.flown.start_surfaces  # above each drone's take-off
+    reached = np.array([route.places[:, 2].max() for route in found])
+    high = reached > allowed + TOLERANCE
+    words = f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files"
+    fence = f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off"
+    if not high.all():
+        low = np.flatnonzero(~high).tolist()
+        yield f"{words}: set {fence}, to {_by_drone(allowed[low], low, len(allowed))} or less"
+    if high.any():
+        drones = np.flatnonzero(high).tolist()
+        told = f"{_by_drone(reached[drones], drones, len(allowed))} above the take-off"
+        yield (
+            f"{words}, and {fence}, cannot keep it, as the ground rises along the way: a mission "
+            f"reaches {told}, and with less it ends in a breach"
+        )
+
+
+def _by_drone(heights: FloatArray, drones: Sequence[int], count: int) -> str:
+    """Returns heights (m) of some of all drones in words; one height if all drones have it."""
+    told = [f"{height:.4g} m" for height in heights.tolist()]
+    if len(set(told)) == 1 and len(told) == count:
+        return told[0]
+    return ", ".join(f"{words} (drone {i})" for i, words in zip(drones, told, strict=True))
 
 
 def _asked(flight: Flight) -> CollisionRules:

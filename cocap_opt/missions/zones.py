@@ -9,6 +9,7 @@ import shapely
 from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.touchdowns import touchdown_places
 from cocap_opt.scenarios.maps.parts import polygons_of
 from cocap_opt.world import Mesh
 
@@ -56,10 +57,10 @@ class Zone(NamedTuple):
 
 
 class End(NamedTuple):
-    """The first or the last place of a drone, below which it takes off or lands."""
+    """A place where a drone takes off or lands: its home, or below its first or its last place."""
 
     drone: int
-    kind: str  # take-off or landing
+    kind: str  # take-off, landing or home
     longitude: float
     latitude: float
 
@@ -96,11 +97,11 @@ def crossed(flight: Flight, zone: Zone) -> bool:
 
 
 def ends(flight: Flight, geodesy: Geodesy) -> Iterator[End]:
-    """Yields where each drone begins and ends."""
-    found = flight.flown.at(np.array([0.0, flight.flown.seconds]))
-    latitude, longitude = geodesy.degrees(found.place[:, 0], found.place[:, 1])
-    for k, drone in enumerate(found.drone.tolist()):
-        kind = "landing" if k % 2 else "take-off"
+    """Yields where each drone takes off and lands."""
+    found = list(touchdown_places(flight))
+    x, y, _ = np.array([place for _, _, place in found]).T
+    latitude, longitude = geodesy.degrees(x, y)
+    for k, (drone, kind, _) in enumerate(found):
         yield End(drone, kind, float(longitude[k]), float(latitude[k]))
 
 

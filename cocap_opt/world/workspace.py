@@ -283,6 +283,13 @@ class Workspace(NamedTuple):
         """Solid matter above every cell."""
         return _columns(self.height_map, self.meshes)
 
+    def surfaces_below(self, points: FloatArray) -> FloatArray:
+        """Returns the altitudes [n] (m) of the highest matter below points [n, 3] (m)."""
+        i, j = self.height_map.cells_below(points)
+        tops = self.columns.high[:, i, j]
+        below = np.where(tops <= points[:, 2], tops, -np.inf)
+        return np.asarray(np.maximum(below.max(axis=0), self.height_map.heights[i, j]))
+
     @property
     def forbidden(self) -> Columns:
         """The altitudes above every cell that no-fly zones and the ceiling close."""

@@ -100,9 +100,10 @@ class Terrain(NamedTuple):
             return Ground(float(part.min()), float(part.min()))
         i, j = (axis.ravel() for axis in np.mgrid[first[0] : last[0] + 1, first[1] : last[1] + 1])
         low = origin[:, None] + size * (np.array([i, j]) + _EDGE)
-        boxes = shapely.box(*low, *(low + size * (1 - 2 * _EDGE)))
+        high = low + size * (1 - 2 * _EDGE)
+        boxes = np.asarray(shapely.box(*low, *high))
         shapely.prepare(area)
-        touched = shapely.intersects(area, boxes)
+        touched = np.asarray(shapely.intersects(area, boxes))
         shares = np.where(touched, 1.0, 0.0)
         partly = touched & ~shapely.contains(area, boxes)
         shares[partly] = shapely.area(shapely.intersection(area, boxes[partly])) / size**2

@@ -21,6 +21,10 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions import FORMATS, Export
+from cocap_opt.missions.earth_tracks import geodesy_of
+from cocap_opt.missions.routes import routes
+from cocap_opt.missions.sheet.heights import Heights
+from cocap_opt.missions.zones import ends
 from cocap_opt.problem import CollisionRules, Earth, Plan, Problem, State
 
 pyproj = pytest.importorskip("pyproj")
@@ -372,3 +376,27 @@ def test_missions_are_written_whole_or_not_at_all(
     (note,) = [words for words in run.json["notes"] if "files of another flight" in words]
     assert old.name in note
     assert "drone1" not in note
+
+
+def test_heights_above_take_off_are_above_what_a_drone_stands_on() -> None:
+    """A roof that is a mesh, a home, or nothing for drones that are in the air already."""
+    box = co.Mesh.box((2.0, 1.0, 0.0), (5.0, 4.0, 1.5))  # below the first place of drone 0
+    problem, plan = scene(meshes=(box,))
+    flight = Flight.of(problem, plan, False)
+    columns = flight.columns()
+    assert columns["above_takeoff"][columns["t"] == 0].tolist() == [3.5, 5.5, 5.0]
+    assert [route.places[0, 2] for route in routes(flight, geodesy_of(flight))] == [3.5, 5.5, 5.0]
+    assert Heights.of(flight).surfaces.tolist() == [1.5, 2.5, 0.0]
+    slope = np.add.outer(0.25 * np.arange(12), np.zeros(10))
+    homes = ((0, 0), (8, 8), (4, 8))
+    robots = [robot.replace(home=home) for robot, home in zip(problem.robots, homes, strict=True)]
+    problem, plan = scene(height_map=co.HeightMap(heights=slope), robots=tuple(robots))
+    flight = Flight.of(problem, plan, False)
+    columns = flight.columns()
+    assert "above_takeoff" not in columns
+    assert columns["above_home"][columns["t"] == 0].tolist() == [5.0, 6.0, 4.0]
+    assert [end.kind for end in ends(flight, geodesy_of(flight))] == ["home"] * 3
+    rest = [robot.replace(number=k + 1) for k, robot in enumerate(scene()[0].robots)]
+    flight = Flight.of(*scene(robots=tuple(rest)), False)
+    assert not {"above_takeoff", "above_home"} & flight.columns().keys()
+    assert [end.kind for end in ends(flight, geodesy_of(flight))] == ["landing"] * 3

@@ -89,13 +89,27 @@ def test_files_that_hold_no_fence_or_ceiling_say_so() -> None:
     listed = FORMATS[".waypoints"].writer()(flight_with(*BOXES, ceiling=9.5), None)
     assert "no-fly zones are not in these files, which hold no fence" in said(listed)
     assert "the ceiling, 9.5 m above z = 0 of the map, is not in these files" in said(listed)
-    words = "FENCE_ALT_MAX of ArduPilot, which is above the take-off, to 7 m or less"
-    assert words in said(listed)  # a drone takes off from a roof
+    words = "FENCE_ALT_MAX of ArduPilot, which is above the take-off, to "
+    by_drone = "9.5 m (drone 0), 7 m (drone 1), 9.5 m (drone 2) or less"
+    assert words + by_drone in said(listed)  # drone 1 takes off from a roof
     planned = FORMATS[".plan"].writer()(flight_with(ceiling=9.5), None)
     assert "GF_MAX_VER_DIST of PX4" in said(planned) and "no-fly" not in said(planned)
     for ending in (".plan", ".waypoints"):
         free = said(FORMATS[ending].writer()(flight_with(), None))
         assert "fence" not in free and "ceiling" not in free
+
+
+def test_a_ceiling_that_no_fence_can_keep_is_told() -> None:
+    """On a slope a mission may rise above its take-off by more than the ceiling."""
+    slope = np.add.outer(3.0 * np.arange(12), np.zeros(10))
+    problem, plan = scene(
+        height_map=co.HeightMap(heights=slope, datum=slope), airspace=Airspace(ceiling=11.5),
+        rules=co.NO_RULES,
+    )  # fmt: skip
+    listed = said(FORMATS[".waypoints"].writer()(Flight.of(problem, plan, False), None))
+    assert "is above the take-off, to 11.5 m (drone 1), 11.5 m (drone 2) or less" in listed
+    words = "cannot keep it, as the ground rises along the way: a mission reaches 14 m (drone 0) ab"
+    assert words in listed
 
 
 def test_heights_of_layers_are_said_to_be_above_something() -> None:

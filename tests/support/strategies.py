@@ -33,6 +33,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.problem.motion import Stride
 from cocap_opt.stop import Limit, Stop
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -129,8 +130,9 @@ def meshes(draw: st.DrawFn, height_map: HeightMap) -> tuple[Mesh, ...]:
 @st.composite
 def motions(draw: st.DrawFn, most_headings: int = 4, most_radius: int = 1) -> Motion:
     """Motions of few states; 4 m columns block the layer at 3 m only."""
+    leap = draw(st.sampled_from([1, 1, 1, 1, 2]))
     return Motion(
-        radius=draw(st.integers(0, most_radius) if most_radius > 1 else st.just(1)),
+        radius=leap * draw(st.integers(0, most_radius) if most_radius > 1 else st.just(1)),
         headings=draw(st.sampled_from([1, *range(1, most_headings + 1)])),
         turn=draw(st.integers(0, 2)),
         layers=draw(st.sampled_from([(5.0,), (5.0,), (3.0, 5.0), (3.0,), (3.0, 5.0, 9.0)])),
@@ -138,6 +140,9 @@ def motions(draw: st.DrawFn, most_headings: int = 4, most_radius: int = 1) -> Mo
         pitch_turn=draw(st.integers(0, 1)),
         clearance=draw(st.sampled_from([0.0, 0.0, 1.0])),
         corner_cutting=draw(st.booleans()),
+        spacing=leap,
+        # In cells of 4 m: along the axes only, or without a climb.
+        stride=draw(st.sampled_from([*[None] * 4, Stride(aside=leap * 4.5), Stride(upright=1.0)])),
     )
 
 

@@ -100,7 +100,13 @@ def _drone_card(
         *(("ATTENTION", words) for words in grounds.of_drone(drone)),
         ("films", filmed_by(found, drone, problem)),
     ]
-    return Card(f"Drone {drone}", facts, _drone_cues(flight, clock, heights, drone), ("pilot", ""))
+    of_mission = "" if robot.number is None else f" (drone {robot.number} of the mission)"
+    return Card(
+        f"Drone {drone}{of_mission}",
+        facts,
+        _drone_cues(flight, clock, heights, drone),
+        ("pilot", ""),
+    )
 
 
 def _airframe(robot: Robot) -> str:

@@ -32,7 +32,7 @@ class Heights(NamedTuple):
         datum, base = "", 0.0
         if earth is not None and earth.heights is not None:
             datum, base = earth.heights, earth.base
-        surfaces = height_map.heights[flight.flown.start_cells].astype(float)
+        surfaces = flight.flown.start_surfaces
         place = "" if problem.begins_in_the_air else "take-off"
         for drone, robot in enumerate(problem.robots):
             if robot.home is not None:

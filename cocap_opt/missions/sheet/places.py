@@ -9,7 +9,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Section, Table
 
-_OVER = {"above_ground": "ground", "above_takeoff": "take-off"}
+_OVER = {"above_ground": "ground", "above_takeoff": "take-off", "above_home": "home"}
 _MOST_ROWS = 10_000
 
 
@@ -39,12 +39,12 @@ def _columns(flight: Flight, every: float) -> dict[str, FloatArray]:
 def places(flight: Flight, every: float) -> Iterator[Section]:
     """Yields a table of times and places for each drone."""
     columns = _columns(flight, every)
-    over = "above_ground" if "above_ground" in columns else "above_takeoff"
+    over = [name for name in _OVER if name in columns][:1]
     heights = Heights.of(flight)
     yaw = columns["yaw"] % 360
     if flight.geodesy is not None:
         yaw = flight.geodesy.compass(columns["x"], columns["y"], np.radians(yaw))
-    heads = ("t (s)", "x (m)", "y (m)", heights.head, f"m above\n{_OVER[over]}",
+    heads = ("t (s)", "x (m)", "y (m)", heights.head, *(f"m above\n{_OVER[name]}" for name in over),
              "yaw" if flight.geodesy is None else "compass", "pitch",
              *degree_heads(flight))  # fmt: skip
     for drone in range(len(flight.flown.pieces)):
@@ -54,8 +54,8 @@ def places(flight: Flight, every: float) -> Iterator[Section]:
             rows.append((
                 f"{columns['t'][k]:.2f}", f"{x:.2f}", f"{y:.2f}",
                 f"{heights.above_datum(float(columns['z'][k])):.2f}",
-                f"{columns[over][k]:.2f}", f"{yaw[k] % 360:.1f}", f"{columns['pitch'][k]:.1f}",
-                *degrees(flight, x, y),
+                *(f"{columns[name][k]:.2f}" for name in over), f"{yaw[k] % 360:.1f}",
+                f"{columns['pitch'][k]:.1f}", *degrees(flight, x, y),
             ))  # fmt: skip
         yield Section(f"Places of drone {drone}",
                       [Table(heads, rows, frozenset(range(len(heads))))])  # fmt: skip
