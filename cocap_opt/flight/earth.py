@@ -151,12 +151,17 @@ class Geodesy:
         """Returns the approximate latitude and longitude of a point, by the system's own datum."""
         if self._earth.origin is not None:
             return self._earth.origin
+        geodetic = self._crs.geodetic_crs
         transformer = self._pyproj.Transformer.from_crs(
-            self._crs, self._crs.geodetic_crs, always_xy=True, allow_ballpark=False
+            self._crs, geodetic, always_xy=True, allow_ballpark=False
         )
         longitude, latitude = transformer.transform(*point)
         self._require_defined(longitude, latitude, point)
-        return float(latitude), float(longitude)
+        # Some systems count in grads, or from Paris.
+        degrees = math.degrees(geodetic.axis_info[0].unit_conversion_factor)
+        meridian = geodetic.prime_meridian
+        east = math.degrees(meridian.longitude * meridian.unit_conversion_factor)
+        return float(latitude) * degrees, float(longitude) * degrees + east
 
     def _require_defined(self, longitude: Any, latitude: Any, at: tuple[float, float]) -> None:
         """Raises an error if the system is not defined at a point of the scene, given in its

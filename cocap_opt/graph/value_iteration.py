@@ -108,7 +108,8 @@ def _sweep_at_once(graph: TimeGraph, value: FloatArray, reward: FloatArray) -> N
 
 def _leaps_of(graph: TimeGraph, strides: Sequence[int]) -> IntArray:
     """Returns the differences [3] of the numbers of places that a leap along each axis joins."""
-    return np.array(strides) * np.array(graph.leaps)
+    leaps: IntArray = np.array(strides) * np.array(graph.leaps)
+    return leaps
 
 
 def _limits_of(graph: TimeGraph) -> tuple[int, int, IntArray]:

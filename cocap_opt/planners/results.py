@@ -6,7 +6,7 @@ from dataclasses import replace
 from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.coordination.team import Team
 from cocap_opt.problem import StartSet
-from cocap_opt.result import Reason, Result
+from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit
 
 _ONE_STEP_AT_A_TIME = (
@@ -39,9 +39,19 @@ def result_of(
     """Make the result of a planner that has planned every robot or left it at its start.
 
     There is no plan if a robot has no path, because it may not stay at its start.
+
+    Raises
+    ------
+    UnsupportedError
+        If no limit stopped the planner, and it left such a robot without a path.
     """
     if not team.is_whole:
-        assert limit is not None, "robots have no path, although no limit stopped the planner"
+        if limit is None:
+            number = next(i for i, single in enumerate(team.found) if not (single and single.path))
+            raise UnsupportedError(
+                f"drone {number} has no path, and may not stay at its start, as its goal is "
+                "elsewhere or people come too close"
+            )
         return Result.stopped_without_plan(limit, statistics)
     evaluated = sum(single.evaluated for single in team.found if single is not None)
     model = team.model

@@ -47,8 +47,8 @@ class Cone(Data, frozen=True, tag="cone"):
 
     It detects the actors whose foot point is ahead, within half of the opening to either side. Each
     of their faces then counts as `|d.u| max(0, -d.n) / |d|^4` instead of px/m2, where n is the
-    face's normal, d the vector to its middle, projected to the ground, and u the horizontal viewing
-    direction.
+    face's normal, d the vector in space from the sensor to the point on the ground below the face's
+    middle, and u the horizontal viewing direction.
 
     Attributes
     ----------

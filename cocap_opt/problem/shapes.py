@@ -87,7 +87,9 @@ class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
 
     The actors of Greedy Perspectives are such boxes: the square roots of all triangles' coverage
     are summed. Triangles are ordered like the faces of `Cuboid`, in pairs, and cut along the same
-    diagonals as in the source.
+    diagonals as in the source: seen from outside, from the lower left to the upper right corner of
+    the front and the right side, from the lower right to the upper left corner of the left side and
+    the back, and from the front left to the back right corner of the top.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ _TEST_NOTES = {
     f"with the other planner's. A run without a valid plan counts as J = 0. {_TEST}",
     SECONDS: "Slower, equal, faster: number of scenes on which the planner's mean time compares "
     "like this with the other planner's. A run without a valid plan counts as its whole time "
-    f"limit. {_TEST}",
+    f"limit, unless it proves that there is none. {_TEST}",
 }
 _SHARE = (
     "the seeds of a scene share its weight equally. Only scenes and seeds on which all planners "

@@ -229,11 +229,19 @@ def _means(rows: Sequence[GapRow]) -> list[Record]:
                 "planner": planner,
                 "seeds": len(group),
                 "feasible": sum(row.valid for row in group),
-                "bounds proved": sum(row.bound_is_proved for row in group),
-                **{_LABELS.get(key, key): _mean(group, key) for key in _MEANS},
+                "bounds proved": sum(row.bound_reason in PROVED for row in group),
+                **{_LABELS.get(key, key): _mean_of(group, key) for key in _MEANS},
             }
         )
     return table
+
+
+def _mean_of(rows: Sequence[GapRow], key: str) -> object:
+    """Returns the mean of a column; of J only if all plans obey the rules."""
+    if key == "bound" and rows and all(row.bound_reason == Reason.INFEASIBLE for row in rows):
+        return "no plan"
+    is_known = key != "reward" or all(row.valid for row in rows)
+    return _mean(rows, key) if is_known else None
 
 
 def _cameras(rows: Sequence[GapRow]) -> list[Record]:

@@ -13,6 +13,7 @@ from html import escape
 from statistics import median
 from typing import TYPE_CHECKING
 
+from cocap_opt.experiments.tables.gap_table import PROVED
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.output.printing import Listing, markdown_table
@@ -45,7 +46,7 @@ _NOTES = {
     _PLANNERS: "J is higher for better plans: mean ± standard deviation over the seeds. Gap: how "
                "far J is below the best certified bound, in % of that bound. Gap to bound without "
                "rules: the same, for the bound of the scene without collision rules. Only plans "
-               "that obey the rules have gaps{counted}. In brackets: 95 % bootstrap intervals of "
+               "that obey the rules count{counted}. In brackets: 95 % bootstrap intervals of "
                "means. Median (s): planning time.",
     _DIFFERENCES: "Against: difference in J from the named planner on the same seed, in % of that "
                   "planner's J. Better, equal, worse: number of seeds. Both plans must obey the "
@@ -56,8 +57,9 @@ _NOTES = {
              "Median error: at half of the person-steps, a point in space is located to within "
              "this error (median over plans). Only plans that obey the rules count.",
     _TIME: "Planning time; the shift of geometric means is 10 s. A run without a valid plan "
-           "counts as its time limit; a planner with plans that break rules has no mean. Times "
-           "the fastest: ratio of means over the scenes and seeds that all planners were run on.",
+           "counts as its time limit, unless it proves that there is none; a planner with plans "
+           "that break rules has no mean. Times the fastest: ratio of means over the scenes and "
+           "seeds that all planners were run on.",
 }  # fmt: skip
 _COUNT = "(n = "  # starts the number of seeds of a mean that is not over all seeds
 # A number, with its spread or interval, its count, the whole or a unit; or "-", for no number.
@@ -226,8 +228,8 @@ def _escaped(table: Table) -> Table:
 def _planner_table(rows: Sequence[GapRow]) -> Table:
     """Returns reward, gap, and the numbers of valid and of proved optimal plans, by planner.
 
-    The mean reward is over all plans. Only plans that obey the rules have gaps; if only some plans
-    do, the mean gap is over fewer seeds, and their number is shown.
+    Only plans that obey the rules count in means of J and of gaps; if only some plans do, the means
+    are over fewer seeds, and their number is shown.
     """
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
@@ -239,7 +241,7 @@ def _planner_table(rows: Sequence[GapRow]) -> Table:
                 "planner": planner,
                 "seeds": str(len(group)),
                 "obeys the rules": _share(len(valid), len(group)),
-                "mean J": _spread(GapRow.values(group, "reward")),
+                "mean J": _of(_spread(GapRow.values(valid, "reward")), len(valid), len(group)),
                 "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(group)),
                 "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
                 "gap to bound without rules (%)": Mean.in_words(GapRow.percent(valid, "gap_free")),
@@ -302,7 +304,9 @@ def _price_table(rows: Sequence[GapRow]) -> Table:
                 "at most, worst seed (%)": Mean.rounded(
                     max((100 * high for _, high in ends), default=None), 3
                 ),
-                "optimum known": _share(sum(row.bound_is_proved for row in first), len(first)),
+                "optimum known": _share(
+                    sum(row.bound_reason in PROVED for row in first), len(first)
+                ),
                 "seeds": str(len(ends)),
             }
         )
@@ -335,9 +339,10 @@ def _camera_table(rows: Sequence[GapRow]) -> Table:
 def _time_table(rows: Sequence[GapRow]) -> Table:
     """Returns shifted geometric means of seconds by scene and planner, and last over all scenes.
 
-    A run without a valid plan counts as its time limit. A planner with plans that break rules
-    solves an easier problem: it has no mean, and no other planner is compared with it. The rows
-    over all scenes have only planners that were run on every scene and seed.
+    A run without a valid plan counts as its time limit, unless it proves that there is none. A
+    planner with plans that break rules solves an easier problem: it has no mean, and no other
+    planner is compared with it. The rows over all scenes have only planners that were run on every
+    scene and seed.
     """
     timed = [row for row in rows if _is_timed(row)]
     scenes = GapRow.grouped(timed, "scene")

@@ -87,10 +87,19 @@ def require_on_map(
 
 
 def _say_moments(begins: dict[int, Epoch]) -> None:
-    """Warns if tables of dated tracks begin at different moments."""
+    """Warns if tables of dated tracks begin at different moments, or at moments that cannot be
+    compared.
+    """
     for k, begin in list(begins.items())[1:]:
         first = next(iter(begins))
-        if begin.is_universal == begins[first].is_universal and begin != begins[first]:
+        if begin.is_universal != begins[first].is_universal:
+            log.warning(
+                "tracks[%d]: step 0 is %s for its people, but %s for those of tracks[%d]: dates "
+                "with and without an offset from UTC cannot be compared; check that both are the "
+                "same moment, or write the offset in all files",
+                k, begin, begins[first], first,
+            )  # fmt: skip
+        elif begin != begins[first]:
             log.warning(
                 "tracks[%d]: step 0 is %s for its people, but %s for those of tracks[%d]; they are "
                 'filmed as if at the same time; file = ["..", ".."] in one table puts files on one '

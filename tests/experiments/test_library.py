@@ -377,7 +377,7 @@ def test_the_library_is_about_a_hundred_instances_from_easy_to_open() -> None:
     assert all(standing.digest for standing in found)
     assert max(s.digest.drones for s in found if s.digest) == 64
     states = [standing.state for standing in found]
-    assert states.count("solved") > 30 and states.count("open") > 10 and "none" not in states
+    assert states.count("solved") > 30 and states.count("open") > 5 and "none" not in states
 
 
 def test_each_stored_file_is_there_and_whole() -> None:

@@ -104,7 +104,7 @@ def test_planners_are_judged_by_plans_that_obey_the_rules() -> None:
     sequential, cocap = Tables.of(ROWS)["Planners"]
     assert (sequential["obeys the rules"], cocap["obeys the rules"]) == ("2 of 3", "2 of 3")
     assert (sequential["proved optimal"], cocap["proved optimal"]) == ("0 of 3", "1 of 3")
-    assert sequential["mean J"] == "85.00 ± 7.07"
+    assert sequential["mean J"] == "85.00 ± 7.07 (n = 2)"
     assert cocap["gap (%)"].startswith("5.000 (") and cocap["largest gap (%)"] == "10.000"
     assert cocap["gap (%)"].endswith("(n = 2)")  # of three seeds, as is said
     assert "(n: their number)" in Tables.of(ROWS).markdown()

@@ -33,7 +33,9 @@ def all_points(front: Front) -> np.ndarray:
 
 
 @examples(12)
-@given(problems(most_plans=300), st.sampled_from([1, 2]), st.sampled_from([0.1, 0.6]))
+@given(
+    problems(most_plans=300, over_time=True), st.sampled_from([1, 2]), st.sampled_from([0.1, 0.6])
+)
 def test_all_plans_are_inside(problem: Problem, cameras: int, at_least: float) -> None:
     """Of every half-plane; and no plan with so many views has more J than is said."""
     front = explored(Front.of(problem, cameras, at_least), directions=4, **METHODS)

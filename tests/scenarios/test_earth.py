@@ -12,6 +12,7 @@ from rasterio.transform import Affine
 
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, problem_digest
+from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import Earth, Problem
 from cocap_opt.scenarios.earth import same_system
 from cocap_opt.scenarios.earth.place import EarthTable
@@ -264,3 +265,10 @@ def test_heights_that_contradict_the_system_are_refused() -> None:
     with pytest.raises(ProblemError, match='heights: must be "above-sea", as the reference'):
         table.earth("EPSG:25832+5783", flat)
     assert table.earth("EPSG:25832", flat).heights is not None
+
+
+def test_systems_in_grads_from_paris_are_where_they_are() -> None:
+    """Latitudes and longitudes of such a system itself are no degrees from Greenwich."""
+    geodesy = Geodesy(Earth(crs="EPSG:27572"), (600000.0, 2400000.0))
+    latitude, longitude = geodesy.degrees(np.array([600000.0]), np.array([2400000.0]))
+    assert (latitude[0], longitude[0]) == pytest.approx((48.5987, 2.3365), abs=1e-3)

@@ -697,6 +697,18 @@ def test_distances_to_people_hold_along_rows_and_legs(
     assert people - 1e-6 <= nearest.distance <= least + 1e-6
 
 
+def test_dates_that_cannot_be_compared_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Of two tables, one with an offset from UTC and one without."""
+    for name, zone in (("a.csv", ""), ("b.csv", "Z")):
+        rows = [f"{name[0]},2026-05-16T10:00:{s:02d}{zone},{4 + s},5\n" for s in range(6)]
+        (tmp_path / name).write_text("id,time,x,y\n" + "".join(rows))
+    table = '[[tracks]]\nfile = "{}"\nunit = "m"\ncount = 1\n'
+    read(write(tmp_path, FLAT + table.format("a.csv") + table.format("b.csv") + DRONE))
+    assert "with and without an offset from UTC cannot be compared" in caplog.text
+
+
 def test_people_who_are_not_there_are_named(parts: Path) -> None:
     """Ids that a file lacks and times at which too few are there."""
     table = '[[tracks]]\nfile = "people.txt"\nunit = "cm"\nfps = 16\n'
