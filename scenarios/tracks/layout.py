@@ -39,6 +39,7 @@ _ABOUT_PLACES = re.compile(
     r"\b(?:x|y|units?|data|coordinates?|positions?|points?|trajector(?:y|ies))\b", re.IGNORECASE
 )
 _IN_UNIT = re.compile(r"\bin\s+" + _UNIT, re.IGNORECASE)
+_EPSG = re.compile(r"\bEPSG\s*:{0,2}\s*(\d{4,6})\b", re.IGNORECASE)
 _CLAUSE = re.compile(r"[,;]|\.(?=\s|$)")
 # What other lengths are of: their units are not those of x and y.
 _OTHER_LENGTH = re.compile(
@@ -158,7 +159,7 @@ class TextLayout(NamedTuple):
             If there are no rows.
         """
         comments: list[str] = []
-        header = None
+        header, head = None, ""
         below: list[str] = []
         for line, raw in enumerate(io.StringIO(text), start=1):
             content, comment = without_comment(raw)
@@ -168,6 +169,8 @@ class TextLayout(NamedTuple):
                 comments.append(comment.strip(" \t\n#"))
                 continue
             found = _separator(content) if delimiter is None else delimiter
+            if delimiter is None and found == " " and _has_tabs(content, head):
+                found = "\t"
             separator = None if found == " " else found
             fields = fields_of(content, separator)
             # All fields are checked, because an id may be a word.
@@ -176,7 +179,7 @@ class TextLayout(NamedTuple):
                 below = _units_of(content, fields, header, line)
                 continue
             if header is None and not is_row:
-                header = _bare_header(content, separator)
+                header, head = _bare_header(content, separator), content
                 continue
             return cls(comments, header, below, line, fields, separator, _comments(text, line))
         raise ProblemError("must contain at least one row of numbers")
@@ -235,6 +238,11 @@ class TextLayout(NamedTuple):
         found += _units_of_length(names, self.below)
         found += _units_of_length(self.header or (), ())  # `columns` may have renamed them
         return {_require_known_unit(unit) for unit in sorted(found)}
+
+    def systems(self) -> list[str]:
+        """Returns the codes of reference systems that comments name, as EPSG:n."""
+        found = (code for comment in self._all for code in _EPSG.findall(comment))
+        return [f"EPSG:{code}" for code in dict.fromkeys(found)]
 
     def time_units(self, names: Sequence[str], place: int) -> set[str]:
         """Returns the units of time that comments, the header and the column's name state."""
@@ -297,6 +305,16 @@ def without_comment(line: str) -> tuple[str, str]:
         return line, ""
     content, *comment = _COMMENT.split(line, maxsplit=1)
     return content, "".join(comment)
+
+
+def _has_tabs(line: str, header: str) -> bool:
+    """Returns True if the fields of a line are between tabs: of a header with words in brackets, or
+    below a header with as many tabs.
+    """
+    tabs = line.rstrip("\n").count("\t")
+    if header:
+        return tabs > 0 and header.rstrip("\n").count("\t") == tabs
+    return tabs > 0 and not any(map(is_number, line.split())) and " " in line.strip()
 
 
 def _bare_header(line: str, separator: str | None) -> list[str]:

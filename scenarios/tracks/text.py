@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.earth import same_system, short_name
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
@@ -87,6 +88,8 @@ def _of_layout(
     field = "columns" if form.columns else "header"
     places = places_of(names, field)
     is_in_degrees = "latitude" in places
+    if not is_in_degrees:
+        _require_system(layout, projection)
     stated = layout.units(names)
     default = "m" if is_in_degrees and not (form.unit or stated) else form.unit
     unit = settled("unit", stated, default)
@@ -123,6 +126,18 @@ def _of_layout(
     if "z" in places and names[places["z"]].strip().lower().startswith("height"):
         _require_heads(table, names)
     return table
+
+
+def _require_system(layout: TextLayout, projection: MapProjection) -> None:
+    """Raises ProblemError if comments name reference systems, but not that of the scene."""
+    earth, named = projection.earth, layout.systems()
+    if earth is None or earth.origin is not None or not named:
+        return
+    if not any(same_system(earth.crs, name) for name in named):
+        raise ProblemError(
+            f"x, y: must be in the reference system of the scene, {short_name(earth.crs)}, but a "
+            f"comment names {named[0]}: convert them, e.g. with pyproj or cs2cs"
+        )
 
 
 def _stamps(

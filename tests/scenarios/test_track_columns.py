@@ -1,11 +1,14 @@
 """What the columns of tracks say: units of times and lengths, boxes, and encodings."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cocap_opt.data import ProblemError
+from cocap_opt.problem import Earth
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tracks import Track
 
 
@@ -396,3 +399,32 @@ def test_decimal_commas_are_named(tmp_path: Path) -> None:
     for text in ("id;t;x;y\n1;0,5;1,5;2\n", "id\tt\tx\ty\n1\t0\t1,5\t2\n"):
         with pytest.raises(ProblemError, match="must have a decimal point, not a comma"):
             read(tmp_path, text, unit="m")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "id\ttime [s]\tx [m]\ty [m]\n1\t0\t5\t8\n",
+        "id\ttime\tnote\tx\ty\n1\t0\t\t5\t8\n",
+        "id\ttime\tx\ty\n1 0 5 8\n",
+    ],
+)
+def test_tabs_separate_names_of_several_words_and_empty_fields(tmp_path: Path, text: str) -> None:
+    """Below a header with as many tabs; else any blanks do."""
+    path = tmp_path / "tracks.txt"
+    path.write_text(text)
+    (found,) = Track.read_all(path, unit="m")
+    assert found.points.tolist() == [[5.0, 8.0]]
+
+
+def test_a_comment_that_names_another_system_is_refused(tmp_path: Path) -> None:
+    """Unless it also names that of the scene, or the scene has coordinates of its own."""
+    path = tmp_path / "tracks.txt"
+    here = MapProjection(Earth(crs="EPSG:25832"))
+    for comment, is_refused in (
+        ("crs: EPSG:25833", True), ("EPSG:25832", False), ("from EPSG:4326 to EPSG:25832", False),
+    ):  # fmt: skip
+        path.write_text(f"# {comment}\nid,time,x,y\n1,0,500000,5800000\n")
+        with pytest.raises(ProblemError, match="names EPSG:25833") if is_refused else nullcontext():
+            Track.read_all(path, unit="m", projection=here)
+        Track.read_all(path, unit="m")
