@@ -58,9 +58,27 @@ def _turn(
 
 
 @_inlined
+def _raise_to(values: FloatArray, target: FloatArray) -> None:
+    for i in range(len(target)):
+        target[i] = _larger(values[i], target[i])
+
+
+@_inlined
+def _widen(source: FloatArray, stride: int, target: FloatArray) -> None:
+    """Writes the best of the values and of those a stride to either side."""
+    n = len(source)
+    _largest(
+        source[: n - 2 * stride], source[stride : n - stride], source[2 * stride :],
+        target[stride : n - stride],
+    )  # fmt: skip
+    _copy(source[:stride], target[:stride])
+    _copy(source[n - stride :], target[n - stride :])
+
+
+@_inlined
 def _move(
-    values: FloatArray, reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
-    room: FloatArray, best: FloatArray,
+    values: FloatArray, reaches: IntArray, strides: IntArray, widths: IntArray, shifts: IntArray,
+    places: IntArray, heads: IntArray, room: FloatArray, best: FloatArray,
 ) -> None:  # fmt: skip
     """Writes the best of the values [P] over moves.
 
@@ -68,18 +86,21 @@ def _move(
     the border, and no later pass carries them out of it.
     """
     n, source, here = len(values), values, 0
-    for axis in range(3):
-        stride = strides[axis]
-        for _ in range(reaches[axis]):
-            target = room[here]
-            inner = target[stride : n - stride]
-            _largest(
-                source[: n - 2 * stride], source[stride : n - stride], source[2 * stride :], inner
-            )
-            _copy(source[:stride], target[:stride])
-            _copy(source[n - stride :], target[n - stride :])
-            source, here = target, 1 - here
-    _copy(source, best)
+    if len(widths) == 0:
+        for axis in range(3):
+            for _ in range(reaches[axis]):
+                _widen(source, strides[axis], room[here])
+                source, here = room[here], 1 - here
+        _copy(source, best)
+    else:
+        best[:] = -np.inf
+        done = 0
+        for i in range(len(widths)):
+            while done < widths[i]:
+                _widen(source, strides[2], room[here])
+                source, here, done = room[here], 1 - here, done + 1
+            first, end = max(0, -shifts[i]), n - max(0, shifts[i])
+            _raise_to(source[first + shifts[i] : end + shifts[i]], best[first:end])
     for i in range(len(places)):
         most = values[heads[0, i]]
         for k in range(1, len(heads)):
@@ -90,7 +111,8 @@ def _move(
 @_compiled
 def sweep(
     value: FloatArray, reward: FloatArray, room: FloatArray, turn: int, pitch_turn: int,
-    reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
+    reaches: IntArray, strides: IntArray, widths: IntArray, shifts: IntArray, places: IntArray,
+    heads: IntArray,
 ) -> None:  # fmt: skip
     """Sweeps back over all steps before the last, whose values are given.
 
@@ -102,6 +124,8 @@ def sweep(
     turn, pitch_turn : largest turns of heading and pitch in a step
     reaches, strides : [3] largest moves in leaps along layers, x and y, and the differences between
         the numbers of places that a leap joins
+    widths, shifts : [n] largest leaps along y in rows of moves, increasing, and the differences
+        between the numbers of places to which the middles of rows lead; none if the moves are a box
     places, heads : [n] irregular places, and [K, n] the places to which their moves lead
     """
     headings, pitches = value.shape[1:3]
@@ -110,14 +134,15 @@ def sweep(
         for h in range(headings):
             for q in range(pitches):
                 _turn(value[t + 1], h, q, turn, pitch_turn, turned)
-                _move(turned, reaches, strides, places, heads, room[2:], best)
+                _move(turned, reaches, strides, widths, shifts, places, heads, room[2:], best)
                 _add(best, reward[t, h, q], value[t, h, q])
 
 
 @_compiled
 def best_of_moves(
     ahead: FloatArray, turned: FloatArray, best: FloatArray, room: FloatArray, turn: int,
-    pitch_turn: int, reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
+    pitch_turn: int, reaches: IntArray, strides: IntArray, widths: IntArray, shifts: IntArray,
+    places: IntArray, heads: IntArray,
 ) -> None:  # fmt: skip
     """Finds the best values ahead over turns, and the best of these over the moves of one step.
 
@@ -126,18 +151,28 @@ def best_of_moves(
     ahead : [H, Q, P] values ahead, by heading, pitch and place
     turned, best : [H, Q, P] outputs: the best over turns, and over turns and moves
     room : [4, P] working memory
-    turn, pitch_turn, reaches, strides, places, heads : as in `sweep`
+    turn, pitch_turn, reaches, strides, widths, shifts, places, heads : as in `sweep`
     """
     for h in range(ahead.shape[0]):
         for q in range(ahead.shape[1]):
             _turn(ahead, h, q, turn, pitch_turn, turned[h, q])
-            _move(turned[h, q], reaches, strides, places, heads, room[2:], best[h, q])
+            _move(
+                turned[h, q],
+                reaches,
+                strides,
+                widths,
+                shifts,
+                places,
+                heads,
+                room[2:],
+                best[h, q],
+            )
 
 
 def call_once() -> None:
     """Calls the kernel for one place, so that it is loaded, or compiled and stored."""
     single, none = np.zeros((1, 1, 1)), np.zeros(0, dtype=np.int64)
     three, heads = np.zeros(3, dtype=np.int64), np.zeros((1, 0), dtype=np.int64)
-    rest = np.zeros((4, 1)), 0, 0, three, three, none, heads
+    rest = np.zeros((4, 1)), 0, 0, three, three, none, none, none, heads
     sweep(np.zeros((1, 1, 1, 1)), np.zeros((1, 1, 1, 1)), *rest)
     best_of_moves(single, single.copy(), single.copy(), *rest)

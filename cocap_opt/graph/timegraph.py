@@ -136,6 +136,21 @@ class TimeGraph:
         heads = places + self.shifts[:, None]
         return np.where(self.allowed[:, places], heads, -1)
 
+    @cached_property
+    def rows(self) -> IntArray:
+        """Rows of moves along y: [n, 3] largest leap, and layers and cells of x; narrow rows first.
+
+        Empty if the moves are the whole box. A stride leaves out moves that are too long, so that
+        those that remain reach equally far to both sides.
+        """
+        if len(self.moves) == len(self.motion.moves):
+            return np.zeros((0, 3), dtype=np.int64)
+        widths = dict[tuple[int, int], int]()
+        for layer, x, y in self.moves:
+            widths[layer, x] = max(widths.get((layer, x), 0), y // self.motion.spacing)
+        assert sum(2 * width + 1 for width in widths.values()) == len(self.moves)
+        return np.array(sorted((width, layer, x) for (layer, x), width in widths.items()))
+
     @property
     def free(self) -> BoolArray:
         """True for places [P] where a robot may be; a robot may stay in each of them."""
@@ -144,13 +159,11 @@ class TimeGraph:
 
     @cached_property
     def irregular(self) -> Irregular:
-        """The places from which a move within the box to a free place is closed."""
+        """The places from which a move to a free place is closed."""
         hidden = np.zeros(self.n_places, dtype=bool)
-        rows, none = dict(zip(self.moves, self.allowed, strict=True)), np.zeros_like(hidden)
-        for move in self.motion.moves:  # those that no stride allows have no row
-            shift = sum(i * stride for i, stride in zip(move, self.strides, strict=True))
+        for shift, allowed in zip(self.shifts.tolist(), self.allowed, strict=True):
             # The border is closed and as wide as the moves are long, so nothing wraps around.
-            hidden |= np.roll(self.free, -shift) & ~rows.get(move, none)
+            hidden |= np.roll(self.free, -shift) & ~allowed
         places = np.flatnonzero(hidden & self.free)
         # A closed move is listed as staying, which is always allowed.
         heads = self.neighbours(places)

@@ -102,7 +102,8 @@ def _sweep_at_once(graph: TimeGraph, value: FloatArray, reward: FloatArray) -> N
     places, heads, _ = graph.irregular
     sweep(
         value.reshape(shape), reward.reshape(shape), np.empty((4, graph.n_places)),
-        *_limits_of(graph), _leaps_of(graph, graph.strides), places, heads,
+        *_limits_of(graph), _leaps_of(graph, graph.strides), *_rows_of(graph, graph.strides),
+        places, heads,
     )  # fmt: skip
 
 
@@ -110,6 +111,14 @@ def _leaps_of(graph: TimeGraph, strides: Sequence[int]) -> IntArray:
     """Returns the differences [3] of the numbers of places that a leap along each axis joins."""
     leaps: IntArray = np.array(strides) * np.array(graph.leaps)
     return leaps
+
+
+def _rows_of(graph: TimeGraph, strides: Sequence[int]) -> tuple[IntArray, IntArray]:
+    """Returns the largest leaps [n] along y in rows of moves, and the differences [n] between the
+    numbers of a place and of that to which the middle of a row leads; empty for a whole box.
+    """
+    widths, layers, cells = graph.rows.T
+    return widths.copy(), layers * strides[0] + cells * strides[1]
 
 
 def _limits_of(graph: TimeGraph) -> tuple[int, int, IntArray]:
@@ -247,7 +256,7 @@ class _BackwardStep:
         irregular, heads, _ = self.frame.irregular
         best_of_moves(
             ahead.reshape(shape), self._after_turn.reshape(shape), self._best.reshape(shape),
-            np.empty((4, places)), *self._limits, self._leaps, irregular, heads,
+            np.empty((4, places)), *self._limits, self._leaps, *self._rows, irregular, heads,
         )  # fmt: skip
 
     @cached_property
@@ -257,6 +266,10 @@ class _BackwardStep:
     @cached_property
     def _leaps(self) -> IntArray:
         return _leaps_of(self._graph, self.frame.strides)
+
+    @cached_property
+    def _rows(self) -> tuple[IntArray, IntArray]:
+        return _rows_of(self._graph, self.frame.strides)
 
     def _turn(self, ahead: FloatArray) -> None:
         """Finds the maximum over the orientations to which one step can turn."""
@@ -293,19 +306,37 @@ class _BackwardStep:
         np.maximum(self._after_turn, self._pair, out=self._after_turn)
 
     def _window(self) -> None:
-        """Finds the maximum over the box of cell moves.
+        """Finds the maximum over the box of cell moves, or over rows of it.
 
         Each pass widens the window by one leap along one axis. Values that a pass leaves at both
         ends lie in the border, and no later pass carries them out of it.
         """
-        out, pair, source = self._best, self._pair, self._after_turn
+        if len(self._graph.rows):
+            self._window_of_rows()
+            return
+        out, source = self._best, self._after_turn
         for reach, stride in zip(self._graph.reaches, self._leaps.tolist(), strict=True):
             for _ in range(reach):
-                np.maximum(source[:-stride], source[stride:], out=pair[:-stride])
-                np.maximum(pair[: -2 * stride], pair[stride:-stride], out=out[stride:-stride])
+                self._widen(source, stride, out)
                 source = out
         if source is self._after_turn:
             np.copyto(out, source)
+
+    def _widen(self, source: FloatArray, stride: int, out: FloatArray) -> None:
+        """Finds the maximum over a leap to either side; `out` may be the source."""
+        np.maximum(source[:-stride], source[stride:], out=self._pair[:-stride])
+        np.maximum(self._pair[: -2 * stride], self._pair[stride:-stride], out=out[stride:-stride])
+
+    def _window_of_rows(self) -> None:
+        """Finds the maximum over rows of moves along y."""
+        out, wide, done = self._best, self._after_turn.copy(), 0
+        out[:] = CLOSED
+        for width, shift in zip(*map(np.ndarray.tolist, self._rows), strict=True):
+            for _ in range(width - done):
+                self._widen(wide, int(self._leaps[2]), wide)
+            done, n = width, len(out)
+            tails, heads = (slice(max(0, s), n + min(0, s)) for s in (-shift, shift))
+            np.maximum(out[tails], wide[heads], out=out[tails])
 
     def _reward_moves(self, rates: FloatArray) -> None:
         """Raises the maximum over moves where a move with a reward is better.
