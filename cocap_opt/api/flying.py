@@ -62,7 +62,8 @@ def trajectory(
         `above_home` (not for drones in the air) and, if the scene has a place on the Earth,
         `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs` has `step`,
         `reward`, `least_distance` (m, between two drones at any moment), `people_distance` (m, from
-        a drone to the middle of a person, seen from above; None without people) and the like, and,
+        a drone to the middle of a person, seen from above, less the `swerve` of that person; None
+        without people) and the like, and,
         for drones with homes, `from_home`: for each drone and part of the take the `seconds` from
         take-off to landing, and the ways `out` and `back`, as in `cocap-opt fly --json`.
 

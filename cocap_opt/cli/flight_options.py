@@ -26,6 +26,14 @@ Every = Annotated[
 ]
 Local = Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")]
 Hovering = Annotated[bool, FLAG(name="--hovering", help="also write plans in which no drone moves")]
+Landed = Annotated[
+    bool,
+    FLAG(
+        name="--landed",
+        help="for the rest of a mission: its drones have landed, e.g. for full batteries, and take "
+        "off again below their first places",
+    ),
+]
 Smooth = Annotated[bool, FLAG(name="--smooth", help="fly with continuous speed and acceleration")]
 StepSeconds = Annotated[
     float | None,

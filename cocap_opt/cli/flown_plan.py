@@ -14,7 +14,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions import FORMATS, Export, Writer
 from cocap_opt.output.files import GivenPlan, PlanReader, check_output
-from cocap_opt.problem import Plan
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.options import Option, UsageError
 
 _log = logging.getLogger(__name__)
@@ -41,6 +41,7 @@ class Order(NamedTuple):
     every : time between rows, s; None: the default
     local : True: without latitudes and longitudes
     hovering : True: also if no drone moves
+    landed : True: drones of the rest of a mission take off again, with full batteries
     """
 
     scene: str
@@ -53,6 +54,7 @@ class Order(NamedTuple):
     every: float | None = None
     local: bool = False
     hovering: bool = False
+    landed: bool = False
 
     def carried_out(self, write: Writer) -> FlownPlan:
         """Reads the plan, flies it, and writes the content of its files.
@@ -77,10 +79,13 @@ class Order(NamedTuple):
         given = PlanReader(self.scene, load_planned(self.scene, self.seed)).plan(
             self.plan, any_objective=True
         )
+        if self.landed:
+            given = given._replace(problem=_on_the_ground(given.problem))
         if form.takes_off and given.problem.begins_in_the_air:
             raise UsageError(
                 f"-o: must not end with {self.suffix}, as these missions take off, and the scene "
-                "is the rest of a mission whose drones are in the air; .csv has their places"
+                "is the rest of a mission whose drones are in the air; .csv has their places, and "
+                "--landed says that they have landed"
             )
         with self.in_words():
             flight = self.flown.flight(given.problem, given.plan, self.local)
@@ -110,6 +115,21 @@ class Order(NamedTuple):
             way_out = "" if is_needed else "; use --local to leave latitudes and longitudes out"
             return FileError(f"{self.scene}: {error}{way_out}")
         return FileError(f"{self.plan}: {error}")
+
+
+def _on_the_ground(rest: Problem) -> Problem:
+    """Returns the rest of a mission with drones that take off again; how long their new batteries
+    last is not known.
+    """
+    if not rest.begins_in_the_air:
+        raise UsageError("--landed: must be left out, as the scene is not the rest of a mission")
+    robots = []
+    for i, robot in enumerate(rest.robots):
+        if robot.number not in (None, i):
+            _log.warning("drone %d of these files is drone %d of the mission", i, robot.number)
+        limits = robot.limits and robot.limits.replace(endurance=None)
+        robots.append(robot.replace(number=None, limits=limits))
+    return rest.replace(robots=tuple(robots))
 
 
 def _start_of(text: str, suffix: str, is_dated: bool) -> datetime:

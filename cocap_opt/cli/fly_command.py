@@ -14,6 +14,7 @@ from cocap_opt.cli.flight_options import (
     Every,
     FlightOptions,
     Hovering,
+    Landed,
     Local,
     Start,
 )
@@ -57,6 +58,7 @@ def _fly(
     ] = None,
     local: Local = False,
     hovering: Hovering = False,
+    landed: Landed = False,
     json: Json = False,
     verbose: Annotated[
         bool,
@@ -103,7 +105,7 @@ def _fly(
     suffix = Option("-o").ending(output, tuple(FORMATS))
     assert output is not None
     write = _writer(suffix, autopilot, items)
-    order = Order(scene, seed, plan, output, suffix, flown, start, every, local, hovering)
+    order = Order(scene, seed, plan, output, suffix, flown, start, every, local, hovering, landed)
     given, flight, mission = order.carried_out(write)
     problem, cut_short = given.problem, given.cut_short
     with order.in_words():

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.flight_options import AS_PLANNED, FlightOptions, Hovering, Local, Start
+from cocap_opt.cli.flight_options import AS_PLANNED, FlightOptions, Hovering, Landed, Local, Start
 from cocap_opt.cli.flown_plan import Order
 from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed
 from cocap_opt.flight.notes import Kind, notes_of
@@ -35,6 +35,7 @@ def _sheet(
     ] = None,
     local: Local = False,
     hovering: Hovering = False,
+    landed: Landed = False,
     json: Json = False,
 ) -> int:
     """Write the crew's sheet of a flight, a PDF of A4 pages: maps, cards and cues.
@@ -49,7 +50,7 @@ def _sheet(
     """
     output = plan.with_suffix(_SUFFIX) if output is None else output
     Option("-o").ending(output, (_SUFFIX,))
-    order = Order(scene, seed, plan, output, _SUFFIX, flown, start, every, local, hovering)
+    order = Order(scene, seed, plan, output, _SUFFIX, flown, start, every, local, hovering, landed)
     given, _, found = order.carried_out(FORMATS[_SUFFIX].writer())
     for warning in notes_of(found.notes, Kind.URGENT):
         _log.warning("%s", warning)

@@ -400,3 +400,30 @@ def test_heights_above_take_off_are_above_what_a_drone_stands_on() -> None:
     flight = Flight.of(*scene(robots=tuple(rest)), False)
     assert not {"above_takeoff", "above_home"} & flight.columns().keys()
     assert [end.kind for end in ends(flight, geodesy_of(flight))] == ["landing"] * 3
+
+
+def test_drones_of_a_rest_that_have_landed_take_off_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Missions of a rest begin in the air, and are refused, unless its drones have landed."""
+    problem, plan = scene()
+    robots = [
+        robot.replace(number=3 - k, limits=co.Limits(endurance=20.0))
+        for k, robot in enumerate(problem.robots)
+    ]
+    rest = problem.replace(robots=tuple(robots))
+    co.save(tmp_path / "rest.json", rest)
+    co.save(tmp_path / "plan.json", plan, rest)
+    fly = "fly", tmp_path / "rest.json", tmp_path / "plan.json", "-o"
+    run = Run(capsys, *fly, tmp_path / "a.plan")
+    assert run.code == 2 and "--landed says that they have landed" in run.err
+    run = Run(capsys, *fly, tmp_path / "b.plan", "--landed")
+    assert run.code == 0 and "drone 0 of these files is drone 3 of the mission" in caplog.text
+    assert len(list(tmp_path.glob("b.*.plan"))) == 3
+    co.save(tmp_path / "whole.json", problem)
+    co.save(tmp_path / "all.json", plan, problem)
+    run = Run(
+        capsys, "fly", tmp_path / "whole.json", tmp_path / "all.json", "-o", tmp_path / "c.plan",
+        "--landed",
+    )  # fmt: skip
+    assert run.code == 2 and "--landed: must be left out" in run.err
