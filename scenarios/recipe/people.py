@@ -318,7 +318,7 @@ class WalkTable(Table):
         )
 
     def _swerve(self, walk: FloatArray, step: float) -> float:
-        """Returns how far (m) corners are off the walk [T+1, 2] (m) that is straight between steps.
+        """Returns the largest distance (m) of the legs from a straight walk [T+1, 2] (m) by steps.
 
         Parameters
         ----------

@@ -23,6 +23,7 @@ file = "town.asc"
 [[walk]]
 points = [[2.5, 2.5], [4.5, 2.5]]
 name = "Ada"
+speed = 1.0
 [[no_fly]]
 polygon = [[8, 0], [10, 0], [10, 3], [8, 3]]
 top = 6.0
