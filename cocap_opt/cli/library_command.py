@@ -50,8 +50,9 @@ _Verified = Annotated[
     Path | None,
     Parameter(
         name="--verified",
-        help="program cocap-check-verified, which is proved correct in Coq: it judges certificates "
-        "and proofs in place of cocap-check, and long searches several times as fast",
+        help="program cocap-check-verified, which is proved correct in Coq, to judge certificates "
+        "and proofs in place of cocap-check: it proves the bound that the file claims, and takes "
+        "less time for long searches",
     ),
 ]
 
@@ -186,7 +187,7 @@ def _submit(
 ) -> int:
     """Submit a plan or a certificate: accepted if the checker accepts it and it is better.
 
-    The record keeps the number that the checker proves, not the one that the file claims.
+    The record keeps the number that the checker proves. The claim of a file need not be that.
 
     Example: cocap-opt library submit plan.json --who Ada
     """

@@ -244,7 +244,7 @@ def _ceiling(flight: Flight, autopilot: Autopilot, found: list[Route]) -> Iterat
         told = f"{_by_drone(reached[drones], drones, len(allowed))} above the take-off"
         yield (
             f"{words}, and {fence}, cannot keep it, as the ground rises along the way: a mission "
-            f"reaches {told}, and with less it ends in a breach"
+            f"climbs to {told}, so a lower fence would stop it"
         )
 
 

@@ -77,8 +77,9 @@ class Actor(Data, frozen=True, eq=False, dict=True):
 
     @property
     def told_swerve(self) -> str:
-        """Words for where the person may be, after a distance; empty on straight walks."""
-        return f", up to {self.swerve:.3g} m off the straight walk" if self.swerve else ""
+        """Words after a distance that is less the swerve; empty on straight walks."""
+        by = f"{self.swerve:.3g} m by which the person may leave the straight walk"
+        return f", counting the {by}" if self.swerve else ""
 
     @cached_property
     def middles(self) -> FloatArray:

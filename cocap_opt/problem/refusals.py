@@ -138,8 +138,10 @@ def _closed(scene: SceneData, robot: Robot, start: State) -> str:
         at = scene.where(robot, [start])[0]
         if scene.airspace.near_person(actor, 0, at):
             aside = math.dist(at[:2], actor.poses[0, :2])
+            who = scene.person(j)
+            left = max(aside - actor.swerve, 0.0)
             must = f"must be {scene.airspace.told_people}"
-            return f"is {aside:.2f} m from {scene.person(j)} at step 0, {must}"
+            return f"is {left:.2f} m from {who} at step 0{actor.told_swerve}, {must}"
     return ""
 
 

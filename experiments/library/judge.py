@@ -33,7 +33,7 @@ _SAYS = (
     (BOUND, re.compile("no plan exists: a drone has no path left")),
 )
 _SAYS_VERIFIED = re.compile(r"no plan has more than (-?\d+) / (\d+), that is .*")
-_HOLDS, _WRONG_CALL, _BY_SEARCH = 0, 2, 3
+_HOLDS, _REFUSED, _WRONG_CALL, _BY_SEARCH = 0, 1, 2, 3
 _CHECKER = Path(cocap_check.__file__)
 _NAME, _VERIFIED = "`cocap-check`", "`cocap-check-verified`"
 
@@ -74,7 +74,8 @@ def proved(
     content : of the plan, certificate or proof
     name : name of that file, for messages
     time_limit : seconds; inf for none
-    verified : the program `cocap-check-verified`, for certificates and proofs; None: `cocap-check`
+    verified : the program `cocap-check-verified`, for certificates and proofs, which proves the
+        bound that the file claims; None: `cocap-check`, which computes the bound
 
     Raises
     ------
@@ -116,9 +117,12 @@ def _proved_in_coq(
     for command in commands:
         left = max(until - time.monotonic(), 0.0)
         code, lines, error = _run(command, _VERIFIED, name, left, time_limit)
+        reason = " ".join(" ".join([*lines, error]).replace(f"{claim}: ", "").split())[:200]
+        if code not in (_HOLDS, _REFUSED, _BY_SEARCH) or "cocap-lowered" in reason:
+            program_name = Path(command[1] if command is commands.lower else command[0]).name
+            raise FileError(f"{name}: not judged: {program_name} ended with code {code}: {reason}")
         if code != _HOLDS:
-            reason = " ".join([*lines, error]).replace(f"{claim}: ", "").removeprefix("refused: ")
-            raise FileError(f"{name}: refused: {' '.join(reason.split())[:200]}")
+            raise FileError(f"{name}: refused: {reason.removeprefix('refused: ')}")
     found = _SAYS_VERIFIED.fullmatch("".join(lines))
     if found is None:
         raise FileError(f"{name}: not judged: {_VERIFIED} answered {''.join(lines)[:200]!r}")

@@ -7,7 +7,7 @@ import re
 
 _SHOWN = 60  # letters of a system's name in a message
 _ONE_CODE = re.compile(r"EPSG:(\d+)", re.I)  # may be of a compound system
-_TWO_CODES = re.compile(r"(\w+:\d+)\+\d+")
+_TWO_CODES = re.compile(r"(\w+:\d+)\s*\+\s*(?:\w+:)?\d+")
 # A compound system in WKT, up to the bracket behind the keyword of its first part.
 _COMPOUND = re.compile(r'(?:COMPD_CS|COMPOUNDCRS)\s*[\[(]\s*"[^"]*"\s*,\s*(\w+\s*[\[(])', re.I)
 # The code of a whole system, at the end of its WKT.

@@ -15,22 +15,13 @@ from cocap_opt.scenarios.tables import PER_METRE, Unit
 
 # What has the unit, the unit, and how many of one make how many of the other: 1 unit = 2.54 cm.
 _STATED = re.compile(
-    r"(?:(?P<of>[^\W\d_]+)\s+)?(?P<many>\d[\d.,]*\s+)?\bunits?(?:\s+of\s+length)?\s*"
+    r"(?:(?P<of>[^\W\d_]+)\s+)?(?:(?<![^\s=:])(?<!\w )(?P<many>\d[\d.,]*)\s+)?"
+    r"\bunits?(?:\s+of\s+length)?\s*"
     r"(?:[:=]|\bis\b|\bare\b)\s*(?P<number>[-+]?[\d.,]*\d(?:e[-+]?\d+)?)?(?P<unit>.*)",
     re.IGNORECASE,
 )
-_OF_OTHERS = {
-    "texture",
-    "textures",
-    "uv",
-    "angle",
-    "angles",
-    "angular",
-    "time",
-    "mass",
-    "colour",
-    "color",
-}
+_NO_LENGTHS = {"texture", "textures", "uv", "angle", "angles", "angular", "time", "mass", "colour",
+               "color"}  # fmt: skip
 # Lengths in which recipes have no coordinates.
 _OTHERS = {
     "in", "inch", "inches", "yd", "yard", "yards", "mile", "miles", "km", "kilometer", "kilometers",
@@ -52,7 +43,7 @@ def settled_unit(path: Path, unit: Unit | None) -> str:
     found: dict[str, str] = {}
     for comment in _comments(path):
         stated = _STATED.search(comment)
-        if stated is None or (stated["of"] or "").lower() in _OF_OTHERS:
+        if stated is None or (stated["of"] or "").lower() in _NO_LENGTHS:
             continue
         if name := _unit_in(stated["unit"]):
             found.setdefault(name, comment.strip()[:60])

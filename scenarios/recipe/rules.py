@@ -40,8 +40,7 @@ class NoFlyTable(Table):
         area = sound(Polygon(self.polygon), "polygon")
         if not self.bottom < self.top:
             raise ProblemError(f"top: must be above bottom, {self.bottom:g} m, not {self.top:g}")
-        ground = ground_below(area)
-        if self.top <= ground.lowest:
+        if self.top < LARGEST and self.top <= (ground := ground_below(area)).lowest:
             raise ProblemError(
                 f"top: must be above the ground below the zone, which is at {ground.lowest:g} m or "
                 f"more, not {self.top:g}: it is an altitude, not a height above the ground"

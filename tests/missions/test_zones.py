@@ -108,7 +108,7 @@ def test_a_ceiling_that_no_fence_can_keep_is_told() -> None:
     )  # fmt: skip
     listed = said(FORMATS[".waypoints"].writer()(Flight.of(problem, plan, False), None))
     assert "is above the take-off, to 11.5 m (drone 1), 11.5 m (drone 2) or less" in listed
-    words = "cannot keep it, as the ground rises along the way: a mission reaches 14 m (drone 0) ab"
+    words = "cannot keep it, as the ground rises along the way: a mission climbs to 14 m (drone 0)"
     assert words in listed
 
 

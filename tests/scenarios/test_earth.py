@@ -248,6 +248,7 @@ UTM32 = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"
         (UTM32, "EPSG:32632", True),
         ("EPSG:32633", UTM32, False),
         ("EPSG:25832+5783", "EPSG:25832", True),
+        ("EPSG:25832+EPSG:5783", "EPSG:25832", True),
         ("EPSG:5555", "EPSG:25832", True),  # the code of a compound system
         ("EPSG:5555", "EPSG:25833", False),
     ],

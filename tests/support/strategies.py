@@ -129,10 +129,17 @@ def meshes(draw: st.DrawFn, height_map: HeightMap) -> tuple[Mesh, ...]:
 
 @st.composite
 def motions(draw: st.DrawFn, most_headings: int = 4, most_radius: int = 1) -> Motion:
-    """Motions of few states; 4 m columns block the layer at 3 m only."""
-    leap = draw(st.sampled_from([1, 1, 1, 1, 2]))
+    """Motions of few states; 4 m columns block the layer at 3 m only.
+
+    Those with larger radii may have a spacing and a stride: in cells of 4 m, along the axes only or
+    without a climb.
+    """
+    leap, stride = 1, None
+    if most_radius > 1:
+        leap = draw(st.sampled_from([1, 1, 1, 2]))
+        stride = draw(st.sampled_from([None, None, Stride(aside=leap * 4.5), Stride(upright=1.0)]))
     return Motion(
-        radius=leap * draw(st.integers(0, most_radius) if most_radius > 1 else st.just(1)),
+        radius=leap * draw(st.integers(0, most_radius)) if most_radius > 1 else draw(st.just(1)),
         headings=draw(st.sampled_from([1, *range(1, most_headings + 1)])),
         turn=draw(st.integers(0, 2)),
         layers=draw(st.sampled_from([(5.0,), (5.0,), (3.0, 5.0), (3.0,), (3.0, 5.0, 9.0)])),
@@ -141,8 +148,7 @@ def motions(draw: st.DrawFn, most_headings: int = 4, most_radius: int = 1) -> Mo
         clearance=draw(st.sampled_from([0.0, 0.0, 1.0])),
         corner_cutting=draw(st.booleans()),
         spacing=leap,
-        # In cells of 4 m: along the axes only, or without a climb.
-        stride=draw(st.sampled_from([*[None] * 4, Stride(aside=leap * 4.5), Stride(upright=1.0)])),
+        stride=stride,
     )
 
 
@@ -188,7 +194,6 @@ def actors(draw: st.DrawFn, height_map: HeightMap, horizon: int) -> Actor:
         shape=shape,
         weights=None if weights is None else (weights, 0.5, *[1.0] * (len(shape.faces()) - 2)),
         importance=importance,
-        swerve=draw(st.sampled_from([0.0, 0.0, 0.0, 1.3])),
     )
 
 
