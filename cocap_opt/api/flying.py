@@ -63,9 +63,9 @@ def trajectory(
         `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs` has `step`,
         `reward`, `least_distance` (m, between two drones at any moment), `people_distance` (m, from
         a drone to the middle of a person, seen from above, less the `swerve` of that person; None
-        without people) and the like, and,
-        for drones with homes, `from_home`: for each drone and part of the take the `seconds` from
-        take-off to landing, and the ways `out` and `back`, as in `cocap-opt fly --json`.
+        without people) and the like, and, for drones with homes, `from_home`: for each drone and
+        part of the take the `seconds` from take-off to landing, and the ways `out` and `back`, as
+        in `cocap-opt fly --json`.
 
     Raises
     ------
