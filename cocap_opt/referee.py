@@ -347,7 +347,7 @@ class _Referee:
             ways = [(x - u, y - v, z - w) for (x, y, z), (u, v, w) in zip(at, body, strict=False)]
             for t, way in enumerate(ways):
                 if _too_near(way, rules):
-                    away = max(math.hypot(*way[:2]) - actor.swerve, 0.0)
+                    away = actor.nearest(math.hypot(*way[:2]))
                     yield f"step {t} is {away:.3g} m from {who}"
                 elif t + 1 < len(ways) and _pass_too_near(
                     way, ways[t + 1], self._with_stray(rules, at[t], at[t + 1])

@@ -169,7 +169,7 @@ class Robustness:
             missing["drones"] = lacks
         for actor, walk in zip(self._problem.actors, walks, strict=True):
             ways = np.concatenate([way - walk[: len(way)] for way in drones])
-            aside = min(aside, max(least_length(ways[:, :2]) - actor.swerve, 0.0))
+            aside = min(aside, actor.nearest(least_length(ways[:, :2])))
             if not airspace.people_aside:
                 continue
             if lacks := missing_distance(ways, airspace.rules_beside(actor)):

@@ -231,7 +231,7 @@ class Nearest(NamedTuple):
             nearest = cls._of(
                 flown, ways.reshape(-1, 2, DEGREE + 1), drones, np.full_like(drones, j)
             )
-            found.append(nearest._replace(distance=max(nearest.distance - actor.swerve, 0.0)))
+            found.append(nearest._replace(distance=actor.nearest(nearest.distance)))
         return min(found, key=lambda nearest: nearest.distance, default=None)
 
     @classmethod

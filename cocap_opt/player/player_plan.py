@@ -160,7 +160,7 @@ class PlayerPlan:
             if airspace.near_person(actor, t, at[t], at[t + 1]):
                 share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1])[0])
                 x, y, _ = (1 - share) * ways[t] + share * ways[t + 1]
-                yield t + share, max(math.hypot(x, y) - actor.swerve, 0.0), j
+                yield t + share, actor.nearest(math.hypot(x, y)), j
 
     def _flown(self) -> Trajectory | None:
         """Returns the smooth flight; None if drones fly straight or stay."""

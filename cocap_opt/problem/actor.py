@@ -75,6 +75,10 @@ class Actor(Data, frozen=True, eq=False, dict=True):
         for value in self.importance or ():
             within(value, 0, MOST_WEIGHT, "importance")
 
+    def nearest(self, aside: float) -> float:
+        """Least distance (m) to the person, `aside` m from the straight walk, seen from above."""
+        return max(aside - self.swerve, 0.0)
+
     @property
     def told_swerve(self) -> str:
         """Words after a distance that is less the swerve; empty on straight walks."""

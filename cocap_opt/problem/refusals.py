@@ -139,7 +139,7 @@ def _closed(scene: SceneData, robot: Robot, start: State) -> str:
         if scene.airspace.near_person(actor, 0, at):
             aside = math.dist(at[:2], actor.poses[0, :2])
             who = scene.person(j)
-            left = max(aside - actor.swerve, 0.0)
+            left = actor.nearest(aside)
             must = f"must be {scene.airspace.told_people}"
             return f"is {left:.2f} m from {who} at step 0{actor.told_swerve}, {must}"
     return ""
