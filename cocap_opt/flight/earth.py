@@ -157,11 +157,8 @@ class Geodesy:
         )
         longitude, latitude = transformer.transform(*point)
         self._require_defined(longitude, latitude, point)
-        # Some systems count in grads, or from Paris.
-        degrees = math.degrees(geodetic.axis_info[0].unit_conversion_factor)
-        meridian = geodetic.prime_meridian
-        east = math.degrees(meridian.longitude * meridian.unit_conversion_factor)
-        return float(latitude) * degrees, float(longitude) * degrees + east
+        degrees = math.degrees(geodetic.axis_info[0].unit_conversion_factor)  # some are in grads
+        return float(latitude) * degrees, float(longitude) * degrees + _meridian(self._crs)
 
     def _require_defined(self, longitude: Any, latitude: Any, at: tuple[float, float]) -> None:
         """Raises an error if the system is not defined at a point of the scene, given in its
@@ -221,8 +218,7 @@ class Geodesy:
         """Rejects a projection whose metres are not true metres on the ground, such as web
         Mercator.
         """
-        factors = self._pyproj.Proj(self._crs).get_factors(longitude, latitude)
-        scales = factors.meridional_scale, factors.parallel_scale
+        scales = scales_of(self._crs, latitude, longitude)
         if not all(abs(scale - 1) <= STRETCH for scale in scales):  # True for nan, too
             zone = (32700 if latitude < 0 else 32600) + min(int((longitude + 180) // 6) + 1, 60)
             raise FieldError(
@@ -230,6 +226,25 @@ class Geodesy:
                 f"must have true metres, but those of {self.name} are {1 / max(scales):.3g} m "
                 f"long at latitude {latitude:.1f}; EPSG:{zone} has true ones there",
             )
+
+
+def scales_of(crs: Any, latitude: float, longitude: float) -> tuple[float, float]:
+    """Returns the lengths in a projection of a metre on the ground, to the north and to the east.
+
+    Parameters
+    ----------
+    crs : projected reference system of pyproj
+    latitude, longitude : degrees, from Greenwich
+    """
+    # `get_factors` counts from the system's own meridian (pyproj 3.7).
+    factors = _pyproj().Proj(crs).get_factors(longitude - _meridian(crs), latitude)
+    return factors.meridional_scale, factors.parallel_scale
+
+
+def _meridian(crs: Any) -> float:
+    """Returns the longitude (degrees) from which a system counts, such as that of Paris."""
+    meridian = crs.geodetic_crs.prime_meridian
+    return math.degrees(meridian.longitude * meridian.unit_conversion_factor)
 
 
 def _holds(area: Any, place: Place) -> bool | None:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.flight.earth import STRETCH
+from cocap_opt.flight.earth import STRETCH, scales_of
 from cocap_opt.scenarios.earth import utm
 from cocap_opt.scenarios.earth.lengths import Stated, stated_length
 from cocap_opt.text import pair
@@ -173,14 +173,12 @@ def require_true(text: str, x: float, y: float) -> None:
             crs = _plane(pyproj.CRS.from_user_input(text))
             if not crs.is_projected:
                 return
-            projection = pyproj.Proj(crs)
-            longitude, latitude = projection(x, y, inverse=True)
-            factors = projection.get_factors(longitude, latitude)
+            longitude, latitude = pyproj.Proj(crs)(x, y, inverse=True)
+            scales = scales_of(crs, latitude, longitude)
     except pyproj.exceptions.CRSError:
         return  # WKT of a small program, see `_by_pyproj`
     except pyproj.exceptions.ProjError as error:
         raise _undefined(x, y) from error
-    scales = factors.meridional_scale, factors.parallel_scale
     if not np.isfinite([*scales, longitude, latitude]).all():
         raise _undefined(x, y)
     if max(abs(scale - 1) for scale in scales) > STRETCH:

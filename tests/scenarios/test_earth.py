@@ -16,6 +16,7 @@ from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import Earth, Problem
 from cocap_opt.scenarios.earth import same_system
 from cocap_opt.scenarios.earth.place import EarthTable
+from cocap_opt.scenarios.earth.units import require_true
 from cocap_opt.scenarios.recipe import read
 from cocap_opt.world.workspace import HeightMap
 
@@ -268,8 +269,18 @@ def test_heights_that_contradict_the_system_are_refused() -> None:
     assert table.earth("EPSG:25832", flat).heights is not None
 
 
-def test_systems_in_grads_from_paris_are_where_they_are() -> None:
+@pytest.mark.parametrize(
+    ("code", "at", "place"),
+    [
+        ("EPSG:27572", (600000.0, 2400000.0), (48.5987, 2.3365)),  # grads, from Paris
+        ("EPSG:31281", (-25000.0, 5228000.0), (47.189, 10.002)),  # degrees, from Ferro
+    ],
+)
+def test_systems_from_other_meridians_are_where_they_are(
+    code: str, at: tuple[float, float], place: tuple[float, float]
+) -> None:
     """Latitudes and longitudes of such a system itself are no degrees from Greenwich."""
-    geodesy = Geodesy(Earth(crs="EPSG:27572"), (600000.0, 2400000.0))
-    latitude, longitude = geodesy.degrees(np.array([600000.0]), np.array([2400000.0]))
-    assert (latitude[0], longitude[0]) == pytest.approx((48.5987, 2.3365), abs=1e-3)
+    geodesy = Geodesy(Earth(crs=code), at)
+    latitude, longitude = geodesy.degrees(np.array(at[:1]), np.array(at[1:]))
+    assert (latitude[0], longitude[0]) == pytest.approx(place, abs=2e-3)
+    require_true(code, *at)
