@@ -123,6 +123,11 @@ def _on_the_ground(rest: Problem) -> Problem:
     """
     if not rest.begins_in_the_air:
         raise UsageError("--landed: must be left out, as the scene is not the rest of a mission")
+    if any(robot.limits and robot.limits.endurance is not None for robot in rest.robots):
+        _log.warning(
+            "--landed: how long the batteries last is not checked, as the scene has only what was "
+            "left of the old ones"
+        )
     robots = []
     for i, robot in enumerate(rest.robots):
         if robot.number not in (None, i):

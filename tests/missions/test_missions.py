@@ -419,6 +419,7 @@ def test_drones_of_a_rest_that_have_landed_take_off_again(
     assert run.code == 2 and "--landed says that they have landed" in run.err
     run = Run(capsys, *fly, tmp_path / "b.plan", "--landed")
     assert run.code == 0 and "drone 0 of these files is drone 3 of the mission" in caplog.text
+    assert "how long the batteries last is not checked" in caplog.text
     assert len(list(tmp_path.glob("b.*.plan"))) == 3
     co.save(tmp_path / "whole.json", problem)
     co.save(tmp_path / "all.json", plan, problem)
