@@ -5,7 +5,7 @@ from itertools import combinations
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, reject
 from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
@@ -134,7 +134,7 @@ def test_no_fewer_cells_part_what_is_behind(rows: list[str], horizon: int, cutti
     problem = scene(rows, horizon, Motion(corner_cutting=cutting))
     found = ChokePoint.of(problem, wanted)
     if found is None:
-        return
+        reject()
     places = place_graph(problem.workspace, problem.robots[0].motion)
     graph = nx.relabel_nodes(places, {(k, x, y): Cell(x, y, k) for k, x, y in places})
 

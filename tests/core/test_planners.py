@@ -332,7 +332,8 @@ def test_view_search_heeds_weights() -> None:
 @examples(20)
 @given(problems(robots=[1]), st.integers(0, 10**6))
 def test_view_search_takes_the_best_of_one_step(problem: Problem, seed: int) -> None:
-    """Over a single step view search is exact: it takes the best of all views, as weighted."""
+    """Over a single step from one start it is exact: it takes the best of all weighted views."""
+    assume(isinstance(problem.robots[0].start, State))
     model = Model(problem.replace(horizon=1), use_cache=False)
     seen, charges = seen_by_others(model, seed), blocked_at_random(model, seed)
     task = SingleRobotTask(model, 0, seen, charges)

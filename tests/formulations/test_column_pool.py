@@ -8,7 +8,7 @@ import pytest
 from ascent import raised_mixtures
 from brute_force import optimum
 from counting import either
-from hypothesis import given
+from hypothesis import given, reject
 from pool import meetings, problems
 from strategies import Calls, examples
 
@@ -48,7 +48,7 @@ def test_columns_are_worth_what_they_add_to_the_objective(problem: Problem) -> N
     model = compiled(problem)
     pool, own = pooled(model)
     if not all(own):
-        return
+        reject()
     columns = [some[0] for some in own]
     others = problem.no_pixels()
     for column in columns[1:]:
@@ -67,7 +67,7 @@ def test_plans_of_a_pool_obey_the_rules_and_no_column_raises_them(problem: Probl
     model = compiled(problem)
     pool, own = pooled(model)
     if not all(own):
-        return
+        reject()
     for value, columns in islice(
         pool.drawn(np.random.default_rng(0), DEFAULTS.local_search.draws), 5
     ):
@@ -107,7 +107,7 @@ def test_local_search_from_a_mixture_is_a_plan_below_the_optimum(problem: Proble
     amounts = np.array([1 / len(own[column.robot]) for column in columns])
     found = LocalSearch(model).from_mixture(Mixture(columns, amounts))
     if found is None:
-        return
+        reject()
     verdict = check(problem, model.plan(found.paths))
     assert verdict.valid
     assert verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
@@ -123,7 +123,7 @@ def test_a_rounding_that_is_stopped_is_completed_from_a_known_plan(
     model, rng = compiled(problem), np.random.default_rng(seed)
     known = LocalSearch(model).from_mixture(Mixture([], np.zeros(0)))
     if known is None:
-        return
+        reject()
     _, own = pooled(model)
     columns = [column for column in chain.from_iterable(own) if rng.random() < 0.7]
     mixture = Mixture(columns, rng.random(len(columns)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from brute_force import optimum
 from counting import counting
-from hypothesis import given
+from hypothesis import given, reject
 from pool import meetings, problems
 from random_certificates import random_resource
 from scipy import sparse
@@ -89,7 +89,7 @@ def test_a_master_of_one_path_for_each_drone_is_worth_their_objective(
     model = compiled(problem).disaggregated()
     columns = random_columns(model, np.random.default_rng(seed))
     if not columns:
-        return
+        reject()
     master = Master(model, penalty=1e6)
     for column in columns:
         master.add(column)
@@ -127,7 +127,7 @@ def test_moves_over_arcs_are_worth_what_they_add(problem: Problem, seed: int) ->
     known = [random_columns(model, rng) for _ in range(3)]
     plan = Incumbent.of(model, known[0]) if known[0] else None
     if plan is None:
-        return
+        reject()
     columns = [column for team in known for column in team]
     arcs = ArcSearch(model, plan, columns, never, lambda: None, DEFAULTS.large_root)
     assert arcs._value() == pytest.approx(plan.value, rel=1e-9, abs=1e-9)
@@ -151,7 +151,7 @@ def test_nodes_bound_the_plans_that_obey_their_decisions(problem: Problem, seed:
     """Under decisions that the optimum obeys, the bound of a node is no less than the optimum."""
     model, rng, best = compiled(problem), np.random.default_rng(seed), optimum(problem)
     if best.plan is None:
-        return
+        reject()
     paths = [PathCells.of(model, n, path) for n, path in enumerate(model.paths(best.plan))]
     decisions = []
     for resource in [random_resource(model, rng) for _ in range(int(rng.integers(1, 5)))]:

@@ -7,7 +7,7 @@ import pytest
 from ascent import raised_mixtures
 from brute_force import optimum
 from counting import either
-from hypothesis import given
+from hypothesis import given, reject
 from pool import problems
 from strategies import examples
 
@@ -25,7 +25,7 @@ def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
     """The multipliers' certificate bounds all plans; each robot is shared out among its columns."""
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf:
-        return
+        reject()
     for mixture, value, priced in islice(
         raised_mixtures(search),
         3,

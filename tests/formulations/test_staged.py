@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from brute_force import all_paths, bonus_of, objective_from_scratch, optimum
 from counting import counting, either
-from hypothesis import given
+from hypothesis import given, reject
 from hypothesis import strategies as st
 from pool import meetings, problems
 from random_certificates import (
@@ -190,7 +190,7 @@ def test_plans_above_the_target_visit_only_states_that_are_left(
     plans = [Plan(paths=tuple(chosen)) for chosen in product(*paths)]
     plans = [plan for plan in plans if next(plan.conflicts(problem), None) is None]
     if not plans:
-        return
+        reject()
     worths = [objective_from_scratch(problem, plan) for plan in plans]
     model = some_model(problem, rng)
     target = share * max(worths)
@@ -258,7 +258,7 @@ def test_joint_states_are_worth_what_plans_are(problem: Problem, seed: int) -> N
     """Faces and people whom drones see, at all steps, and the moves: together they are J."""
     rng, plan = np.random.default_rng(seed), optimum(problem).plan
     if plan is None:
-        return
+        reject()
     model = some_model(problem, rng)
     narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0)
     numbers = {robot: k for k, robots in enumerate(model.classes) for robot in robots.robots}
@@ -642,7 +642,7 @@ def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) 
     problem = without_rewards(problem)
     best = optimum(problem)
     if best.plan is None:
-        return
+        reject()
     model = some_model(problem, rng)
     assert may_be_used(model)
     narrowing = random_narrowing(model, 0.9 * best.value - 1, rng)
@@ -665,7 +665,7 @@ def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, shar
     problem = without_rewards(problem)
     best = optimum(problem)
     if best.plan is None:
-        return
+        reject()
     model = some_model(problem, rng)
     narrowing = random_narrowing(model, 0.3 * best.value - 1, rng)
     target = narrowing.target + share * (best.value - narrowing.target)

@@ -194,6 +194,7 @@ def actors(draw: st.DrawFn, height_map: HeightMap, horizon: int) -> Actor:
         shape=shape,
         weights=None if weights is None else (weights, 0.5, *[1.0] * (len(shape.faces()) - 2)),
         importance=importance,
+        swerve=draw(st.sampled_from([0.0, 0.0, 0.0, 0.4, 3.0])),
     )
 
 
@@ -256,7 +257,8 @@ def drawn_problems(
     """
     height_map = draw(height_maps())
     kinds = [
-        (draw(motions()), draw(sensors())) for _ in range(draw(st.sampled_from([1, 1, 2])))
+        (draw(motions(most_radius=draw(st.sampled_from([1, 1, 1, 2])))), draw(sensors()))
+        for _ in range(draw(st.sampled_from([1, 1, 2])))
     ]  # [(motion, camera)]
     horizon = draw(st.integers(1, 3))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([0, 1, 1, 2])))]
