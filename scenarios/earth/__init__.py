@@ -5,11 +5,15 @@ This module contains the names of systems, and checks whether two texts mean the
 
 import re
 
+from cocap_opt.data import ProblemError
+
 _SHOWN = 60  # letters of a system's name in a message
 _ONE_CODE = re.compile(r"EPSG:(\d+)", re.I)  # may be of a compound system
-_TWO_CODES = re.compile(r"(\w+:\d+)\s*\+\s*(?:\w+:)?\d+")
+_TWO_CODES = re.compile(r"(\w+:\d+)\s*\+\s*(?:\w+:)?(\d+)")
 # A compound system in WKT, up to the bracket behind the keyword of its first part.
 _COMPOUND = re.compile(r'(?:COMPD_CS|COMPOUNDCRS)\s*[\[(]\s*"[^"]*"\s*,\s*(\w+\s*[\[(])', re.I)
+# The name of the zero of heights in WKT.
+_ZERO = re.compile(r'\b(?:VERT_DATUM|VDATUM|VRF)\s*[\[(]\s*"([^"]+)"', re.I)
 # The code of a whole system, at the end of its WKT.
 _CODE = re.compile(r'(?:ID|AUTHORITY)\s*\[\s*"(\w+)"\s*,\s*"?(\d+)"?\s*\]\s*\]\s*$')
 
@@ -40,6 +44,37 @@ def same_system(crs: str, other: str) -> bool:
 def has_heights(crs: str) -> bool:
     """Returns True if a text of a reference system names a system of heights above the sea, too."""
     return _horizontal(crs) != crs.strip()
+
+
+def zero_of_heights(crs: str) -> str | None:
+    """Returns the name of the zero from which a system's heights above the sea count.
+
+    Returns None if it has none, or if rasterio is needed to tell and not installed.
+    """
+    crs = crs.strip()
+    codes, code = _TWO_CODES.fullmatch(crs), _ONE_CODE.fullmatch(crs)
+    if codes is not None:
+        crs = wkt_of_code(int(codes[2])) or crs
+    elif code is not None:
+        crs = wkt_of_code(int(code[1])) or crs
+    found = _ZERO.search(crs)
+    return found[1] if found else None
+
+
+def require_same_heights(crs: str | None, other: str | None, of_map: str) -> None:
+    """Raises ProblemError if altitudes in two files count from different zeros.
+
+    Parameters
+    ----------
+    crs, other : systems that the files state; None: none
+    of_map : what the second file is, for the message
+    """
+    zeros = [zero_of_heights(text) if text else None for text in (crs, other)]
+    if None not in zeros and zeros[0] != zeros[1]:
+        raise ProblemError(
+            f"must have heights from the same zero as {of_map}, {zeros[1]!r}, not from "
+            f"{zeros[0]!r}; convert it with gdalwarp -t_srs"
+        )
 
 
 def _horizontal(crs: str) -> str:

@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.earth import same_system, short_name
+from cocap_opt.scenarios.earth import require_same_heights, same_system, short_name
 from cocap_opt.scenarios.maps.building_heights import TALLEST
 from cocap_opt.scenarios.maps.raster import Grid, Raster, refuse_too_many
 from cocap_opt.scenarios.maps.raster_files import read_raster
@@ -24,6 +24,7 @@ from cocap_opt.scenarios.tables import (
     Table,
     Unit,
 )
+from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import HeightMap
 
 log = logging.getLogger(__name__)
@@ -276,6 +277,9 @@ class MapTable(Table):
                 f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
                 f"not in {short_name(terrain.crs)}; convert it with gdalwarp -t_srs"
             )
+        if self.heights == "absolute":
+            with naming("ground"):
+                require_same_heights(terrain.crs, surface.crs, "the map")
         x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
         return terrain.sample(x[:, None], y[None, :])
 

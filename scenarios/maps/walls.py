@@ -57,6 +57,7 @@ class WallsTable(Table):
         folder: Path,
         below: Callable[[BaseGeometry], Ground],
         projection: MapProjection = NOWHERE,
+        zero: float = 0.0,
     ) -> list[Mesh]:
         """Reads the ground plan and returns its walls.
 
@@ -65,6 +66,7 @@ class WallsTable(Table):
         folder : of the file that the table names
         below : the ground below an area on the map
         projection : converts longitudes and latitudes to metres
+        zero : altitude (m) of z = 0
 
         Raises
         ------
@@ -72,6 +74,7 @@ class WallsTable(Table):
             If the file cannot be read, or has no such ground plan or no wall; one line that names
             the file.
         """
+        foot = None if self.base is None else Ground(self.base - zero, self.base - zero)
         with naming(folder / self.file):
             text = read_text(folder / self.file, (JSON, WKT))
             plan = ground_plan(text, self.name, self.unit, self.polygons, projection)
@@ -89,7 +92,7 @@ class WallsTable(Table):
             extents = [*plan.extents, *[Extent()] * (len(areas) - len(plan.extents))]
             areas = [translate(area, *self.at) for area in areas]
             walls = [
-                self._wall(area, below, self._top(extent, k, plan), extent.bottom)
+                _wall(area, foot or below(area), self._top(extent, k, plan), extent.bottom)
                 for k, (area, extent) in enumerate(zip(areas, extents, strict=True))
             ]
         heights = [] if self.height is None else [plan.told_height(self.height)]
@@ -97,15 +100,6 @@ class WallsTable(Table):
         for note in filter(None, (*plan.notes, *heights)):
             log.warning("%s: %s", self.file, note)
         return walls
-
-    def _wall(
-        self, area: BaseGeometry, below: Callable[[BaseGeometry], Ground], top: float, bottom: float
-    ) -> Mesh:
-        """Returns the solid above an area on the map, between two heights (m) above its foot."""
-        ground = below(area) if self.base is None else Ground(self.base, self.base)
-        is_raised = bottom > 0 or ground.lowest >= ground.base
-        foot = ground.base + bottom if is_raised else ground.lowest
-        return extruded(area, ground.base + top, foot)
 
     def _top(self, extent: Extent, k: int, plan: GroundPlan) -> float:
         """Returns the top (m above the foot) of the wall with this number, by default the
@@ -121,6 +115,13 @@ class WallsTable(Table):
                 f"top the file does not state, not {self.height:g}"
             )
         return self.height
+
+
+def _wall(area: BaseGeometry, ground: Ground, top: float, bottom: float) -> Mesh:
+    """Returns the solid above an area on the map, between two heights (m) above the ground."""
+    is_raised = bottom > 0 or ground.lowest >= ground.base
+    foot = ground.base + bottom if is_raised else ground.lowest
+    return extruded(area, ground.base + top, foot)
 
 
 def _doubts_of_heights(extents: Sequence[Extent]) -> Iterator[str]:

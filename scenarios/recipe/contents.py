@@ -27,13 +27,22 @@ def earth_of(recipe: Recipe, terrain: Terrain) -> Earth | None:
     if recipe.earth is None:
         return None if terrain.crs is None else Earth(crs=terrain.crs)
     with naming("earth"):
-        return recipe.earth.earth(terrain.crs, terrain.height_map)
+        earth = recipe.earth.earth(terrain.crs, terrain.height_map)
+        if recipe.flight == "above-sea" and (earth.base or earth.heights == "ellipsoid"):
+            raise ProblemError(
+                'height: must be 0 above the sea if flight = "above-sea", as flight heights count '
+                "from z = 0"
+            )
+    return earth
 
 
 def meshes_of(
-    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection, zero: float
 ) -> Iterator[Mesh]:
-    """Yields the meshes of files, part by part, and those of walls; all must be on the map."""
+    """Yields the meshes of files, part by part, and those of walls; all must be on the map.
+
+    The altitude of z = 0 is `zero` (m).
+    """
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
             mesh = given.mesh(folder)
@@ -41,7 +50,7 @@ def meshes_of(
         yield from mesh.parts
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            walls = plan.meshes(folder, terrain.below, projection)
+            walls = plan.meshes(folder, terrain.below, projection, zero)
             require_on_map(walls, terrain.height_map, _ways_to_walls(recipe, walls))
         yield from walls
 

@@ -54,8 +54,8 @@ name = "bottleneck"         # which geometry of the file; default: its only one
 height = 2.0                # m above base, for polygons without a height of their own; no default
 border = 0.2                # m, thickness of walls around the walkable area; default: no walls
 at = [30, 10]               # added to the points; default: nothing
-base = 50.0                 # m, altitude of the foot; default: the lowest ground below each
-                            # polygon
+base = 50.0                 # m, altitude of the foot, from the zero of [earth] height; default:
+                            # the lowest ground below each polygon
 
 [[tracks]]
 file = "people.txt"         # or a JuPedSim database, or GPX, which requires [earth]; several files
@@ -160,8 +160,8 @@ homes = [[14, 4]]           # for all drones or for none; default: none
 
 [[no_fly]]
 polygon = [[40, 10], [50, 10], [50, 20]]   # a cell that it covers in part is closed, too
-bottom = 50.0               # m, altitude from which it is closed, not above ground; default: no
-                            # bottom
+bottom = 50.0               # m, altitude from which it is closed, not above ground, but from the
+                            # zero of [earth] height; default: no bottom
 top = 80.0                  # m, altitude; default: no top
 
 [airspace]

@@ -22,12 +22,13 @@ class NoFlyTable(Table):
     bottom: Coordinate = -LARGEST  # m, altitude
     top: Coordinate = LARGEST  # m, altitude
 
-    def zone(self, ground_below: Callable[[BaseGeometry], Ground]) -> Mesh:
+    def zone(self, ground_below: Callable[[BaseGeometry], Ground], zero: float) -> Mesh:
         """Returns the zone as a solid.
 
         Parameters
         ----------
         ground_below : the ground below an area
+        zero : altitude (m) of z = 0
 
         Raises
         ------
@@ -40,12 +41,14 @@ class NoFlyTable(Table):
         area = sound(Polygon(self.polygon), "polygon")
         if not self.bottom < self.top:
             raise ProblemError(f"top: must be above bottom, {self.bottom:g} m, not {self.top:g}")
-        if self.top < LARGEST and self.top <= (ground := ground_below(area)).lowest:
+        top, bottom = (z if abs(z) == LARGEST else z - zero for z in (self.top, self.bottom))
+        if top < LARGEST and top <= (ground := ground_below(area)).lowest:
             raise ProblemError(
-                f"top: must be above the ground below the zone, which is at {ground.lowest:g} m or "
-                f"more, not {self.top:g}: it is an altitude, not a height above the ground"
+                f"top: must be above the ground below the zone, which is at "
+                f"{ground.lowest + zero:g} m or more, not {self.top:g}: it is an altitude, not a "
+                "height above the ground"
             )
-        return extruded(area, self.top, self.bottom)
+        return extruded(area, top, bottom)
 
 
 class AirspaceTable(Table):
@@ -58,7 +61,10 @@ class AirspaceTable(Table):
     over_people: Size | None = None
 
     def airspace(
-        self, zones: tuple[NoFlyTable, ...], ground_below: Callable[[BaseGeometry], Ground]
+        self,
+        zones: tuple[NoFlyTable, ...],
+        ground_below: Callable[[BaseGeometry], Ground],
+        zero: float,
     ) -> Airspace:
         """Returns the limits of the airspace.
 
@@ -66,11 +72,12 @@ class AirspaceTable(Table):
         ----------
         zones : the no-fly zones
         ground_below : the ground below an area
+        zero : altitude (m) of z = 0
         """
         solids = []
         for k, table in enumerate(zones):
             with naming(f"no_fly[{k}]"):
-                solids.append(table.zone(ground_below))
+                solids.append(table.zone(ground_below, zero))
         if self.over_people is not None and not self.people:
             raise ProblemError("airspace: over_people: must be left out if people is 0")
         return Airspace(

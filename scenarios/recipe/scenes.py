@@ -165,8 +165,9 @@ class _Place(NamedTuple):
             crowns += bodies
         earth = earth_of(recipe, terrain)
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
+        zero = 0.0 if earth is None else earth.base
         recipe, terrain, stray = _flyable(recipe, terrain)
-        solid = (*crowns, *meshes_of(recipe, path.parent, terrain, projection))
+        solid = (*crowns, *meshes_of(recipe, path.parent, terrain, projection, zero))
         land = tuple(land_cover_of(recipe, path.parent, terrain, projection))
         people = list(people_of(recipe, path.parent, terrain, projection))
         given = tuple(actor for actor, _ in people)
@@ -176,7 +177,7 @@ class _Place(NamedTuple):
             # errors about walls or tracks off the map come first, as they name the right place
             with naming("earth"):
                 require_likely(earth, terrain.height_map)
-        airspace = recipe.airspace.airspace(recipe.no_fly, terrain.below)
+        airspace = recipe.airspace.airspace(recipe.no_fly, terrain.below, zero)
         if airspace.people_aside:
             airspace = airspace.replace(people_stray=stray)
         for k, zone in enumerate(airspace.no_fly):
