@@ -190,6 +190,23 @@ def require_true(text: str, x: float, y: float) -> None:
         )
 
 
+def utm_of(text: str) -> tuple[int, bool] | None:
+    """Returns the zone of UTM that a reference system is, and whether it is of the north.
+
+    Returns None if it is no zone of UTM, or if pyproj is not installed.
+    """
+    try:
+        import pyproj
+        import pyproj.exceptions
+    except ImportError:
+        return None
+    try:
+        zone = _plane(pyproj.CRS.from_user_input(text)).utm_zone
+    except pyproj.exceptions.CRSError:
+        return None
+    return (int(zone[:-1]), zone[-1] == "N") if zone else None
+
+
 def _undefined(x: float, y: float) -> ProblemError:
     return ProblemError(f"must be a projection that is defined where the map is, at {pair(x, y)}")
 

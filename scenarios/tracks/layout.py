@@ -114,6 +114,12 @@ _TIME_UNITS = {word: unit for unit, words in _TIMES.items() for word in words.sp
 # words that may take the place of a unit but are not units
 _NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}
 
+# words in names of x and y that say that they point elsewhere
+_ELSEWHERE = {
+    "x": re.compile(r"\b(?:n|north(?:ing)?|south|west|down)\b", re.IGNORECASE),
+    "y": re.compile(r"\b(?:e|east(?:ing)?|south|west|down)\b", re.IGNORECASE),
+}
+
 # entries below a header that mean "no unit"
 _NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}
 # Matches "x/m", "x [m]" and "x (US survey feet)"; any word but an axis counts as a unit.
@@ -127,13 +133,6 @@ _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x
             "y2", "bbleft", "bbtop", "bboxleft", "bboxtop"}  # fmt: skip
 _NUMBERED = re.compile(r"[xy]_?\d+")  # x1, y1, x2, y2, .. may also be a pair for each person
 _EDGES = 2  # edges of a box that the columns must name to be recognised as corners
-
-# Columns of numbers of recordings, places or days: in each of them ids may count anew, and one time
-# may be another moment; spelt as above, without "id".
-_RECORDINGS = {"scene", "recording", "rec", "sequence", "seq", "video", "clip", "experiment",
-               "trial", "run", "session", "dataset", "take", "camera", "cam", "file", "filename",
-               "match", "game", "period", "half", "floor", "level", "storey", "story", "location",
-               "date", "day"}  # fmt: skip
 
 Places = dict[str, int]  # role -> place in a row
 
@@ -262,14 +261,12 @@ class TextLayout(NamedTuple):
         return settled_rate(self._stated_rates(), fps)
 
     def _stated_rates(self) -> set[float]:
-        """Returns the rates that comments state by name or, if none does, in words, such as 10
-        frames per second.
-        """
+        """Returns the rates that comments state by name or in words, as in 10 frames per second."""
         named = [rate for comment in self._all for rate in _FRAME_RATE.findall(comment)]
-        rates = [_AFTER_RATE.sub("", rate) for rate in named] or [
+        rates = [_AFTER_RATE.sub("", rate) for rate in named] + [
             rate
             for comment in self._all
-            if not _OTHER_RATE.search(comment)
+            if not (_OTHER_RATE.search(comment) or _FRAME_RATE.search(comment))
             for rate in _RATE_IN_WORDS.findall(comment)
         ]
         for rate in rates:
@@ -378,7 +375,7 @@ class Name(NamedTuple):
     def of(cls, name: str) -> "Name":
         """Parses the name of a column, such as "pos_x [cm]" or "timestampUs"."""
         word, unit = _parts(name)
-        plain = _spelt(word)
+        plain = spelt(word)
         if role := _ROLES.get(plain):
             return cls(role, unit)
         if plain in _TIME_UNITS and len(plain) > 1:  # such as "seconds"
@@ -463,6 +460,7 @@ def places_of(names: Sequence[str], field: str) -> Places:
             continue  # the same moments in another form
         if role is None:
             continue
+        _require_direction(name, role, field)
         if role in places:
             if _is_rare(name, role):
                 continue
@@ -475,6 +473,20 @@ def places_of(names: Sequence[str], field: str) -> Places:
     for axis in _AXES[metres]:  # columns that are not used or not both present
         places.pop(axis, None)
     return places
+
+
+def _require_direction(name: str, role: str, field: str) -> None:
+    """Raises a ProblemError if the name of an axis says that it points elsewhere, as in "x
+    (north)".
+    """
+    if role not in _ELSEWHERE:
+        return
+    if _ELSEWHERE[role].search(name):
+        there = "east, y north" if role == "x" else "north, x east"
+        raise ProblemError(
+            f"{field}: {role} must point {there}, or along the axes of the map, not as "
+            f"{name[:40]!r} says; if x and y are swapped, name them so with columns in [[tracks]]"
+        )
 
 
 def require_degrees(names: Sequence[str], places: Places) -> None:
@@ -494,7 +506,7 @@ def require_ids(names: Sequence[str], field: str) -> None:
 
 def _is_rare(name: str, role: str) -> bool:
     """Returns True if a name counts only if no other column has the role."""
-    return _spelt(_bare(name)) in _RARER.get(role, "").split()
+    return spelt(_bare(name)) in _RARER.get(role, "").split()
 
 
 def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
@@ -523,11 +535,6 @@ def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
     )
 
 
-def recordings_of(names: Sequence[str]) -> list[int]:
-    """Returns the places of the columns that number recordings, places or days."""
-    return [k for k, name in enumerate(names) if _spelt(name).removesuffix("id") in _RECORDINGS]
-
-
 def _roles(names: Sequence[str]) -> list[str]:
     """Returns the roles of the columns that are used, in order."""
     return [role for name in names if (role := Name.of(name).role)]
@@ -535,7 +542,7 @@ def _roles(names: Sequence[str]) -> list[str]:
 
 def _is_plain_time(name: str) -> bool:
     """Returns True for the most common names of times, which take precedence over others."""
-    return _spelt(_bare(name)) in ("time", "t", "seconds", "timestamp") and Name.of(name).unit in (
+    return spelt(_bare(name)) in ("time", "t", "seconds", "timestamp") and Name.of(name).unit in (
         None,
         "s",
         "ms",
@@ -550,9 +557,9 @@ def _names_people(names: Sequence[str]) -> bool:
 
 def _refuse_boxes(names: Sequence[str], field: str) -> None:
     """Raises a ProblemError if a column has the heights of boxes instead of heads."""
-    spelt = [_spelt(_bare(name)) for name in names]
-    widths = [name for name, word in zip(names, spelt, strict=True) if _WIDTH.fullmatch(word)]
-    heights = [name for name, word in zip(names, spelt, strict=True) if _HEIGHT.fullmatch(word)]
+    words = [spelt(_bare(name)) for name in names]
+    widths = [name for name, word in zip(names, words, strict=True) if _WIDTH.fullmatch(word)]
+    heights = [name for name, word in zip(names, words, strict=True) if _HEIGHT.fullmatch(word)]
     if not widths or not heights:
         return
     used = ["-" if name in (*widths, *heights) else Name.of(name).role or "-" for name in names]
@@ -571,11 +578,11 @@ def _refuse_boxes(names: Sequence[str], field: str) -> None:
 
 def _about_corners(names: Sequence[str]) -> str:
     """Returns advice on boxes that are given by their edges; empty if there are none."""
-    edges = [name for name in names if _spelt(_bare(name)) in _CORNERS]
+    edges = [name for name in names if spelt(_bare(name)) in _CORNERS]
     if len(edges) < _EDGES:
         return ""
     listed = ", ".join(edges)
-    if all(_NUMBERED.fullmatch(_spelt(_bare(name))) for name in edges):
+    if all(_NUMBERED.fullmatch(spelt(_bare(name))) for name in edges):
         return f"; if {listed} are places of several people, write a row for each person and moment"
     return (
         f"; {listed} are edges of boxes: write the place where each person stands as x and y, in "
@@ -607,7 +614,8 @@ def _unit(text: str, first: str) -> str:
     return text.lower() if first == "US" else _short(first)
 
 
-def _spelt(word: str) -> str:
+def spelt(word: str) -> str:
+    """Returns a name in lower case, without blanks, underscores, points and hyphens."""
     return re.sub(r"[\s_.-]", "", word).lower()
 
 

@@ -36,12 +36,12 @@ from cocap_opt.scenarios.tracks.layout import (
     fields_of,
     is_number,
     places_of,
-    recordings_of,
     require_degrees,
     require_ids,
     require_values,
     without_comment,
 )
+from cocap_opt.scenarios.tracks.other_columns import OtherColumns
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers, settled
 from cocap_opt.scenarios.tracks.times import (
     A_CLOCK,
@@ -87,9 +87,15 @@ def _of_layout(
 ) -> TrackTable:  # fmt: skip
     field = "columns" if form.columns else "header"
     places = places_of(names, field)
+
+    def fields(place: int) -> Iterator[tuple[int, str]]:
+        return _column_of(text, layout, place, len(names))
+
+    others = OtherColumns(names, places.copy(), fields)
     is_in_degrees = "latitude" in places
     if not is_in_degrees:
         _require_system(layout, projection)
+        others.require_system(projection)
     stated = layout.units(names)
     default = "m" if is_in_degrees and not (form.unit or stated) else form.unit
     unit = settled("unit", stated, default)
@@ -104,7 +110,7 @@ def _of_layout(
     values, words, clock = _values(text, layout, places, len(names), time_unit)
     if "id" not in places:
         words = _one_person(path, values, names, field)
-    kept = _found(path, values)
+    kept = _found(path, values, others.lost())
     values = {role: column[kept] for role, column in values.items()}
     words = words if words is None else words[kept]
     stamps = stamps if stamps is None else stamps[kept]
@@ -114,7 +120,9 @@ def _of_layout(
 
     require_numbers(values, where)
     layout.require_one_order(names)
-    _require_one_recording(text, layout, names)
+    others.require_one_recording()
+    if rate is None:
+        others.require_whole_times()
     if is_in_degrees:
         require_degrees(names, places)
         _require_signs(text, layout, names, values)
@@ -179,22 +187,32 @@ def _one_person(path: Path, values: Values, names: Sequence[str], field: str) ->
     return np.full(len(moments), path.stem)
 
 
-def _found(path: Path, values: Values) -> IntArray:
-    """Returns the numbers of the rows that have a position.
+def _found(path: Path, values: Values, marks: dict[str, BoolArray]) -> IntArray:
+    """Returns the numbers of the rows that have a position, and are not marked as lost in columns.
 
     Cameras and tags lose people, and many programs write such moments as rows without numbers. If
     no row has a position, all are returned, so that the first one is reported.
     """
     axes = [values[role] for role in ("x", "y", "latitude", "longitude") if role in values]
     lost: BoolArray = np.asarray(np.isnan(axes).all(axis=0))
+    for name, marked in marks.items():
+        if marked.any():
+            log.warning(
+                '%s: %d of %d rows are left out, as column %s marks them; "-" in its place in '
+                "columns of [[tracks]] keeps them",
+                path, marked.sum(), len(marked), name,
+            )  # fmt: skip
+    gone = np.logical_or.reduce([lost, *marks.values()])
+    if gone.all() and not lost.all():
+        raise ProblemError(f"{', '.join(marks)}: must not mark all rows as rows without a person")
     if not lost.any() or lost.all():
-        return np.arange(len(lost))
+        return np.flatnonzero(~gone) if not lost.all() else np.arange(len(lost))
     log.warning(
         "%s: %d of %d rows have no position and are left out; people are assumed to walk straight "
         "across short gaps, and to be absent during gaps longer than `gap`",
         path, lost.sum(), len(lost),
     )  # fmt: skip
-    return np.flatnonzero(~lost)
+    return np.flatnonzero(~gone)
 
 
 def _require_signs(text: str, layout: TextLayout, names: Sequence[str], values: Values) -> None:
@@ -241,24 +259,6 @@ def _time_unit(
     """Returns the unit of times that the file or the caller states; None if neither does."""
     stated = layout.time_units(names, places["time"]) if "time" in places else set()
     return settled("time_unit", stated, given) if stated or given else None
-
-
-def _require_one_recording(text: str, layout: TextLayout, names: Sequence[str]) -> None:
-    """Raises a ProblemError if the rows are of several recordings, where an id is not one person.
-
-    It would join people who have nothing but their id in common, and show people of different
-    recordings at once.
-    """
-    for place in recordings_of(names):
-        found = dict.fromkeys(field for _, field in _column_of(text, layout, place, len(names)))
-        if len(found) > 1:
-            first, other, *_ = found
-            kept = ", ".join(f'"{"-" if k == place else name}"' for k, name in enumerate(names))
-            raise ProblemError(
-                f"{names[place]}: must be the same in all rows, as ids or times may count anew in "
-                f"each, but is {first[:20]!r} and {other[:20]!r}; keep the rows of one or, if all "
-                f"ids are of different people at one time, set columns = [{kept}] in [[tracks]]"
-            )
 
 
 def _require_heads(table: TrackTable, names: Sequence[str]) -> None:

@@ -165,7 +165,7 @@ def test_units_of_time_must_agree(
 def test_of_several_times_the_plainest_is_taken(tmp_path: Path) -> None:
     """Files tell a moment twice; two columns that are alike are asked about."""
     for header in ("id,time,timestamp_ns,x,y", "id,t [s],datetime,x,y", "id,timestamp,epoch,x,y"):
-        (found,) = read(tmp_path, f"{header}\n1,0.5,7,0,0\n1,1,8,1,0\n", unit="m")
+        (found,) = read(tmp_path, f"{header}\n1,0.5,7e9,0,0\n1,1,8e9,1,0\n", unit="m")
         assert found.times.tolist() == [0.5, 1.0]
     with pytest.raises(ProblemError, match="header: must name one column time, not two"):
         read(tmp_path, "id,secs,nsecs,x,y\n1,0,7,0,0\n", unit="m")
@@ -250,6 +250,45 @@ def test_rows_of_several_days_or_places_are_refused(tmp_path: Path, name: str) -
     assert len(read(tmp_path, text.format("a"))) == 2
     with pytest.raises(ProblemError, match=f"{name}: must be the same in all rows, as ids or tim"):
         read(tmp_path, text.format("b"))
+
+
+@pytest.mark.parametrize("name", ["ms", "msec", "time_ns", "microseconds"])
+def test_fractions_of_seconds_in_another_column_are_refused(tmp_path: Path, name: str) -> None:
+    """Without them, people would shift against one another."""
+    text = f"id,time,{name},x [m],y [m]\n1,10:00:00,0,1,2\n2,10:00:00,900,3,4\n"
+    with pytest.raises(ProblemError, match=f"{name}: must be added to the times"):
+        read(tmp_path, text)
+    columns = ("id", "time", "-", "x [m]", "y [m]")
+    assert len(read(tmp_path, text, columns=columns)) == 2
+
+
+@pytest.mark.parametrize("column", ["lost\n0\n1", "valid\nTrue\nFalse", "Is Present\n1.0\n0.0"])
+def test_rows_marked_as_lost_are_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, column: str
+) -> None:
+    """A tracker repeats the last place, or writes any place, of people that it has lost."""
+    name, kept, lost = column.split("\n")
+    text = f"id,time,x [m],y [m],{name}\n1,0,1,2,{kept}\n1,1,1,2,{lost}\n"
+    (found,) = read(tmp_path, text)
+    assert found.times.tolist() == [0.0]
+    assert f"1 of 2 rows are left out, as column {name} marks them" in caplog.text
+    with pytest.raises(ProblemError, match=f"{name}: must not mark all rows"):
+        read(tmp_path, text.replace(f",{kept}\n", f",{lost}\n"))
+
+
+@pytest.mark.parametrize("names", ["X (north) [m],Y (east) [m]", "x [m] north,y [m]", "x,y (down)"])
+def test_axes_that_point_elsewhere_are_refused(tmp_path: Path, names: str) -> None:
+    """Surveyors' x points north, and the y of images down."""
+    with pytest.raises(ProblemError, match=r"header: [xy] must point"):
+        read(tmp_path, f"id,time,{names}\n1,0,1,2\n", unit="m")
+
+
+def test_rates_by_name_and_in_words_must_agree(tmp_path: Path) -> None:
+    """That of the video is not that of the table."""
+    text = "# sampling rate: 5 Hz\n# framerate: {}\nid,frame,x [m],y [m]\n1,0,1,2\n1,5,2,2\n"
+    with pytest.raises(ProblemError, match=r"fps: must be one, but the file states 25.0 and 5.0"):
+        read(tmp_path, text.format(25))
+    assert read(tmp_path, text.format(5))[0].times.tolist() == [0.0, 1.0]
 
 
 # -- a row of units, boxes, and encodings ----------------------------------------------------
@@ -428,3 +467,27 @@ def test_a_comment_that_names_another_system_is_refused(tmp_path: Path) -> None:
         with pytest.raises(ProblemError, match="names EPSG:25833") if is_refused else nullcontext():
             Track.read_all(path, unit="m", projection=here)
         Track.read_all(path, unit="m")
+
+
+@pytest.mark.parametrize(
+    ("column", "is_refused"),
+    [
+        ("epsg,25832", False),
+        ("EPSG code,EPSG:25833", True),
+        ("zone,32N", False),
+        ("zone,32T", False),
+        ("utm_zone,33", True),
+        ("zone,32K", True),
+        ("zone,courtyard", False),
+    ],
+)
+def test_a_column_that_names_another_system_is_refused(
+    tmp_path: Path, column: str, is_refused: bool
+) -> None:
+    """A letter after a zone of UTM is N, S or a band."""
+    path, (name, value) = tmp_path / "tracks.txt", column.split(",")
+    path.write_text(f"id,time,x,y,{name}\n1,0,500000,5800000,{value}\n")
+    words = f"line 2, {name}: must be the reference system of the scene"
+    with pytest.raises(ProblemError, match=words) if is_refused else nullcontext():
+        Track.read_all(path, unit="m", projection=MapProjection(Earth(crs="EPSG:25832")))
+    Track.read_all(path, unit="m")
