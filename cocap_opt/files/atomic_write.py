@@ -2,8 +2,8 @@
 
 import errno
 import os
+import secrets
 import stat
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +12,8 @@ from typing import BinaryIO
 from cocap_opt.stop import Interrupt
 
 UNFINISHED = ".cocap-opt-"  # prefix of the names of temporary files
+# a new file, of bytes also on Windows; the system applies the umask
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 
 
 def write_atomically(
@@ -22,12 +24,14 @@ def write_atomically(
     A file's content is given, or a function that writes it into the file.
 
     Each is written to a temporary file beside it, which is then renamed. If Ctrl-C comes
-    before that, no file is written; if it comes later, all are.
+    before that, no file is written; if it comes later, all are. A file that is replaced keeps its
+    permissions.
 
     Raises
     ------
     OSError
-        If a file cannot be written, or its name belongs to a folder, a device or the like.
+        If a file cannot be written, or its name belongs to a file that may only be read, a folder,
+        a device or the like.
     KeyboardInterrupt
         If they were written in spite of Ctrl-C; the message says so.
     """
@@ -35,19 +39,19 @@ def write_atomically(
     try:
         for path, content in contents.items():
             target = file_to_write(path)
+            mode = _mode_of(target)
             # The target's own name may be as long as names can be.
+            name = str(target.parent / f"{UNFINISHED}{secrets.token_hex(8)}")
             with Interrupt.held_back():
-                handle, name = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED)
+                handle = os.open(name, _NEW, 0o666 if mode is None else mode)
                 written.append((name, target))
             with os.fdopen(handle, "wb") as file:
                 if callable(content):
                     content(file)
                 else:
                     file.write(content)
-            # mkstemp makes private files; give it the mode any other new file would get.
-            umask = os.umask(0)
-            os.umask(umask)
-            os.chmod(name, 0o666 & ~umask)
+            if mode is not None:
+                os.chmod(name, mode)
         _rename(written, ", ".join(map(str, contents)))
     except BaseException as error:
         for name, _ in written:
@@ -56,6 +60,21 @@ def write_atomically(
             # The error of a full disk names no file, other errors the temporary file.
             raise OSError(error.errno, error.strerror, ", ".join(map(str, contents))) from error
         raise
+
+
+def _mode_of(target: Path) -> int | None:
+    """Returns the permissions of a file that is to be replaced; None if there is none.
+
+    Raises
+    ------
+    OSError
+        If it may only be read.
+    """
+    if not target.exists():
+        return None
+    if not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    return stat.S_IMODE(target.stat().st_mode)
 
 
 def _rename(written: list[tuple[str, Path]], names: str) -> None:

@@ -283,10 +283,14 @@ def share_coverage(problem: Problem, other: Problem) -> None:
     """Gives a problem the coverage of another one that differs from it only in the weights of J.
 
     Weights do not affect whom drones see. Coverage that either problem computes from then on is
-    known to both. Nothing is shared if pixels add up over time in only one of them, as their view
-    sums are numbered differently.
+    known to both. Nothing is shared if pixels add up over time in only one of them, or if they do
+    not count the same views, as their view sums are numbered differently.
     """
-    if problem.objective.over_time != other.objective.over_time:
+    first, second = (
+        (one.objective.over_time, one.objective.views and one.objective.views.at_least)
+        for one in (problem, other)
+    )
+    if first != second:
         return
     tables = compiled(other.without_rules()).tables
     compiled(problem.without_rules()).tables.take(tables)

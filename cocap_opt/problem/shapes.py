@@ -89,7 +89,8 @@ class TriangulatedCuboid(Data, frozen=True, tag="triangulated-cuboid"):
     are summed. Triangles are ordered like the faces of `Cuboid`, in pairs, and cut along the same
     diagonals as in the source: seen from outside, from the lower left to the upper right corner of
     the front and the right side, from the lower right to the upper left corner of the left side and
-    the back, and from the front left to the back right corner of the top.
+    the back, and from the front left to the back right corner of the top. The first of each pair is
+    the right one, seen from outside; on the top it is the one at the back left.
 
     Attributes
     ----------

@@ -6,12 +6,14 @@ at once. A separate process also keeps its library apart from the HiGHS that cvx
 
 import contextlib
 import math
+import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -25,7 +27,8 @@ from cocap_opt.formulations.integer_programs.program import (
 )
 from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.solvers import ending, options
-from cocap_opt.stop import Clock
+from cocap_opt.stop import Clock, Limit
+from cocap_opt.text import printable
 
 __all__ = ["highs", "scip"]
 
@@ -38,6 +41,8 @@ def _solver(name: str) -> Iterator[Solver]:
 
     def solve(program: Program, call: Call) -> Answer:
         response = process.solve(_request(name, program, call), call)
+        if response is None:
+            return process.failure(call.stop.reached())
         return _answer(name, program, response, late=bool(call.stop.reached()))
 
     with contextlib.closing(_SolverProcess()) as process:
@@ -65,8 +70,8 @@ def _request(name: str, program: Program, call: Call) -> bytes:
     return bytes(request.SerializeToString())
 
 
-def _answer(name: str, program: Program, data: bytes | None, late: bool) -> Answer:
-    """Reads a response; without a response, the process has ended.
+def _answer(name: str, program: Program, data: bytes, late: bool) -> Answer:
+    """Reads a response.
 
     Parameters
     ----------
@@ -74,8 +79,6 @@ def _answer(name: str, program: Program, data: bytes | None, late: bool) -> Answ
     """
     from ortools.math_opt import result_pb2, rpc_pb2
 
-    if data is None:
-        return Answer.failed("the solver's process ended without an answer")
     response = rpc_pb2.SolveResponse.FromString(data)
     if response.status.code:
         return Answer.failed(f"the solver failed: {response.status.message}")
@@ -134,6 +137,7 @@ class _SolverProcess:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
+        self._errors: IO[bytes] | None = None  # what it prints as errors
 
     def solve(self, request: bytes, call: Call) -> bytes | None:
         """Returns the response to a request, or None if the process ended without one."""
@@ -148,29 +152,45 @@ class _SolverProcess:
             elif told.seconds > GRACE:
                 process.kill()
 
-        response = call.attend(lambda: _exchange(process, request), interrupt)
-        if response is None:
-            self.close()
-        return response
+        return call.attend(lambda: _exchange(process, request), interrupt)
+
+    def failure(self, limit: Limit | None) -> Answer:
+        """Ends the process, which has not answered, and returns the reason: a limit, if reached."""
+        assert self._process is not None
+        assert self._errors is not None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(GRACE)
+        code = self._process.poll()
+        self._errors.seek(0)
+        last = (self._errors.read().decode(errors="replace").splitlines() or [""])[-1].strip()
+        self.close()
+        if limit is not None:
+            return Answer(None, math.inf, limit)
+        if code == -signal.SIGKILL:
+            message = "the solver's process was killed: was there too little memory?"
+            return Answer(None, math.inf, Limit.MEMORY, message=message)
+        told = f": {printable(last)}" if last else ""
+        return Answer.failed(f"the solver's process ended without an answer, code {code}{told}")
 
     def _started(self) -> "subprocess.Popen[bytes]":
         if self._process is None:
+            self._errors = tempfile.TemporaryFile()  # noqa: SIM115  `close` closes it
             script = Path(__file__).with_name("mathopt_worker.py")
             self._process = subprocess.Popen(
                 [sys.executable, "-P", str(script)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
+                stderr=self._errors,
                 start_new_session=True,  # this process handles Ctrl-C
             )
         return self._process
 
     def close(self) -> None:
-        """Ends the process if it is running."""
+        """Ends the process if it is running; it can be started again."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
-            for stream in (self._process.stdin, self._process.stdout):
+            for stream in (self._process.stdin, self._process.stdout, self._errors):
                 # Unwritten data is discarded.
                 with contextlib.suppress(OSError):
                     if stream is not None:

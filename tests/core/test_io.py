@@ -490,6 +490,20 @@ def test_files_are_as_readable_as_other_new_files(tmp_path: Path) -> None:
     SceneFile(problem=tiny()).save(path)
     other.write_text("")
     assert path.stat().st_mode == other.stat().st_mode
+    path.chmod(0o600)
+    SceneFile(problem=tiny()).save(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write to any file")
+def test_files_that_may_only_be_read_are_kept(tmp_path: Path) -> None:
+    """A rename would replace them all the same."""
+    path = tmp_path / "scene.json"
+    path.write_text("kept")
+    path.chmod(0o444)
+    with pytest.raises(FileError, match="Permission denied"):
+        SceneFile(problem=tiny()).save(path)
+    assert path.read_text() == "kept"
 
 
 @pytest.mark.parametrize(

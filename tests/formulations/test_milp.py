@@ -11,6 +11,7 @@ from contextlib import closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation
+from cocap_opt.formulations.integer_programs import mathopt
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.mathopt import (
     _answer,
@@ -195,6 +197,24 @@ def press_when_it_has_begun(others: set[threading.Thread], over: threading.Event
         os.kill(os.getpid(), signal.SIGINT)
 
 
+@pytest.mark.parametrize(
+    ("code", "limit", "words"),
+    [
+        ("import os; os.kill(os.getpid(), 9)", Limit.MEMORY, "was there too little memory?"),
+        ("raise ImportError('too old')", Limit.NUMERICS, "code 1: ImportError: too old"),
+    ],
+)
+def test_a_solver_whose_process_ends_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, limit: Limit, words: str
+) -> None:
+    """The kernel kills processes when memory is short; libraries may be broken."""
+    (tmp_path / "mathopt_worker.py").write_text(code)
+    monkeypatch.setattr(mathopt, "__file__", str(tmp_path / "mathopt.py"))
+    result = highs(tiny())
+    assert result.limit == limit
+    assert words in result.message
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("method", MILPS)
 def test_ctrl_c_ends_a_long_solve(method: str) -> None:
@@ -345,13 +365,16 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
         for _ in range(2):
             data = process.solve(unknown.SerializeToString(), call_of(never))
 
-            def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
+            assert data is not None
+
+            def told(program: Program, call: Call, data: bytes = data) -> Answer:
                 return _answer("HIGHS", program, data, late=False)
 
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
         # And one that ends the process.
         assert process.solve(b"\xff", call_of(never)) is None
+        assert "without an answer" in process.failure(None).message
 
 
 def test_a_proof_at_the_time_limit_is_not_believed() -> None:
