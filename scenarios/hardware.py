@@ -7,6 +7,7 @@ images are higher.
 """
 
 import math
+from collections.abc import Sequence
 
 from cocap_opt.data import ProblemError
 from cocap_opt.problem import (
@@ -110,13 +111,11 @@ def with_cameras(
     Raises
     ------
     ProblemError
-        If there is no camera of that name, a tilt is out of range, or a robot has a sensor that
-        takes no images.
+        If there is no camera of that name, tilts are out of range or not in order, or a robot has
+        a sensor that takes no images.
     """
     given = None if name is None else camera_called(name)
-    for angle in tilts or ():
-        if not abs(angle) <= 90:  # true for nan, too
-            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
+    require_tilts(tilts or ())
     robots = []
     for i, robot in enumerate(problem.robots):
         if not isinstance(robot.camera, Camera):
@@ -127,6 +126,16 @@ def with_cameras(
             robot = robot.replace(camera=given.replace(tilts=robot.camera.tilts))
         robots.append(robot if tilts is None else _tilted(robot, tilts))
     return problem.replace(robots=tuple(robots))
+
+
+def require_tilts(degrees: Sequence[float]) -> None:
+    """Raises ProblemError if tilts of a gimbal (degrees) are out of range or not in order."""
+    for angle in degrees:
+        if not abs(angle) <= 90:  # true for nan, too
+            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
+    if [*degrees] not in (sorted(set(degrees)), sorted(set(degrees), reverse=True)):
+        words = "must increase or decrease, as pitch_turn counts them in order"
+        raise ProblemError(f"tilts: {words}, not {', '.join(f'{angle:g}' for angle in degrees)}")
 
 
 def _tilted(robot: Robot, degrees: tuple[float, ...]) -> Robot:

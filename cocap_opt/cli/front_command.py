@@ -18,7 +18,7 @@ from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored
-from cocap_opt.run.options import Option
+from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 
 _log = logging.getLogger(__name__)
@@ -75,6 +75,8 @@ def _front(
     Example: cocap-opt front bottleneck -o front
     """
     Option("--directions").require_whole(directions)
+    if not directions and output is None:
+        raise UsageError("--directions: must be 1 or more without -o, the folder of earlier plans")
     Option("--seconds").require_duration(seconds)
     try:
         front = Front.of(load(scene, seed), cameras, at_least, share)

@@ -83,6 +83,7 @@ class RestOptions:
         given = {
             "--plan": self.plan, "--without": self.without, "--rest-scene": self.rest_scene,
             "--rest-plan": self.rest_plan, "--certificate": self.certificate,
+            "--bound-limit": None if self.bound_limit == BOUND_SECONDS else self.bound_limit,
         }  # fmt: skip
         for option, value in given.items():
             if value is not None:

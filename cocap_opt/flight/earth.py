@@ -268,7 +268,7 @@ def _system(text: str) -> Any:
             "crs",
             f"must be a known reference system, such as EPSG:25830, not {shown!r}",
         ) from error
-    crs = crs.sub_crs_list[0] if crs.is_compound else crs
+    crs = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
     units = {axis.unit_name for axis in crs.axis_info}
     if crs.is_geographic or not crs.is_projected:
         raise FieldError("crs", f"must be a projection in metres, not {crs.name}")

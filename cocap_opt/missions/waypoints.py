@@ -230,8 +230,10 @@ def _ceiling(flight: Flight, autopilot: Autopilot, found: list[Route]) -> Iterat
     problem, ceiling = flight.flown.problem, flight.flown.problem.airspace.ceiling
     if ceiling is None:
         return
-    altitudes = problem.height_map.ceilings(ceiling)[flight.flown.start_cells]
-    allowed = altitudes - flight.flown.start_surfaces  # above each drone's take-off
+    way = flight.flown.at(np.linspace(0, flight.flown.seconds, 4 * problem.horizon + 1)).place
+    altitudes = problem.height_map.ceilings(ceiling)[problem.height_map.cells_below(way)]
+    lowest = altitudes.reshape(len(found), -1).min(axis=1)
+    allowed = lowest - flight.flown.start_surfaces  # above each drone's take-off
     reached = np.array([route.places[:, 2].max() for route in found])
     high = reached > allowed + TOLERANCE
     words = f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files"
@@ -243,8 +245,8 @@ def _ceiling(flight: Flight, autopilot: Autopilot, found: list[Route]) -> Iterat
         drones = np.flatnonzero(high).tolist()
         told = f"{_by_drone(reached[drones], drones, len(allowed))} above the take-off"
         yield (
-            f"{words}, and {fence}, cannot keep it, as the ground rises along the way: a mission "
-            f"climbs to {told}, so a lower fence would stop it"
+            f"{words}, and {fence}, cannot keep it, as the ground rises or falls along the way: a "
+            f"mission climbs to {told}, so a lower fence would stop it"
         )
 
 

@@ -11,6 +11,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy, Place
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios.earth import has_heights, same_system, short_name, utm
+from cocap_opt.scenarios.earth.units import has_ellipsoid_heights
 from cocap_opt.scenarios.tables import Coordinate, Table
 from cocap_opt.scenarios.text import rectangle
 from cocap_opt.world.workspace import HeightMap
@@ -151,6 +152,11 @@ class EarthTable(Table):
             raise ProblemError(
                 'heights: must be "above-sea", as the reference system says by its own system of '
                 f"heights: {short_name(system)}"
+            )
+        if self.heights == "above-sea" and has_ellipsoid_heights(system):
+            raise ProblemError(
+                'heights: must be "above-ellipsoid", as the reference system says: '
+                f"{short_name(system)}"
             )
         earth = Earth(
             crs=system,

@@ -207,6 +207,20 @@ def utm_of(text: str) -> tuple[int, bool] | None:
     return (int(zone[:-1]), zone[-1] == "N") if zone else None
 
 
+def has_ellipsoid_heights(text: str) -> bool:
+    """Returns True if a projection has heights above its ellipsoid; False without pyproj."""
+    try:
+        import pyproj
+        import pyproj.exceptions
+    except ImportError:
+        return False
+    try:
+        crs = pyproj.CRS.from_user_input(text)
+    except pyproj.exceptions.CRSError:
+        return False
+    return bool(crs.is_projected and not crs.is_compound and len(crs.axis_info) == 3)
+
+
 def _undefined(x: float, y: float) -> ProblemError:
     return ProblemError(f"must be a projection that is defined where the map is, at {pair(x, y)}")
 

@@ -16,8 +16,8 @@ from cocap_opt.scenarios.tables import PER_METRE, Unit
 # What has the unit, the unit, and how many of one make how many of the other: 1 unit = 2.54 cm.
 _STATED = re.compile(
     r"(?:(?P<of>[^\W\d_]+)\s+)?(?:(?<![^\s=:])(?<!\w )(?P<many>\d[\d.,]*)\s+)?"
-    r"\bunits?(?:\s+of\s+length)?\s*"
-    r"(?:[:=]|\bis\b|\bare\b)\s*(?P<number>[-+]?[\d.,]*\d(?:e[-+]?\d+)?)?(?P<unit>.*)",
+    r"\bunits?\b(?:\s+of\s+length)?\s*"
+    r"(?:[:=]|\bis\b|\bare\b|(?=[^\W\d_]+\s*$))\s*(?P<number>[-+]?[\d.,]*\d(?:e[-+]?\d+)?)?(?P<unit>.*)",
     re.IGNORECASE,
 )
 _NO_LENGTHS = {"texture", "textures", "uv", "angle", "angles", "angular", "time", "mass", "colour",

@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from cocap_opt.data import MOST_PIXELS, ProblemError
 from cocap_opt.problem import Camera
-from cocap_opt.scenarios.hardware import CAMERAS, camera_called, film_of
+from cocap_opt.scenarios.hardware import CAMERAS, camera_called, film_of, require_tilts
 from cocap_opt.scenarios.tables import Length, Table
 from cocap_opt.scenarios.text import naming
 
@@ -143,12 +143,7 @@ def camera_of(given: str | CameraTable | None, tilts: Sequence[float]) -> Camera
         If no camera has the name, numbers contradict each other, or tilts are out of range or not
         in order.
     """
-    for angle in tilts:
-        if not abs(angle) <= 90:
-            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
-    if [*tilts] not in (sorted(set(tilts)), sorted(set(tilts), reverse=True)):
-        words = "must increase or decrease, as pitch_turn counts them in order"
-        raise ProblemError(f"tilts: {words}, not {', '.join(f'{angle:g}' for angle in tilts)}")
+    require_tilts(tilts)
     radians = tuple(math.radians(angle) for angle in tilts)
     if isinstance(given, CameraTable):
         with naming("camera"):

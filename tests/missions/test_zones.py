@@ -108,8 +108,12 @@ def test_a_ceiling_that_no_fence_can_keep_is_told() -> None:
     )  # fmt: skip
     listed = said(FORMATS[".waypoints"].writer()(Flight.of(problem, plan, False), None))
     assert "is above the take-off, to 11.5 m (drone 1), 11.5 m (drone 2) or less" in listed
-    words = "cannot keep it, as the ground rises along the way: a mission climbs to 14 m (drone 0)"
-    assert words in listed
+    words = "cannot keep it, as the ground rises or falls along the way: a mission climbs to "
+    assert words + "14 m (drone 0)" in listed
+    slope = slope[::-1]  # 33 m where it rose to, and the drones' altitudes as before
+    down = problem.replace(height_map=co.HeightMap(heights=slope, datum=slope))
+    listed = said(FORMATS[".waypoints"].writer()(Flight.of(down, plan, False), None))
+    assert f"{words}5 m (drone 0)" in listed
 
 
 def test_heights_of_layers_are_said_to_be_above_something() -> None:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyproj
 import pytest
 import rasterio
 from rasterio.crs import CRS
@@ -267,6 +268,12 @@ def test_heights_that_contradict_the_system_are_refused() -> None:
     with pytest.raises(ProblemError, match='heights: must be "above-sea", as the reference'):
         table.earth("EPSG:25832+5783", flat)
     assert table.earth("EPSG:25832", flat).heights is not None
+    solid = pyproj.CRS("EPSG:25832").to_3d().to_wkt()
+    assert table.earth(solid, flat).heights == "ellipsoid"
+    latitude, _ = Geodesy(table.earth(solid, flat), (5e5, 5.8e6)).degrees(*np.full((2, 1), 5.8e6))
+    assert np.isfinite(latitude).all()
+    with pytest.raises(ProblemError, match='heights: must be "above-ellipsoid", as the reference'):
+        EarthTable(height=0.0, heights="above-sea").earth(solid, flat)
 
 
 @pytest.mark.parametrize(

@@ -589,7 +589,7 @@ COMMENTED = ["a.obj", "b.obj", "a.off", "a.ply", "a.stl"]
     ("comment", "metre"),
     [("File units = millimeters", 1000), ("unit: ft", 1 / 0.3048), ("UNITS=m", 1),
      ("units: US survey feet", 3937 / 1200), ("units: 12", 1), ("units are cm, z up", 100),
-     ("made in 3 units", 1), ("unity = cm", 1)],
+     ("made in 3 units", 1), ("unity = cm", 1), ("unit mm", 1000)],
 )  # fmt: skip
 def test_the_unit_that_a_comment_states_counts(
     tmp_path: Path, name: str, comment: str, metre: float

@@ -65,7 +65,7 @@ def best_plan(
     LimitReached
         If a limit is reached.
     ValueError
-        If moves are rewarded, or views do not count at step 1.
+        If moves are rewarded.
     """
     require_usable(narrowing.model)
     team, searches = Team(narrowing), MoveSearches(most_nodes, plain)
@@ -84,20 +84,15 @@ def best_plan(
 
 
 def may_be_used(model: Model) -> bool:
-    """Returns True if joint states determine J: no move is rewarded, and views count from step
-    1.
-    """
-    objective = model.problem.objective
-    rewarded = objective.stationarity or objective.keep_cell or objective.keep_heading
-    return not (rewarded or objective.balanced) and model.problem.first_step <= 1
+    """Returns True if joint states determine J: no move is rewarded."""
+    o = model.problem.objective
+    return not (o.stationarity or o.keep_cell or o.keep_heading or o.balanced)
 
 
 def require_usable(model: Model) -> None:
     """Raises ValueError if joint states do not determine J."""
     if not may_be_used(model):
-        raise ValueError(
-            "joint paths: not possible if moves are rewarded or views do not count at step 1"
-        )
+        raise ValueError("joint paths: not possible if moves are rewarded")
 
 
 class _Beginning:

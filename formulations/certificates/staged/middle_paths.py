@@ -52,7 +52,7 @@ def best_plan_from(
     LimitReached
         If a limit is reached.
     ValueError
-        If moves are rewarded, views do not count at step 1, or starts are free and the exploration
+        If moves are rewarded, or starts are free and the exploration
         begins later.
     """
     if from_step:
