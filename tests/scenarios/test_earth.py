@@ -5,7 +5,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pyproj
 import pytest
 import rasterio
 from rasterio.crs import CRS

@@ -271,6 +271,39 @@ def test_a_zone_below_the_ground_is_refused(tmp_path: Path) -> None:
     assert read(write(tmp_path, text + table.format(501))).airspace.no_fly
 
 
+def test_altitudes_count_from_the_zero_of_the_earths_height(tmp_path: Path) -> None:
+    """Not from z = 0; and flight heights above the sea are none if z = 0 is elsewhere."""
+    (tmp_path / "plan.json").write_text(
+        '{"a": {"walkable": [[0, 0], [9, 0], [9, 9]], "obstacles": [[[4, 4], [5, 4], [5, 5]]]}}'
+    )
+    text = """steps = 2
+[map]
+size = [20, 20]
+[earth]
+crs = "EPSG:25830"
+latitude = 43.3
+longitude = -2.9
+height = 100
+heights = "above-sea"
+[[walls]]
+file = "plan.json"
+height = 3
+base = 102
+[[no_fly]]
+polygon = [[0, 0], [9, 0], [9, 9]]
+bottom = 104
+top = 115
+[[drones]]
+starts = [{ x = 15, y = 15 }]
+"""
+    problem = read(write(tmp_path, text))
+    (zone,), (wall,) = problem.airspace.no_fly, problem.meshes
+    assert (zone.vertices[:, 2].min(), zone.vertices[:, 2].max()) == (4, 15)
+    assert (wall.vertices[:, 2].min(), wall.vertices[:, 2].max()) == (2, 5)
+    with pytest.raises(ProblemError, match=r"earth\.height: must be 0 above the sea if"):
+        read(write(tmp_path, 'flight = "above-sea"\n' + text))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
