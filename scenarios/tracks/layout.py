@@ -258,31 +258,35 @@ class TextLayout(NamedTuple):
             if fps is not None:
                 raise ProblemError("fps: must be left out if the file has times instead of frames")
             return None
-        return settled_rate(self._stated_rates(), fps)
-
-    def _stated_rates(self) -> set[float]:
-        """Returns the rates that comments state by name or in words, as in 10 frames per second."""
-        named = [rate for comment in self._all for rate in _FRAME_RATE.findall(comment)]
-        rates = [_AFTER_RATE.sub("", rate) for rate in named] + [
+        named = (rate for comment in self._all for rate in _FRAME_RATE.findall(comment))
+        said = (
             rate
             for comment in self._all
             if not (_OTHER_RATE.search(comment) or _FRAME_RATE.search(comment))
             for rate in _RATE_IN_WORDS.findall(comment)
-        ]
-        for rate in rates:
-            if DECIMAL_COMMA.fullmatch(rate):
-                raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
-            if not is_number(rate):
-                raise ProblemError(
-                    f"fps: must be a number of frames per second, but a comment states "
-                    f"{rate[:40]!r}: write it as a number such as 29.97"
-                )
-        return {float(rate) for rate in rates}
+        )
+        stated = _rates(_AFTER_RATE.sub("", rate) for rate in named)
+        mentioned = _rates(said)  # as in 10 frames per second
+        return settled_rate(stated or mentioned, fps, mentioned if stated else ())
 
     @property
     def _all(self) -> list[str]:
         """The comments of the whole file: what one states holds for all rows."""
         return [*self.comments, *self.later]
+
+
+def _rates(words: Iterable[str]) -> set[float]:
+    """Returns the numbers of frames per second that words are."""
+    rates = [*words]
+    for rate in rates:
+        if DECIMAL_COMMA.fullmatch(rate):
+            raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
+        if not is_number(rate):
+            raise ProblemError(
+                f"fps: must be a number of frames per second, but a comment states "
+                f"{rate[:40]!r}: write it as a number such as 29.97"
+            )
+    return {float(rate) for rate in rates}
 
 
 def _comments(text: str, first: int) -> list[str]:

@@ -4,7 +4,7 @@ A row is a person at a moment.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -162,10 +162,21 @@ def settled(field: str, stated: set[T], given: T | None) -> T:
     return given
 
 
-def settled_rate(stated: set[float], fps: float | None) -> float:
-    """Returns the frames per second that the file or the caller states."""
+def settled_rate(stated: set[float], fps: float | None, mentioned: Collection[float] = ()) -> float:
+    """Returns the frames per second that the file or the caller states.
+
+    Comments may mention others besides, such as that of the video; then the caller must choose.
+    """
+    rates = stated | {*mentioned}
     if fps is not None:  # 29.97 is 29.97003
-        fps = next((rate for rate in stated if math.isclose(fps, rate, rel_tol=1e-5)), float(fps))
+        fps = next((rate for rate in rates if math.isclose(fps, rate, rel_tol=1e-5)), float(fps))
+    if len(stated) < len(rates) > 1 and len(stated) < 2:
+        if fps is None:
+            told = " and ".join(f"{rate:g}" for rate in sorted(rates))
+            raise ProblemError(
+                f"fps: must be given in [[tracks]], the rate of the rows, as comments state {told}"
+            )
+        stated = {fps} & rates or stated
     rate = settled("fps", stated, fps)
     _check_rate(rate)
     return rate

@@ -63,6 +63,8 @@ def test_a_lower_bound_than_is_proved_is_refused(
     content = msgspec.json.decode(path.read_bytes())
     content["bound"] *= 0.5
     path.write_bytes(msgspec.json.encode(content))
+    code, _, err = said(capsys, "tiny-share", "--directions", 0)
+    assert code == 2 and "--directions: must be 1 or more without -o" in err
     code, _, err = said(capsys, "tiny-share", "--directions", 0, "-o", tmp_path)
     assert code == 2 and "direction-1.bound.json" in err and err.count("\n") == 1
 

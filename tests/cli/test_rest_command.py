@@ -94,6 +94,7 @@ def test_wrong_input_is_refused_in_one_line(
     for words, expected in (
         (("--plan", flown), "--plan: must be left out without --from-step"),
         (("--without", 1), "--without: must be left out without --from-step"),
+        (("--bound-limit", 3), "--bound-limit: must be left out without --from-step"),
         (("--rest-scene", out), "--rest-scene: must be left out without --from-step"),
         (("--from-step", K), "--plan: must name the plan that was flown up to that step"),
         (("--from-step", 0, "--plan", flown), "--from-step: must be a step from 1 to"),

@@ -94,6 +94,7 @@ def test_export_exchanges_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert (camera.width, camera.focal) == (4056, 2389.2)
     assert [round(math.degrees(tilt)) for tilt in camera.tilts] == [0, 20, 40]
     assert run([*words[:2], "--tilts", "steep", "-o", str(path)]) == 2
+    assert run([*words[:2], "--tilts", "10,60,30", "-o", str(path)]) == 2
     assert run([*words[:2], "--camera", "kodak", "-o", str(path)]) == 2
     assert "kodak" in capsys.readouterr().err
     assert run(["export", "tiny-share", "--views", "2", *words[2:]]) == 0
