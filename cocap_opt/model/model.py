@@ -287,8 +287,8 @@ def share_coverage(problem: Problem, other: Problem) -> None:
     not count the same views, as their view sums are numbered differently.
     """
     first, second = (
-        (one.objective.over_time, one.objective.views and one.objective.views.at_least)
-        for one in (problem, other)
+        (objective.over_time, objective.views and objective.views.at_least)
+        for objective in (problem.objective, other.objective)
     )
     if first != second:
         return

@@ -1,5 +1,7 @@
-"""What columns that are not read say about those that are: recordings, reference systems, parts of
-seconds, and marks of people who are lost.
+"""Checks of the columns that are not read, since they may say what those that are read mean.
+
+They may number recordings, name reference systems, or hold the fractions of seconds; others mark
+rows of people who are lost, which are left out.
 """
 
 import re

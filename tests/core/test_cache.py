@@ -279,7 +279,7 @@ def test_a_read_only_folder_costs_only_time(
     def refused(*_: object, **__: object) -> tuple[int, str]:
         raise PermissionError(13, "Permission denied")  # root would be allowed to write
 
-    monkeypatch.setattr("tempfile.mkstemp", refused)
+    monkeypatch.setattr("os.open", refused)
     assert same(tables(tiny()), expected)
     assert not caplog.records
     tables(tiny().replace(horizon=1))
