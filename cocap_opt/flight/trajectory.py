@@ -105,11 +105,6 @@ class Trajectory:
         """Altitudes [R] (m) of the ground, roofs or meshes below the drones at step 0."""
         return self.problem.workspace.surfaces_below(self.at(np.zeros(1)).place)
 
-    @property
-    def start_cells(self) -> tuple[IntArray, IntArray]:
-        """The cells x [R], y [R] below the drones at step 0."""
-        return self.problem.height_map.cells_below(self.at(np.zeros(1)).place)
-
     def at(self, times: FloatArray) -> Samples:
         """Returns the positions and angles of all drones at times [n], in s since step 0."""
         robots, count = self.pieces.shape[:2]

@@ -61,18 +61,17 @@ def zero_of_heights(crs: str) -> str | None:
     return found[1] if found else None
 
 
-def require_same_heights(crs: str | None, other: str | None, of_map: str) -> None:
-    """Raises ProblemError if altitudes in two files count from different zeros.
+def require_same_heights(crs: str | None, of_map: str | None) -> None:
+    """Raises ProblemError if altitudes in a file and in the map count from different zeros.
 
     Parameters
     ----------
-    crs, other : systems that the files state; None: none
-    of_map : what the second file is, for the message
+    crs, of_map : systems that the files state; None: none
     """
-    zeros = [zero_of_heights(text) if text else None for text in (crs, other)]
+    zeros = [zero_of_heights(text) if text else None for text in (crs, of_map)]
     if None not in zeros and zeros[0] != zeros[1]:
         raise ProblemError(
-            f"must have heights from the same zero as {of_map}, {zeros[1]!r}, not from "
+            f"must have heights from the same zero as the map, {zeros[1]!r}, not from "
             f"{zeros[0]!r}; convert it with gdalwarp -t_srs"
         )
 

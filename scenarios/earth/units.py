@@ -195,30 +195,30 @@ def utm_of(text: str) -> tuple[int, bool] | None:
 
     Returns None if it is no zone of UTM, or if pyproj is not installed.
     """
-    try:
-        import pyproj
-        import pyproj.exceptions
-    except ImportError:
-        return None
-    try:
-        zone = _plane(pyproj.CRS.from_user_input(text)).utm_zone
-    except pyproj.exceptions.CRSError:
-        return None
+    crs = _known(text)
+    zone = None if crs is None else _plane(crs).utm_zone
     return (int(zone[:-1]), zone[-1] == "N") if zone else None
 
 
 def has_ellipsoid_heights(text: str) -> bool:
     """Returns True if a projection has heights above its ellipsoid; False without pyproj."""
+    crs = _known(text)
+    if crs is None:
+        return False
+    return bool(crs.is_projected and not crs.is_compound and len(crs.axis_info) == 3)
+
+
+def _known(text: str) -> Any | None:
+    """Returns a reference system of pyproj; None if it is unknown, or pyproj is not installed."""
     try:
         import pyproj
         import pyproj.exceptions
     except ImportError:
-        return False
+        return None
     try:
-        crs = pyproj.CRS.from_user_input(text)
+        return pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.CRSError:
-        return False
-    return bool(crs.is_projected and not crs.is_compound and len(crs.axis_info) == 3)
+        return None
 
 
 def _undefined(x: float, y: float) -> ProblemError:

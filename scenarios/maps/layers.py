@@ -71,7 +71,7 @@ class LayerTable(Table):
                     f"in {short_name(raster.crs)}; convert it with gdalwarp -t_srs"
                 )
             if self.heights == "absolute":
-                require_same_heights(raster.crs, terrain.crs, "the map")
+                require_same_heights(raster.crs, terrain.crs)
             tops = highest_in_cells(raster, height_map)
             if self.heights == "above-ground":
                 tops = tops + terrain.ground

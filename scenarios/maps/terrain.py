@@ -279,7 +279,7 @@ class MapTable(Table):
             )
         if self.heights == "absolute":
             with naming("ground"):
-                require_same_heights(terrain.crs, surface.crs, "the map")
+                require_same_heights(terrain.crs, surface.crs)
         x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
         return terrain.sample(x[:, None], y[None, :])
 
