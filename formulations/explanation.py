@@ -285,7 +285,7 @@ def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Te
     seen = problem.no_pixels()
     for robot, path in enumerate(paths):
         robot_class = model.class_of[robot]
-        table, number = model.coverage(robot_class), model.classes.index(robot_class)
+        table, number = model.coverage(robot_class), robot_class.number
         nodes = np.arange(len(path)) * robot_class.graph.n_states + np.array(path)
         _, entries = table.entries(nodes)
         view_sums, pixels = table.view_sums[entries], table.pixels[entries]

@@ -6,11 +6,11 @@ is known exactly, by value iteration with nobody in the way. A graph with a limi
 per step is a restricted decision diagram (Bergman, Cire, van Hoeve and Hooker 2016).
 """
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
+from cocap_opt.coordination.kept_graph import Layer
 from cocap_opt.coordination.low_level import PlannedTeam
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
@@ -18,17 +18,6 @@ from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.stop import Stop
-
-
-class Layer(NamedTuple):
-    """The n states kept at one step, and the m edges to them from the states of the step before."""
-
-    states: IntArray  # [n] increasing
-    before: FloatArray  # [k, n] best rewards of the steps before, for each kind of worth
-    tails: IntArray  # [m] positions among the states of the step before, increasing
-    heads: IntArray  # [m] positions among `states`; for each tail, the calmest edge first
-    rewards: FloatArray  # [m] of the edges themselves
-
 
 # [T+1, S] each: rewards of states, and rewards including the value-to-go
 Worth = tuple[FloatArray, FloatArray]
@@ -79,16 +68,22 @@ class Beam:
         # position of each state that `_numbered` has found
         self._position = np.empty(self._graph.n_states, dtype=np.int64)
 
-    def layers(self) -> Iterator[Layer]:
-        """Yields the layers of all steps."""
-        layer = self._first()
-        yield layer
-        for t in range(len(self._path) - 1):
-            layer = self._after(t, layer)
-            yield layer
+    def layers(self) -> list[Layer]:
+        """Returns the states kept at all steps [T+1], without dead ends.
 
-    def _first(self) -> Layer:
-        """Returns the layer of step 0: the best starts, and the start of the robot's path."""
+        For each tail, the calmest edge is the first.
+        """
+        layer, before = self._first()
+        layers = [layer]
+        for t in range(len(self._path) - 1):
+            layer, before = self._after(t, layer, before)
+            layers.append(layer)
+        return _without_dead_ends(layers)
+
+    def _first(self) -> tuple[Layer, FloatArray]:
+        """Returns the layer of step 0, the best starts and the start of the robot's path, and the
+        best rewards of the steps before it, which are 0.
+        """
         states, nothing = self._numbered(self._starts), np.zeros(0, dtype=np.int64)
         kept = states == self._path[0]
         if self._known is not None:
@@ -96,10 +91,15 @@ class Beam:
         for _, value in self._worth:
             kept |= self._kept(0, states, value[0, states])
         before = np.zeros((len(self._worth), np.count_nonzero(kept)))
-        return Layer(states[kept], before, nothing, nothing, np.zeros(0))
+        return Layer(states[kept], nothing, nothing, np.zeros(0)), before
 
-    def _after(self, t: int, layer: Layer) -> Layer:
-        """Returns the layer that follows the layer of step t."""
+    def _after(self, t: int, layer: Layer, so_far: FloatArray) -> tuple[Layer, FloatArray]:
+        """Returns the layer that follows the layer of step t, and its states' best rewards before.
+
+        Parameters
+        ----------
+        so_far : [k, n] best rewards of the steps before t, for each kind of worth
+        """
         tails, heads = self._edges(t, layer.states)
         rewards = np.zeros(len(heads))
         if not self._bonuses.none:
@@ -109,14 +109,13 @@ class Beam:
         kept = np.zeros(len(states), dtype=np.bool_)
         if self._known is not None:
             kept |= self._known[t + 1, states]
-        for best, so_far, (reward, value) in zip(before, layer.before, self._worth, strict=True):
-            gained = so_far + reward[t, layer.states]
+        for best, sooner, (reward, value) in zip(before, so_far, self._worth, strict=True):
+            gained = sooner + reward[t, layer.states]
             np.maximum.at(best, to, gained[tails] + rewards)
             kept |= self._kept(t + 1, states, best + value[t + 1, states])
         edges, position = kept[to], np.cumsum(kept) - 1
-        return Layer(
-            states[kept], before[:, kept], tails[edges], position[to[edges]], rewards[edges]
-        )
+        edges_kept = tails[edges], position[to[edges]], rewards[edges]
+        return Layer(states[kept], *edges_kept), before[:, kept]
 
     def _edges(self, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
         """Returns all edges from states at t: positions of their tails, and states at t+1."""
@@ -159,7 +158,7 @@ def _turns(graph: TimeGraph) -> IntArray:
     return turns
 
 
-def without_dead_ends(layers: list[Layer]) -> list[Layer]:
+def _without_dead_ends(layers: list[Layer]) -> list[Layer]:
     """Returns layers in which every state before the last step has a successor."""
     result = [layers[-1]]
     for layer in reversed(layers[:-1]):
@@ -167,7 +166,6 @@ def without_dead_ends(layers: list[Layer]) -> list[Layer]:
         goes_on[after.tails] = True
         position, edges = np.cumsum(goes_on) - 1, goes_on[layer.heads]
         result.append(after._replace(tails=position[after.tails]))
-        states, before = layer.states[goes_on], layer.before[:, goes_on]
         heads = position[layer.heads[edges]]
-        result.append(Layer(states, before, layer.tails[edges], heads, layer.rewards[edges]))
+        result.append(Layer(layer.states[goes_on], layer.tails[edges], heads, layer.rewards[edges]))
     return result[::-1]

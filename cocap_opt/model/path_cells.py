@@ -18,6 +18,6 @@ class PathCells(NamedTuple):
     def of(cls, model: Model, robot: int, path: Path) -> "PathCells":
         """Returns the path of a robot, given as state numbers, with its cells."""
         robot_class = model.class_of[robot]
-        number = model.classes.index(robot_class)
+        number = robot_class.number
         cells, n_places = model.places.cells[number], robot_class.graph.n_places
         return cls(number, path, tuple([cells[state % n_places] for state in path]))

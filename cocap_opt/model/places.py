@@ -25,6 +25,7 @@ _KEPT_PATHS = 500  # paths, as cells, for which conflicting places and moves are
 class RobotClass:
     """Robots that differ only in their starts."""
 
+    number: int  # position among the classes of the model
     spec: Robot  # any of these robots
     robots: tuple[int, ...]
     # Numbers of each robot's possible start states, increasing.
@@ -73,11 +74,11 @@ class RobotClass:
             alike = (i,) if is_disaggregated else (robot.motion, robot.camera, robot.goal)
             members.setdefault(alike, []).append(i)
         classes = []
-        for robots in members.values():
+        for number, robots in enumerate(members.values()):
             spec = problem.robots[robots[0]]
             graph = graph_of(problem, spec)
             starts = tuple(_numbers(graph, problem.starts[i]) for i in robots)
-            classes.append(cls(spec, tuple(robots), starts, graph))
+            classes.append(cls(number, spec, tuple(robots), starts, graph))
         return tuple(classes)
 
 
@@ -128,7 +129,7 @@ class Places:
         -------
         Places of the class as (t, place) [n, 2], and its moves as (t, tail, head) [m, 3].
         """
-        return self._near_path(self._classes.index(robot_class), cells)
+        return self._near_path(robot_class.number, cells)
 
     def _path_too_close(self, number: int, cells: tuple[Cell, ...]) -> tuple[IntArray, IntArray]:
         places = [self._near_cell(number, cell)[:, None] for cell in cells]
@@ -167,7 +168,7 @@ class Places:
         """Returns the positions of robots of a class in places [..], as [.., 3] in m, like
         `positions`.
         """
-        return self.positions[self._classes.index(robot_class)][places]
+        return self.positions[robot_class.number][places]
 
     def _places_too_close(self, number: int, cell: Cell) -> IntArray:
         """Returns the places [n] of a class that conflict with a robot in a cell at one step."""

@@ -145,7 +145,7 @@ def _moves(model: Model) -> Iterator[_Columns]:
     problem = model.problem
     for kind, robot_class in enumerate(_kinds(model)):
         graph = robot_class.graph
-        positions = model.places.positions[model.classes.index(robot_class)]
+        positions = model.places.positions[robot_class.number]
         balanced = np.array([not sum(move[1:]) for move in graph.moves])
         shape = (problem.horizon + 1, graph.n_orientations, graph.n_places)
         reachable = np.asarray(model.reachable(robot_class).reshape(shape).any(axis=1))

@@ -75,7 +75,7 @@ class LazyValueIteration:
 
     def _coverage_of(self, task: SingleRobotTask) -> OptimisticCoverage:
         robot_class = task.model.class_of[task.robot]
-        key = task.model, task.model.classes.index(robot_class)
+        key = task.model, robot_class.number
         if key not in self._coverage:
             self._coverage[key] = OptimisticCoverage(task.model, robot_class, task.stop)
         return self._coverage[key]

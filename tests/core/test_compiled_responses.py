@@ -10,7 +10,7 @@ from strategies import examples
 
 from cocap_opt import compiling
 from cocap_opt.compiling import Kernel
-from cocap_opt.coordination import restricted_value_iteration
+from cocap_opt.coordination import kept_graph
 from cocap_opt.coordination.low_level import SingleRobotTask, value_iteration
 from cocap_opt.coordination.responses import Responses, followed, one_by_one
 from cocap_opt.coordination.restricted_value_iteration import RestrictedValueIteration
@@ -62,6 +62,6 @@ def test_the_kernel_finds_the_paths_that_numpy_finds(
             task, found = SingleRobotTask(team.model, robot, seen, charges, never), []
             for use in (kernel, of_responses(NotLoaded)):
                 with pytest.MonkeyPatch.context() as patch:
-                    patch.setattr(restricted_value_iteration, "KERNEL", use)
+                    patch.setattr(kept_graph, "KERNEL", use)
                     found.append(low_level(task).path)
             assert found[0] == found[1]

@@ -32,7 +32,7 @@ def test_places_conflict_where_their_cells_are_too_close(problem: Problem, seed:
     classes = model.class_of[0], model.class_of[1]
     places = [rng.choice(np.flatnonzero(c.graph.free), 12) for c in classes]
     cells = [
-        [model.places.cells[model.classes.index(c)][place] for place in own.tolist()]
+        [model.places.cells[c.number][place] for place in own.tolist()]
         for c, own in zip(classes, places, strict=True)
     ]
     expected = [[problem.too_close(p, q) for q in cells[1]] for p in cells[0]]

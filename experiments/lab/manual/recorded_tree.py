@@ -60,7 +60,7 @@ class RecordedNode:
 
     def _cell(self, robot: int, place: int) -> Cell:
         model = self.node.team.model
-        return model.places.cells[model.classes.index(model.class_of[robot])][place]
+        return model.places.cells[model.class_of[robot].number][place]
 
 
 class _Recorder(OpenNodes):

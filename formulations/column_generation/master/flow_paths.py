@@ -63,7 +63,7 @@ def mixture_of_flow(
     columns: list[Column] = []
     amounts: list[float] = []
     for robot in range(len(model.problem.robots)):
-        number, rest = model.classes.index(model.class_of[robot]), 1.0
+        number, rest = model.class_of[robot].number, 1.0
         starts = _starts(model, robot, open_)
         while rest > 10 * LEAST_USE and starts:
             choice = max(starts, key=lambda choice: open_.get(choice, 1.0))
@@ -95,7 +95,7 @@ def _going_on(model: Model, flow: Mapping[Arc, float]) -> dict[StartChoice, floa
 def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> list[StartChoice]:
     """Returns the starts that a robot may choose and that have flow, or its fixed start."""
     robot_class = model.class_of[robot]
-    number = model.classes.index(robot_class)
+    number = robot_class.number
     of_robot = next(k for k, (_, robots) in enumerate(robot_class.start_sets) if robot in robots)
     starts = model.starts(robot)
     if len(starts) == 1:

@@ -4,8 +4,7 @@ Each move removes some robots with overlapping views from the plan, reinserts th
 by best responses over the arcs of all known columns, and lets them and their neighbours respond to
 each other until none gains. The new plan is accepted if it is no worse (Shaw 1998; ruin and
 recreate: Schrimpf et al. 2000). A move takes some hundredths of a second: the arcs of the columns
-found by pricing are some thousands of the millions that a class has, and a best response over them
-takes a thirtieth of the time of one over all arcs.
+found by pricing are some thousands of the millions that a class has (`coordination.kept_graph`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -13,13 +12,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from cocap_opt.coordination.kept_graph import Charged, KeptGraph, Layer
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.parameters import LargeRootParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.mixtures.columns import Column
-from cocap_opt.model import Model, Path
+from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 
@@ -54,7 +53,10 @@ class ArcSearch:
         by_class: list[list[Column]] = [[] for _ in model.classes]
         for column in (*columns, *plan.columns):
             by_class[column.along.class_number].append(column)
-        self._graphs = [_ArcGraph(model, number, known) for number, known in enumerate(by_class)]
+        self._graphs = [
+            _ArcGraph(model, robot_class, known)
+            for robot_class, known in zip(model.classes, by_class, strict=True)
+        ]
         self._seen = model.problem.no_pixels()
         self.columns = [*plan.columns]
         for column in plan.columns:
@@ -146,12 +148,15 @@ class ArcSearch:
         )
 
     def _overlaps(self, robot: int) -> FloatArray:
-        """Returns the overlap [R] of each robot's roots with those of one robot; 0 for itself."""
+        """Returns the weighted overlap [R] of all robots' roots with those of one; 0 for itself."""
         roots = self._model.problem.no_pixels()
         column = self.columns[robot]
         roots[column.view_sums] = np.sqrt(column.pixels)
         shared = np.array(
-            [np.minimum(roots[c.view_sums], np.sqrt(c.pixels)).sum() for c in self.columns]
+            [
+                np.minimum(roots[c.view_sums], np.sqrt(c.pixels)) @ self._weights[c.view_sums]
+                for c in self.columns
+            ]
         )
         shared[robot] = 0.0
         return shared
@@ -177,60 +182,21 @@ class ArcSearch:
 
 
 class _ArcGraph:
-    """The arcs of columns of one class, and the arcs that other robots' columns close.
+    """The arcs of columns of one class, and those that other robots' columns close.
 
     Parameters
     ----------
-    number : number of the class
     columns : columns of robots of the class
     """
 
-    def __init__(self, model: Model, number: int, columns: Sequence[Column]) -> None:
-        self._model, self._class = model, model.classes[number]
+    def __init__(self, model: Model, robot_class: RobotClass, columns: Sequence[Column]) -> None:
+        self._model, self._class = model, robot_class
         paths = np.array([column.path for column in columns], dtype=np.int64)
-        self._horizon = horizon = model.problem.horizon
-        # Nodes are the states on paths, step by step; arcs are in the order of their tails.
-        sorted_states = [np.unique(paths[:, t], return_inverse=True) for t in range(horizon + 1)]
-        self._states = [states for states, _ in sorted_states]
-        self._first_node = np.cumsum([0, *map(len, self._states)])
-        self._tails, self._heads, self._first_out = [], [], []
-        for (_, tails), (states, heads) in pairwise(sorted_states):
-            tails, heads = np.divmod(np.unique(tails * len(states) + heads), len(states))
-            self._tails.append(tails)
-            self._heads.append(heads)
-            self._first_out.append(np.flatnonzero(np.diff(tails, prepend=-1)))
-        self._first_arc = np.cumsum([0, *map(len, self._tails)])
-        self._read_views()
-        self._read_moves()
-        self._closed_nodes = np.zeros(self._first_node[-1], dtype=np.int64)
-        self._closed_arcs = np.zeros(self._first_arc[-1], dtype=np.int64)
+        self._graph = KeptGraph(model, robot_class, _layers(model, robot_class, paths))
+        # number of columns that close each node and each edge
+        self._nodes = np.zeros(self._graph.n_nodes, dtype=np.int64)
+        self._edges = np.zeros(self._graph.n_edges, dtype=np.int64)
         self._closes: dict[tuple[int, Path], tuple[IntArray, IntArray]] = {}
-
-    def _read_views(self) -> None:
-        """Reads the views and the places of the nodes."""
-        graph, table = self._class.graph, self._model.coverage(self._class)
-        steps = np.repeat(np.arange(self._horizon + 1), np.diff(self._first_node))
-        states = np.concatenate(self._states)
-        self._seeing, entries = table.entries(steps * graph.n_states + states)
-        self._view_sums, self._pixels = table.view_sums[entries], table.pixels[entries]
-        self._weights = self._model.problem.view_sum_weights[self._view_sums]
-        self._at: dict[tuple[int, int], list[int]] = {}  # nodes by step and place
-        both = zip(steps.tolist(), (states % graph.n_places).tolist(), strict=True)
-        for node, key in enumerate(both):
-            self._at.setdefault(key, []).append(node)
-
-    def _read_moves(self) -> None:
-        """Reads the rewards of arcs and the places that they join."""
-        graph, bonuses = self._class.graph, Bonuses.of(self._model.problem.objective)
-        self._along: dict[tuple[int, int, int], list[int]] = {}  # arcs by step and places
-        self._bonus = np.zeros(self._first_arc[-1])
-        for t in range(self._horizon):
-            tails, heads = self._states[t][self._tails[t]], self._states[t + 1][self._heads[t]]
-            part = slice(self._first_arc[t], self._first_arc[t + 1])
-            self._bonus[part] = bonuses.of_edges(graph.shape, tails, heads)
-            ends = (tails % graph.n_places).tolist(), (heads % graph.n_places).tolist()
-            for arc, (tail, head) in enumerate(zip(*ends, strict=True), start=part.start):
-                self._along.setdefault((t, tail, head), []).append(arc)
 
     def put(self, column: Column, times: int) -> None:
         """Closes the nodes and arcs that another robot's column blocks (1), or opens them again
@@ -238,14 +204,11 @@ class _ArcGraph:
         """
         if column.key not in self._closes:
             charges = Column.avoid(self._model, self._class, [column])
-            nodes = [node for t, at in charges.places for node in self._at.get((t, at), ())]
-            moves = ((t, tail, head) for t, tail, head in charges.moves)
-            arcs = [arc for move in moves for arc in self._along.get(move, ())]
-            both = np.array(nodes, dtype=np.int64), np.array(arcs, dtype=np.int64)
-            self._closes[column.key] = both
-        nodes_of, arcs_of = self._closes[column.key]
-        np.add.at(self._closed_nodes, nodes_of, times)
-        np.add.at(self._closed_arcs, arcs_of, times)
+            charged = self._graph.charged(charges)
+            self._closes[column.key] = np.flatnonzero(charged.nodes), charged.edges
+        nodes, edges = self._closes[column.key]
+        self._nodes[nodes] += times
+        np.add.at(self._edges, edges, times)
 
     def best_path(self, starts: IntArray, pixels: FloatArray) -> Path | None:
         """Returns the path of the largest marginal gain from any start; None if no path is open.
@@ -254,32 +217,19 @@ class _ArcGraph:
         ----------
         pixels : [Z] px/m2 that the other robots have of every view sum
         """
-        values = self._values(pixels)
-        open_ = np.flatnonzero(np.isin(self._states[0], starts))
-        at = int(open_[np.argmax(values[0][1][open_])])
-        if values[0][1][at] == CLOSED:
-            return None
-        path = [int(self._states[0][at])]
-        for t in range(self._horizon):
-            first, end = np.searchsorted(self._tails[t], [at, at + 1])
-            at = int(self._heads[t][first + np.argmax(values[t][0][first:end])])
-            path.append(int(self._states[t + 1][at]))
-        return tuple(path)
+        nodes, edges = np.where(self._nodes > 0, np.inf, 0.0), np.flatnonzero(self._edges)
+        nodes[: len(self._graph.starts)][~np.isin(self._graph.starts, starts)] = np.inf
+        return self._graph.best_path(pixels, Charged(nodes, edges, np.full(len(edges), np.inf)))
 
-    def _values(self, pixels: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Returns the values of the arcs and of the nodes of each step, by value iteration."""
-        gains = self._model.problem.returns.gains(pixels, self._view_sums, self._pixels)
-        n_nodes = int(self._first_node[-1])
-        rewards = np.zeros(n_nodes)
-        rewards += np.bincount(self._seeing, gains * self._weights, minlength=n_nodes)
-        rewards[self._closed_nodes > 0] = CLOSED
-        bonus = np.where(self._closed_arcs > 0, CLOSED, self._bonus)
-        by_step = np.split(rewards, self._first_node[1:-1])
-        of_arcs = np.split(bonus, self._first_arc[1:-1])
-        ahead = by_step[-1]
-        values = [(np.zeros(0), ahead)]
-        for t in range(self._horizon - 1, -1, -1):
-            along = ahead[self._heads[t]] + of_arcs[t]
-            ahead = by_step[t] + np.maximum.reduceat(along, self._first_out[t])
-            values.append((along, ahead))
-        return values[::-1]
+
+def _layers(model: Model, robot_class: RobotClass, paths: IntArray) -> list[Layer]:
+    """Returns the states on paths [n, T+1] of a class, and the arcs that the paths take."""
+    shape, bonuses = robot_class.graph.shape, Bonuses.of(model.problem.objective)
+    by_step = [np.unique(states, return_inverse=True) for states in paths.T]
+    nothing = np.zeros(0, dtype=np.int64)
+    layers = [Layer(by_step[0][0], nothing, nothing, np.zeros(0))]
+    for (before, tails), (states, heads) in pairwise(by_step):
+        tails, heads = np.divmod(np.unique(tails * len(states) + heads), len(states))
+        rewards = bonuses.of_edges(shape, before[tails], states[heads])
+        layers.append(Layer(states, tails, heads, rewards))
+    return layers
