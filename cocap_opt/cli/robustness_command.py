@@ -172,7 +172,7 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     """Yields sentences that explain the numbers."""
     problem = flight.flown.problem
     yield "J includes the time between steps"
-    yield "distances are the smallest at any moment, those to people seen from above"
+    yield "distances are the smallest at any moment of the flight, those to people seen from above"
     yield "left and right are those of the person, as they walk"
     yield "any drone late: each column shows the drone for which it is worst"
     yield from map(str, flight.nearer_to_people())

@@ -1,4 +1,4 @@
-"""Files that are written completely or not at all."""
+"""Files each of which is written completely or not at all."""
 
 import errno
 import os
@@ -19,7 +19,7 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 def write_atomically(
     contents: Mapping[Path, bytes] | Mapping[Path, Callable[[BinaryIO], None]],
 ) -> None:
-    """Writes files completely or not at all; none gets its name before all are written.
+    """Writes each file completely or not at all; none gets its name before all are written.
 
     A file's content is given, or a function that writes it into the file.
 
@@ -31,11 +31,12 @@ def write_atomically(
     ------
     OSError
         If a file cannot be written, or its name belongs to a file that may only be read, a folder,
-        a device or the like.
+        a device or the like. It names the files that were not written: all, unless the system
+        refuses a new name after others were given.
     KeyboardInterrupt
         If they were written in spite of Ctrl-C; the message says so.
     """
-    written: list[tuple[str, Path]] = []
+    written: list[tuple[str, Path, Path]] = []  # temporary name, target, path as given
     try:
         for path, content in contents.items():
             target = file_to_write(path)
@@ -44,7 +45,7 @@ def write_atomically(
             name = str(target.parent / f"{UNFINISHED}{secrets.token_hex(8)}")
             with Interrupt.held_back():
                 handle = os.open(name, _NEW, 0o666 if mode is None else mode)
-                written.append((name, target))
+                written.append((name, target, path))
             with os.fdopen(handle, "wb") as file:
                 if callable(content):
                     content(file)
@@ -54,11 +55,13 @@ def write_atomically(
                 os.chmod(name, mode)
         _rename(written, ", ".join(map(str, contents)))
     except BaseException as error:
-        for name, _ in written:
+        renamed = {path for name, _, path in written if not os.path.lexists(name)}
+        for name, _, _ in written:
             Path(name).unlink(missing_ok=True)
         if isinstance(error, OSError) and error.errno is not None:
+            names = ", ".join(str(path) for path in contents if path not in renamed)
             # The error of a full disk names no file, other errors the temporary file.
-            raise OSError(error.errno, error.strerror, ", ".join(map(str, contents))) from error
+            raise OSError(error.errno, error.strerror, names) from error
         raise
 
 
@@ -77,12 +80,12 @@ def _mode_of(target: Path) -> int | None:
     return stat.S_IMODE(target.stat().st_mode)
 
 
-def _rename(written: list[tuple[str, Path]], names: str) -> None:
+def _rename(written: list[tuple[str, Path, Path]], names: str) -> None:
     """Gives all files their names."""
     done = False
     try:
         with Interrupt.held_back():
-            for name, target in written:
+            for name, target, _ in written:
                 os.replace(name, target)
             done = True
     except KeyboardInterrupt as interrupt:

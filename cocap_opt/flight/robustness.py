@@ -2,8 +2,9 @@
 
 Drones do not react: they fly as planned, and hover before and after. A drone that is lost at a step
 is absent from then on; its fall is not modelled. Minimum distances, and whether rules are
-obeyed, are computed on the polynomials at every moment, not sampled: if one of two flights is late,
-their pieces are cut at the ends of both. J is evaluated at some moments of each step.
+obeyed, are computed on the polynomials at every moment until the last drone has finished its
+flight, not sampled: if one of two flights is late, their pieces are cut at the ends of both. J is
+evaluated at some moments of each step.
 """
 
 from collections.abc import Iterable, Mapping
@@ -132,17 +133,17 @@ class Robustness:
 
     def _lagging(self, robot: int, lag: float) -> Outcome:
         """Returns the outcome if a drone is late, without the distances among the other drones."""
-        pieces, duration = lag / self._flown.piece_seconds, self._ways.shape[1]
+        pieces = lag / self._flown.piece_seconds
         way, others = self._ways[robot], np.delete(self._ways, robot, axis=0)
-        longer = duration + int(np.ceil(pieces))  # until the last drone has finished
+        longer = self._ways.shape[1] + int(np.ceil(pieces))  # until the late drone has finished
         between = _punctual(others, pieces, longer) - _late(way, pieces, longer)
         coverages = [*self._coverages]
         views = self._flown.at(np.maximum(self._film.moments - lag, 0.0))
         coverages[robot] = self._film.coverage(robot, views)
         drones = np.concatenate(
-            [_late(way, pieces, duration)[None], _punctual(others, pieces, duration)]
+            [_late(way, pieces, longer)[None], _punctual(others, pieces, longer)]
         )
-        walks = [_punctual(self._flown.walk_of(actor), pieces, duration)
+        walks = [_punctual(self._flown.walk_of(actor), pieces, longer)
                  for actor in self._problem.actors]  # fmt: skip
         return self._outcome(
             self._film.reward(coverages), between.reshape(-1, 3, DEGREE + 1), drones, walks

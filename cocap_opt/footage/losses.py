@@ -17,6 +17,7 @@ from cocap_opt.flight.changes import ChangeRow, Changes
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.robustness import Outcome, Robustness
 from cocap_opt.footage.quality import Quality
+from cocap_opt.footage.summary import share
 from cocap_opt.referee import rewards_of_move
 from cocap_opt.text import in_ranges
 
@@ -193,10 +194,11 @@ class Losses:
         """Returns who is seen, given which drones see which people [T+1, R, A]."""
         counts, views = self._quality.counts, seen.sum(axis=1)
         counted = views[counts]
+        chances = np.broadcast_to(self._quality.chances, counts.shape)[counts]
         gone = counts & (self._quality.views >= 2) & (views < 2)
         return Seen(
-            by_two=float((counted >= 2).mean()) if len(counted) else None,
-            by_none=float((counted == 0).mean()) if len(counted) else None,
+            by_two=share(counted >= 2, chances) if len(counted) else None,
+            by_none=share(counted == 0, chances) if len(counted) else None,
             no_longer=[
                 NoLonger(self._quality.people[j], np.flatnonzero(gone[:, j]).tolist())
                 for j in np.flatnonzero(gone.any(axis=0)).tolist()

@@ -8,6 +8,7 @@ from there. The columns of each plan that is found join the pool, so roundings c
 plans.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
@@ -90,7 +91,10 @@ class PlanSearch:
         self._known[column.along.class_number][np.arange(len(path)), list(path)] = True
 
     def better_teams(
-        self, team: PlannedTeam, rewards: Sequence[FloatArray]
+        self,
+        team: PlannedTeam,
+        rewards: Sequence[FloatArray],
+        most_starts: float = math.inf,
     ) -> Iterator[PlannedTeam]:
         """Yields each team that is better than a given whole team, until the search makes no more
         progress.
@@ -99,6 +103,7 @@ class PlanSearch:
         ----------
         rewards : for each class, the rewards of its states [T+1, S], which indicate promising
             states
+        most_starts : number of plans after whose improvement the search ends, in any case
 
         Raises
         ------
@@ -109,9 +114,9 @@ class PlanSearch:
         low_level = RestrictedValueIteration.at_rewards(
             team, rewards, self._known, self._stop, parameters.width
         )
-        responses, in_vain, start = Responses(low_level, self._stop), 0, team
-        while in_vain < parameters.most_in_vain:
-            in_vain, found = in_vain + 1, start
+        responses, in_vain, starts, start = Responses(low_level, self._stop), 0, 0, team
+        while in_vain < parameters.most_in_vain and starts < most_starts:
+            in_vain, starts, found = in_vain + 1, starts + 1, start
             for better in self._improved(found, responses):
                 found = better
                 if found.gains_over(team):

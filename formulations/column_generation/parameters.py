@@ -183,8 +183,10 @@ class LargeRootParameters(Section):
     nearly : of the bound
         largest gap between bound and mixture at which cuts are added: before that, a mixture breaks
         cuts that the next one does not
+    starts : plans
+        plans that a turn of the search by prices improves
     moves : moves
-        moves of the plan in a turn, so that all three kinds of work take about as long
+        moves of the plan in a turn, so that all kinds of work take about as long
     patience : times
         factor on the expected gain of a kind of work for each turn of the others
     least_gain : share
@@ -205,6 +207,7 @@ class LargeRootParameters(Section):
     masters: int = 2
     turns_per_cuts: int = 3
     nearly: float = 0.004
+    starts: int = 4
     moves: int = 250
     patience: float = 1.2
     least_gain: Share = 5e-4

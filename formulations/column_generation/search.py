@@ -167,17 +167,38 @@ class Search:
         """Offers the plan that local search makes from a mixture."""
         self.offer(self.local_search.from_mixture(mixture, self.incumbent))
 
+    def plan_search(self, most_in_vain: int | None = None) -> PlanSearch:
+        """Returns a search for plans by prices, which offers the plans that it finds.
+
+        Parameters
+        ----------
+        most_in_vain : number of plans without an improvement after which the search stops; None: as
+            set in the parameters
+        """
+
+        def tell(columns: Sequence[Column]) -> None:
+            plan = Incumbent.of(self.model, columns)
+            if plan is not None:
+                self.recombination.add(plan)
+            self.offer(plan)
+            self.report_again()
+
+        parameters = self.parameters.plan_search
+        if most_in_vain is not None:
+            parameters = replace(parameters, most_in_vain=most_in_vain)
+        return PlanSearch(self.model, self.stop, self.rng, parameters, tell)
+
     def search_by_prices(
-        self, mixture: Mixture, duals: Duals, most_in_vain: int | None = None
+        self, search: PlanSearch, mixture: Mixture, duals: Duals, most_starts: float = np.inf
     ) -> None:
         """Offers the plans to which a mixture and its prices lead, starting from the incumbent.
 
         Parameters
         ----------
+        search : a search that `plan_search` returned
         mixture : mixture whose columns are combined
         duals : multipliers whose prices indicate promising states
-        most_in_vain : number of plans without an improvement after which the search stops; None: as
-            set in the parameters
+        most_starts : number of plans after whose improvement the search ends, in any case
 
         Raises
         ------
@@ -187,22 +208,16 @@ class Search:
         model, plan = self.model, self.incumbent
         if plan is None or len(plan.columns) < 2:
             return
-
-        def tell(columns: Sequence[Column]) -> None:
-            # All results of the search obey the rules, since it respects closures.
-            self.recombination.add(Incumbent(model, tuple(columns)))
-            self.report_again()
-
-        parameters = self.parameters.plan_search
-        if most_in_vain is not None:
-            parameters = replace(parameters, most_in_vain=most_in_vain)
-        search = PlanSearch(model, self.stop, self.rng, parameters, tell)
         search.add_mixture(mixture)
         team = team_of(model, plan.columns)
         search.add_team(team)
         rewards = self.pricer.views.rewards(Prices(duals.alpha, duals.beta))
-        for better in search.better_teams(team, rewards):
-            self.offer(Incumbent.of(model, columns_of(better)))
+        try:
+            for better in search.better_teams(team, rewards, most_starts):
+                team = better
+        except LimitReached:
+            self.offer(Incumbent.of(model, columns_of(team)))
+            raise
 
     def narrowing(self, duals: Duals) -> Narrowing | None:
         """Returns, from multipliers, the states that better plans may visit.

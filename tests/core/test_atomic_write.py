@@ -1,5 +1,6 @@
 """Files are written whole or not at all."""
 
+import errno
 import os
 import signal
 from collections.abc import Callable
@@ -86,6 +87,24 @@ def test_files_that_belong_together_are_all_new_or_all_old(tmp_path: Path) -> No
     folder.rmdir()
     write_atomically({path: b"new", folder: b"newer"})
     assert (path.read_bytes(), folder.read_bytes()) == (b"new", b"newer")
+
+
+def test_files_that_are_not_renamed_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If the system gives one file its name but not the other, the error names the other."""
+    first, second, replace = tmp_path / "first", tmp_path / "second", os.replace
+
+    def refused(name: str, target: Path) -> None:
+        if target == second:
+            raise OSError(errno.EBUSY, os.strerror(errno.EBUSY))
+        replace(name, target)
+
+    monkeypatch.setattr(os, "replace", refused)
+    with pytest.raises(OSError, match="busy") as raised:
+        write_atomically({first: b"new", second: b"new"})
+    assert raised.value.filename == str(second)
+    assert [*tmp_path.iterdir()] == [first]
 
 
 def test_ctrl_c_leaves_none_or_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,10 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
+from cocap_opt.model import compiled
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
     VERTEX_ONLY,
+    Actor,
     Airspace,
     Camera,
     Cell,
@@ -502,3 +504,18 @@ def test_conflicts_of_greedy_plans_are_those_that_samples_find(scene: str) -> No
         said = _Referee(_with_rules(problem, rules)).conflicts(plan)
         named = Counter(re.split(" are| swap| pass", words)[0] for words in said)
         assert named == sampled_conflicts(problem, plan, rules), rules
+
+
+@pytest.mark.parametrize("stray", [0.0, 0.15])
+def test_no_move_leads_through_a_person(stray: float) -> None:
+    """It ends at the distance that an even speed needs, but not at that of an uneven one."""
+    problem = Problem(
+        name="through", height_map=HeightMap(heights=np.zeros((12, 1))), horizon=1,
+        robots=(Robot(start=State(3, 0), motion=Motion(radius=5, headings=1)),),
+        actors=(Actor(poses=np.array([[5.5, 0.5, 0.0, 0.0]] * 2)),),
+        airspace=Airspace(people_aside=2.0, people_stray=stray),
+    )  # fmt: skip
+    verdict = check(problem, Plan(paths=((State(3, 0), State(8, 0)),)))
+    assert verdict.violations == ("paths[0]: step 0 to 1 passes too close to person 0",)
+    graph = compiled(problem).class_of[0].graph
+    assert graph.place(0, 8, 0) not in graph.heads_at(0, np.array([graph.place(0, 3, 0)]))

@@ -18,6 +18,7 @@ from cocap_opt.problem import (
     Actor,
     Airspace,
     CollisionRules,
+    Motion,
     Objective,
     Plan,
     Problem,
@@ -50,14 +51,21 @@ def least(one: FloatArray, others: FloatArray) -> float:
 
 @pytest.mark.parametrize("lag", [0.13, 1.7])
 def test_drones_that_lag_are_as_near_as_samples_say(lag: float) -> None:
-    """Whichever drone is late by part of a step or several: its minimum distance to the others."""
-    for _, _, flown in teams():
+    """Whichever drone is late by part of a step or several, until it has finished: the minimum
+    distances to the others and to people, who then stand.
+    """
+    for problem, _, flown in teams():
+        (actor,) = problem.actors
         times = np.linspace(0.0, flown.seconds + lag, 2001)
         punctual, late = places(flown, times), places(flown, times - lag)
         pairs = [least(late[i], np.delete(punctual, i, axis=0)) for i in range(len(late))]
         pairs += [least(punctual[i], punctual[i + 1 :]) for i in range(len(late) - 1)]
         found = Robustness(flown).with_laggard(lag)
         assert min(pairs) - FINE <= found.apart <= min(pairs) + 1e-9
+        walk = [np.interp(times / STEP, range(STEPS + 1), axis) for axis in actor.middles[:, :2].T]
+        aside = least(np.column_stack(walk), late[..., :2])
+        aside = min(aside, least(np.column_stack(walk), punctual[..., :2]))
+        assert aside - FINE <= found.aside <= aside + 1e-9
 
 
 @pytest.mark.parametrize("late", [-1.2, 0.13])
@@ -102,6 +110,19 @@ def test_what_is_filmed_is_that_of_another_scene_or_plan(people_count: bool) -> 
         paths[i] = (path[0], *path[:-1])
         worst.append(view_reward(Trajectory.straight(problem, Plan(paths=tuple(paths))), 4))
     assert robustness.with_laggard(STEP).reward == pytest.approx(min(worst), rel=1e-9)
+
+
+def test_a_late_drone_that_ends_among_people_breaks_the_rules() -> None:
+    """It flies through somebody who has stopped by then, after the last step of the plan."""
+    walk = Actor(poses=np.array([[5.5, 6.5 - t, 0.0, -math.pi / 2] for t in range(7)]))
+    path = tuple(State(x, 0) for x in range(3, 10))
+    problem = Problem(
+        name="late", height_map=HeightMap(heights=np.zeros((14, 8))), actors=(walk,), horizon=6,
+        robots=(Robot(start=path[0]),), step=1.0, airspace=Airspace(people_aside=2.0),
+    )  # fmt: skip
+    found = Robustness(Trajectory.straight(problem, Plan(paths=(path,)))).with_laggard(6.0)
+    assert found.aside == pytest.approx(0.0, abs=1e-3)
+    assert found.missing["people"] == pytest.approx(2.0, abs=1e-3)
 
 
 def test_rules_are_kept_as_long_as_they_are() -> None:
@@ -228,3 +249,20 @@ def test_each_take_is_the_scene_of_its_people_alone() -> None:
     mean = sum(take.probability * each.reward for take, each in zip(takes, found, strict=True))
     assert robustness.as_planned.reward == pytest.approx(mean)
     assert min(each.aside for each in found) == pytest.approx(robustness.as_planned.aside)
+
+
+def test_takes_count_by_their_probability() -> None:
+    """Two drones see the person of the likely take, and nobody that of the other: 90 and 10 %."""
+    drone = Robot(start=State(3, 0), motion=Motion(headings=1))
+    walks = [np.tile(pose, (3, 1)) for pose in ([9.0, 1.0, 0.0, math.pi], [1.0, 5.5, 0.0, 0.0])]
+    scene = Problem(
+        name="takes", height_map=HeightMap(heights=np.zeros((14, 8))), horizon=2, step=1.0,
+        robots=(drone, drone.replace(start=State(3, 1))),
+        actors=(Actor(poses=walks[0], take="likely"), Actor(poses=walks[1], take="unlikely")),
+        takes=(Take("likely", 0.9), Take("unlikely", 0.1)),
+    )  # fmt: skip
+    plan = Plan(paths=tuple((robot.start,) * 3 for robot in scene.robots))
+    losses = Losses(Flight.of(scene, plan, smooth=False))
+    found = losses.seen(losses.as_planned)
+    assert (found.by_two, found.by_none) == pytest.approx((0.9, 0.1))
+    assert found.by_two == pytest.approx(Quality.of(scene, plan).summary.by_two)

@@ -227,6 +227,7 @@ def airspaces(draw: st.DrawFn, height_map: HeightMap) -> Airspace:
         ceiling=draw(st.sampled_from([None, None, 5.0, 8.0])),
         people_aside=aside,
         people_above=draw(st.sampled_from([None, 1.0, 2.5])) if aside else None,
+        people_stray=draw(st.sampled_from([0.0, 0.15, 0.5])) if aside else 0.0,
     )
 
 

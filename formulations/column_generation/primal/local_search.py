@@ -92,6 +92,17 @@ class LocalSearch:
                 break
         return best
 
+    def rounded(self, mixture: Mixture) -> Incumbent | None:
+        """Returns the plan of a mixture's most used columns, improved among its columns; None if
+        they leave a robot no path, or at a limit.
+        """
+        pool = ColumnPool(self.model)
+        for column, amount in mixture.used(self.parameters.least_amount):
+            pool.add(column, amount)
+        for _, columns in self._starts(mixture, pool, None):
+            return Incumbent.of(self.model, columns)
+        return None
+
     def _starts(
         self, mixture: Mixture, pool: ColumnPool, known: Incumbent | None
     ) -> Iterator[LocalOptimum]:

@@ -210,6 +210,7 @@ class LargeRoot:
         self.ascent = _RuledAscent(relaxation, mixture)
         self._cutoff, self._rough = cutoff, rough
         self.found: dict[tuple[int, Path], Column] = {}
+        self._plan_search = self.search.plan_search()
         self._turns = 0  # turns near the bound; at some of them, cuts are added
         self._has_masters = False
 
@@ -236,9 +237,10 @@ class LargeRoot:
 
     def solve(self) -> None:
         """Improves the plan and lowers the bound until neither gains; raises LimitReached."""
-        kinds = (self._lower, self._rearrange, self._respond)
-        last, hopes = [np.inf] * len(kinds), [np.inf] * len(kinds)
-        open_ = self._open()
+        kinds = (self._lower, self._search_by_prices, self._rearrange, self._respond)
+        last, open_ = [np.inf] * len(kinds), self._open()
+        # Responses over all states take long: they wait until the others gain little.
+        hopes = [np.inf, np.inf, np.inf, self._parameters.least_gain * open_]
         while open_ > 0 and max(last) > self._parameters.least_gain * open_:
             turn = int(np.argmax(hopes))
             kinds[turn]()
@@ -314,6 +316,15 @@ class LargeRoot:
             self.search.stop.begin_work()
             self.ascent.step()
             self._tell()
+
+    def _search_by_prices(self) -> None:
+        """Improves the plan by the prices of the best bound, and the paths of the mixture."""
+        search, starts = self.search, self._parameters.starts
+        duals = self.relaxation.best.duals
+        try:
+            search.search_by_prices(self._plan_search, self.ascent.mixture, duals, starts)
+        finally:
+            self._take(search.incumbent)
 
     def _rearrange(self) -> None:
         """Improves the plan over the known arcs."""

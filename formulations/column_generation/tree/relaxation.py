@@ -216,7 +216,8 @@ class Relaxation:
         if self.search.incumbent is None:
             self.round_to_plans()  # finds a first plan to begin with
         most_in_vain = self._parameters.few_in_vain if is_quick else None
-        self.search.search_by_prices(self.solution.mixture, self.best.duals, most_in_vain)
+        search = self.search.plan_search(most_in_vain)
+        self.search.search_by_prices(search, self.solution.mixture, self.best.duals)
         self.has_searched_by_prices = True
         if not is_quick:
             self._recombine()

@@ -123,7 +123,10 @@ class Root:
         search.columns += sum(
             master.add(column) for column, _ in mixture.used(self._parameters.least_amount)
         )
-        search.round_to_plans(mixture)
+        if search.is_large:  # best responses over all states take too long
+            search.offer(search.local_search.rounded(mixture))
+        else:
+            search.round_to_plans(mixture)
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)
