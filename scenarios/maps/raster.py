@@ -1,8 +1,8 @@
 """Rasters of heights: axes, windows and missing heights, and the square cells of a problem.
 
 Readers return rows [Y, X] with the northernmost first, the order of files; `Layout.raster` turns
-them. The height of a cell of a `Grid` is the highest or the mean of the source cells that it
-overlaps.
+them. The height of a cell of a `Grid` is the highest of the source cells that it overlaps, or their
+level: the mean of finer cells, and an interpolation between coarser ones.
 """
 
 import math
@@ -28,7 +28,7 @@ MOST_CELLS = 1_000_000  # cells of a grid; coverage of larger grids cannot be co
 SQUARE = 0.1  # cells; greatest deviation from square cells over the whole length of a raster
 ROUNDING = 1e-9  # relative; edges that differ by less are the same
 
-How = Literal["highest", "mean"]
+How = Literal["highest", "level"]
 Window = tuple[float, float, float, float]  # m: x0, y0, x1, y1
 
 
@@ -39,6 +39,20 @@ class Raster(NamedTuple):
     cell: tuple[float, float]  # m, edges of a cell along x and y
     origin: tuple[float, float]  # m, lower left corner
     crs: str | None = None  # reference system that the file states, as a code or WKT
+
+    def level_in(self, other: "Raster") -> FloatArray:
+        """Returns the heights [X, Y] (m) that bare terrain has in the cells of another raster.
+
+        They are the means of finer cells, weighted by the area of the overlap, and interpolated
+        linearly between the middles of coarser ones. The height is nan outside and in holes.
+        """
+        values = self.values
+        for axis in (0, 1):
+            size = other.cell[axis] / self.cell[axis]
+            first = (other.origin[axis] - self.origin[axis]) / self.cell[axis]
+            edges = _snapped(first + size * np.arange(other.values.shape[axis] + 1))
+            values = _level(values, np.clip(edges, 0, len(values))).T
+        return values
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Returns the heights (m) of the cells that contain the points (x, y) in m.
@@ -264,8 +278,8 @@ class Grid(NamedTuple):
             tenth of a cell over the whole raster (the edge is then the mean of their edges);
             otherwise, it is the smaller of their edges.
         how
-            "highest": no obstacle is lost, and obstacles grow by up to a cell. "mean": weighted by
-            the area of the overlap.
+            "highest": no obstacle is lost, and obstacles grow by up to a cell. "level": the mean of
+            finer cells, weighted by the area of the overlap, or interpolated between coarser ones.
 
         Raises
         ------
@@ -286,8 +300,14 @@ class Grid(NamedTuple):
         values = reduce(along_y.T, _edges(width, resolution / dx))
         return cls(values, raster.origin, resolution)
 
-    def filled(self, fill: float | None, field: str) -> FloatArray:
+    def filled(
+        self, fill: float | None, field: str, way_out: str = "set fill to the height to use there"
+    ) -> FloatArray:
         """Returns the heights [X, Y], with `fill` (m) in the holes.
+
+        Parameters
+        ----------
+        way_out : advice if there are holes and `fill` is None
 
         Raises
         ------
@@ -304,8 +324,7 @@ class Grid(NamedTuple):
             )
             raise ProblemError(
                 f"{field}: must have a height everywhere, but {holes.sum()} of {holes.size} cells "
-                f"have no data, the first at ({x:.3f}, {y:.3f}) m; set fill to the height to use "
-                "there"
+                f"have no data, the first at ({x:.3f}, {y:.3f}) m; {way_out}"
             )
         if not math.isfinite(fill):
             raise ProblemError(f"fill: must be finite, not {fill}")
@@ -346,13 +365,16 @@ def _edges(cells: int, ratio: float) -> FloatArray:
     cell in source cells. An edge that is a whole number up to rounding becomes that number, so
     that no cell overlaps a sliver of its neighbour.
     """
-    edges = ratio * np.arange(math.ceil(cells / ratio) + 2)
-    whole = np.rint(edges)
-    same = np.abs(edges - whole) <= ROUNDING * np.maximum(edges, 1)
-    edges[same] = whole[same]
+    edges = _snapped(ratio * np.arange(math.ceil(cells / ratio) + 2))
     begun = int(np.searchsorted(edges, cells))
     clipped: FloatArray = np.minimum(edges[: begun + 1], cells)
     return clipped
+
+
+def _snapped(edges: FloatArray) -> FloatArray:
+    """Returns edges, those that are whole numbers up to rounding as these numbers."""
+    whole = np.rint(edges)
+    return np.where(np.abs(edges - whole) <= ROUNDING * np.maximum(np.abs(edges), 1), whole, edges)
 
 
 def _highest(values: FloatArray, edges: FloatArray) -> FloatArray:
@@ -363,12 +385,39 @@ def _highest(values: FloatArray, edges: FloatArray) -> FloatArray:
     return highest
 
 
+def _level(values: FloatArray, edges: FloatArray) -> FloatArray:
+    """Returns the means of finer cells, or heights between the middles of coarser ones; nan for
+    cells of no width.
+    """
+    widths = np.diff(edges)
+    is_finer = widths.max() >= 1 - ROUNDING
+    found = _mean(values, edges) if is_finer else _between(values, (edges[:-1] + edges[1:]) / 2)
+    found[widths <= SLIVER] = np.nan
+    return found
+
+
+def _between(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Returns values between the middles of cells; beyond the first and last, theirs.
+
+    Parameters
+    ----------
+    at : positions, counted in cells from the lower edge of the first
+    """
+    at = (at - 0.5).clip(0, len(values) - 1)
+    low = np.floor(at + SLIVER).astype(int)
+    share = np.maximum(at - low, 0)[:, None]
+    high = np.minimum(low + 1, len(values) - 1)
+    between = (1 - share) * values[low] + share * values[high]
+    return np.where(share <= SLIVER, values[low], between)  # not nan, although the next one may be
+
+
 def _mean(values: FloatArray, edges: FloatArray) -> FloatArray:
-    first, last = np.floor(edges[:-1]).astype(int), np.ceil(edges[1:]).astype(int) - 1
+    first = np.minimum(np.floor(edges[:-1]).astype(int), len(values) - 1)
+    last = np.maximum(np.ceil(edges[1:]).astype(int) - 1, first)
     mean = np.zeros((len(first), values.shape[1]))
     for k in range(np.max(last - first) + 1):
         overlap = np.minimum(edges[1:], first + k + 1) - np.maximum(edges[:-1], first + k)
-        share = np.maximum(overlap, 0) / np.diff(edges)
+        share = np.maximum(overlap, 0) / np.maximum(np.diff(edges), SLIVER)
         mean += share[:, None] * values[np.minimum(first + k, last)]
     return mean
 
@@ -376,5 +425,5 @@ def _mean(values: FloatArray, edges: FloatArray) -> FloatArray:
 # Functions of values along the first axis and of edges of target cells: a value per target cell.
 _REDUCTIONS: dict[How, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "highest": _highest,
-    "mean": _mean,
+    "level": _level,
 }

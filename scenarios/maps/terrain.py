@@ -199,8 +199,8 @@ class MapTable(Table):
         """Builds the terrain that the table describes.
 
         Obstacles keep their height above the ground, so that on a slope no person is inside a
-        coarse cell: the ground of a cell is the mean of the ground that it covers, and its obstacle
-        is the highest one in it.
+        coarse cell: the ground of a cell is the mean of the ground that it covers, or interpolated
+        if the ground's own cells are larger, and its obstacle is the highest one in it.
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ class MapTable(Table):
         surface = self._surface(folder)
         bare = self._bare(folder, surface)
         highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
-        level = Grid.of(surface._replace(values=bare), self.resolution, "mean")
+        level = Grid.of(surface._replace(values=bare), self.resolution, "level")
         above, ground = highest.filled(None, "file"), level.filled(None, "ground")
         # Flat ground at 0 is not stored; a height map recognises it if many cells have its height.
         told = ground if ground.any() else None
@@ -267,11 +267,9 @@ class MapTable(Table):
             return np.zeros_like(surface.values)
         if self.ground == SURFACE:
             return surface.values
-        (ox, oy), (dx, dy), (width, depth) = surface.origin, surface.cell, surface.values.shape
-        around = ox, oy, ox + width * dx, oy + depth * dy
-        terrain = read_raster(
-            folder / self.ground, nodata=self.nodata, window=around, unit=self.unit
-        )
+        terrain = self._read_ground(folder / self.ground, surface, (0.0, 0.0))
+        if terrain.cell > surface.cell:  # the cells around are needed to interpolate
+            terrain = self._read_ground(folder / self.ground, surface, terrain.cell)
         if surface.crs and terrain.crs and not same_system(surface.crs, terrain.crs):
             raise ProblemError(
                 f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
@@ -280,8 +278,24 @@ class MapTable(Table):
         if self.heights == "absolute":
             with naming("ground"):
                 require_same_heights(terrain.crs, surface.crs)
-        x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
-        return terrain.sample(x[:, None], y[None, :])
+        level = terrain.level_in(surface)
+        with naming("ground"):
+            Grid(level, surface.origin, surface.cell[0]).filled(
+                None, Path(self.ground).name, "fill them, e.g. with gdal_fillnodata.py"
+            )
+        return level
+
+    def _read_ground(self, path: Path, surface: Raster, around: tuple[float, float]) -> Raster:
+        """Reads the ground below a raster, and some metres along x and y around it."""
+        ends = [
+            (low - more, low + count * size + more)
+            for low, size, count, more in zip(
+                surface.origin, surface.cell, surface.values.shape, around, strict=True
+            )
+        ]
+        (low_x, high_x), (low_y, high_y) = ends
+        window = low_x, low_y, high_x, high_y
+        return read_raster(path, nodata=self.nodata, window=window, unit=self.unit)
 
     def _above(self, surface: Raster, bare: FloatArray) -> FloatArray:
         """Returns the heights above the ground [X, Y] of the obstacles on it; holes stay holes."""

@@ -11,10 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.maps.raster import MOST_CELLS, Grid, How, Raster
+from cocap_opt.scenarios.maps.raster import MOST_CELLS, SLIVER, Grid, How, Raster
 from cocap_opt.world.workspace import HeightMap
 
-HOW: tuple[How, ...] = ("highest", "mean")
+HOW: tuple[How, ...] = ("highest", "level")
 LENGTHS = st.integers(10, 4000).map(lambda mm: mm / 1000)  # m, not exact in binary
 
 
@@ -58,11 +58,24 @@ def overlaps(cells: int, ratio: Fraction) -> list[dict[int, Fraction]]:
     ]
 
 
+def between(cells: int, ratio: Fraction) -> list[dict[int, Fraction]]:
+    """For each target cell, the shares of the source cells between whose middles its middle is."""
+    targets = []
+    for j in range(math.ceil(cells / ratio)):
+        middle = (j * ratio + min((j + 1) * ratio, Fraction(cells))) / 2
+        at = min(max(middle - Fraction(1, 2), Fraction(0)), Fraction(cells - 1))
+        low = math.floor(at)
+        shares = {low: 1 - (at - low), low + 1: at - low}
+        targets.append({k: share for k, share in shares.items() if share > SLIVER})
+    return targets
+
+
 def by_loops(raster: Raster, resolution: float, how: How) -> FloatArray:
     """The grid by its definition, in fractions."""
+    ratios = [exact(resolution, cell) for cell in raster.cell]
     along = [
-        overlaps(n, exact(resolution, cell))
-        for n, cell in zip(raster.values.shape, raster.cell, strict=True)
+        between(n, ratio) if how == "level" and ratio < 1 else overlaps(n, ratio)
+        for n, ratio in zip(raster.values.shape, ratios, strict=True)
     ]
     grid = np.empty([len(targets) for targets in along])
     for i, xs in enumerate(along[0]):
@@ -80,9 +93,11 @@ def by_loops(raster: Raster, resolution: float, how: How) -> FloatArray:
 
 @examples(80)
 @given(data=st.data(), raster=rasters(holes=True))
-@pytest.mark.parametrize("how", [pytest.param("highest", marks=pytest.mark.slow), "mean"])
+@pytest.mark.parametrize("how", [pytest.param("highest", marks=pytest.mark.slow), "level"])
 def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Raster) -> None:
-    """A cell takes the highest or mean height of the cells that it overlaps, and their holes."""
+    """A cell takes the highest or the mean height of the cells that it overlaps, and their holes;
+    the level between coarser ones is interpolated.
+    """
     resolution = data.draw(resolutions(raster))
     grid = Grid.of(raster, resolution, how)
     assert grid.resolution == resolution
@@ -91,12 +106,62 @@ def test_grid_follows_its_definition(how: How, data: st.DataObject, raster: Rast
 
 @examples(80)
 @given(data=st.data(), raster=rasters())
-def test_highest_is_above_mean_and_loses_no_obstacle(data: st.DataObject, raster: Raster) -> None:
-    """The highest is no lower than the mean, and the whole grid's is the raster's."""
+def test_highest_loses_no_obstacle(data: st.DataObject, raster: Raster) -> None:
+    """The whole grid's highest is the raster's, and of coarser cells it is no lower than the
+    mean.
+    """
     resolution = data.draw(resolutions(raster))
-    highest, mean = (Grid.of(raster, resolution, how).values for how in HOW)
-    assert (highest >= mean - 1e-9).all()
+    highest, level = (Grid.of(raster, resolution, how).values for how in HOW)
     assert highest.max() == raster.values.max()
+    if resolution >= max(raster.cell):
+        assert (highest >= level - 1e-9).all()
+
+
+@examples(60)
+@given(
+    data=st.data(),
+    slope=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    cells=st.tuples(LENGTHS, LENGTHS),
+)
+def test_a_slope_stays_a_slope(
+    data: st.DataObject, slope: tuple[float, float], cells: tuple[float, float]
+) -> None:
+    """Away from the edges, the level is that of a plane in the cells' middles; means of finer
+    cells, which are steps, are off by half a step at most.
+    """
+
+    def middles(raster: Raster) -> tuple[FloatArray, FloatArray]:
+        axes = zip(raster.origin, raster.cell, raster.values.shape, strict=True)
+        x, y = (low + size * (np.arange(count) + 0.5) for low, size, count in axes)
+        return x[:, None], y[None, :]
+
+    def plane(raster: Raster) -> FloatArray:
+        x, y = middles(raster)
+        return 3.0 + slope[0] * x + slope[1] * y
+
+    terrain = Raster(np.zeros((7, 9)), cells, (2.0, -5.0))
+    terrain = terrain._replace(values=plane(terrain))
+    corner = tuple(data.draw(st.floats(-2, 2)) + low for low in terrain.origin)
+    other = Raster(np.zeros((6, 5)), (data.draw(LENGTHS), data.draw(LENGTHS)), corner)
+    found = terrain.level_in(other)
+    inside, step = True, 1e-6
+    for axis, at in enumerate(middles(other)):
+        size, count = terrain.cell[axis], terrain.values.shape[axis]
+        reach = max(size, other.cell[axis]) / 2
+        step += abs(slope[axis]) * size / 2 if other.cell[axis] >= size else 0.0
+        low, high = terrain.origin[axis], terrain.origin[axis] + size * count
+        inside = inside & (low + reach <= at) & (at <= high - reach)
+    assert_allclose(found[inside], plane(other)[inside], atol=step)
+
+
+def test_the_level_off_a_raster_and_beside_its_holes_is_not_known() -> None:
+    """Cells that it does not overlap, and those between a hole and another cell, have none."""
+    terrain = Raster(np.array([[10.0], [20.0], [math.nan], [40.0]]), (10.0, 10.0), (0.0, 0.0))
+    fine = Raster(np.zeros((9, 1)), (5.0, 10.0), (0.0, 0.0))
+    nan = math.nan
+    assert_array_equal(terrain.level_in(fine)[:, 0], [10, 12.5, 17.5, nan, nan, nan, nan, 40, nan])
+    coarse = Raster(np.zeros((3, 1)), (20.0, 10.0), (0.0, 0.0))
+    assert_array_equal(terrain.level_in(coarse)[:, 0], [15, nan, nan])
 
 
 @examples(40)
