@@ -365,7 +365,7 @@ def _edges(cells: int, ratio: float) -> FloatArray:
     cell in source cells. An edge that is a whole number up to rounding becomes that number, so
     that no cell overlaps a sliver of its neighbour.
     """
-    edges = _snapped(ratio * np.arange(math.ceil(cells / ratio) + 2))
+    edges = _snapped(ratio * np.arange(math.ceil(cells / ratio) + 2.0))
     begun = int(np.searchsorted(edges, cells))
     clipped: FloatArray = np.minimum(edges[: begun + 1], cells)
     return clipped
@@ -374,7 +374,9 @@ def _edges(cells: int, ratio: float) -> FloatArray:
 def _snapped(edges: FloatArray) -> FloatArray:
     """Returns edges, those that are whole numbers up to rounding as these numbers."""
     whole = np.rint(edges)
-    return np.where(np.abs(edges - whole) <= ROUNDING * np.maximum(np.abs(edges), 1), whole, edges)
+    same = np.abs(edges - whole) <= ROUNDING * np.maximum(np.abs(edges), 1)
+    snapped: FloatArray = np.where(same, whole, edges)
+    return snapped
 
 
 def _highest(values: FloatArray, edges: FloatArray) -> FloatArray:
@@ -408,7 +410,9 @@ def _between(values: FloatArray, at: FloatArray) -> FloatArray:
     share = np.maximum(at - low, 0)[:, None]
     high = np.minimum(low + 1, len(values) - 1)
     between = (1 - share) * values[low] + share * values[high]
-    return np.where(share <= SLIVER, values[low], between)  # not nan, although the next one may be
+    # the next one may be nan
+    found: FloatArray = np.where(share <= SLIVER, values[low], between)
+    return found
 
 
 def _mean(values: FloatArray, edges: FloatArray) -> FloatArray:

@@ -18,11 +18,28 @@ from cocap_opt.scenarios.tables import PER_SECOND
 from cocap_opt.scenarios.tracks.layout import Name, Places, is_number, spelt
 
 # Columns of numbers of recordings, places or days: in each of them ids may count anew, and one time
-# may be another moment; spelt as in `layout`, without "id".
-_RECORDINGS = {"scene", "recording", "rec", "sequence", "seq", "video", "clip", "experiment",
-               "trial", "run", "session", "dataset", "take", "camera", "cam", "file", "filename",
-               "match", "game", "period", "half", "floor", "level", "storey", "story", "location",
-               "date", "day"}  # fmt: skip
+# may be another moment; spelt as in `layout`, without "id", "name", "number" and the like at the
+# end.
+_RECORDINGS = {"scene", "scenario", "recording", "rec", "record", "sequence", "seq", "video", "vid",
+               "clip", "experiment", "exp", "trial", "run", "session", "dataset", "take", "camera",
+               "cam", "file", "trackfile", "log", "bag", "source", "case", "episode", "segment",
+               "chunk", "batch", "split", "fold", "repetition", "rep", "match", "game", "period",
+               "half", "floor", "level", "storey", "story", "location", "place", "site", "map",
+               "city", "date", "day"}  # fmt: skip
+_NUMBERING = re.compile(
+    r"(?:ids?|names?|no|nr|num(?:ber)?|index|idx|key|token|uuid|hash|label|path|file)$"
+)
+# Columns that say what was tracked, and words for what is not people.
+_KINDS = {"class", "classname", "type", "agenttype", "agentclass", "objecttype", "objectclass",
+          "objecttypename", "objtype", "label", "category", "categoryname", "kind", "roadusertype",
+          "participanttype", "vehicletype", "trafficparticipant", "species"}  # fmt: skip
+_NOT_PEOPLE = {"car", "cars", "truck", "trucks", "bus", "buses", "van", "vans", "vehicle",
+               "vehicles", "cart", "carts", "tram", "train", "trailer", "lorry", "taxi", "suv",
+               "motorcycle", "motorbike", "bicycle", "robot", "robots", "drone", "static",
+               "background", "construction", "dog", "animal"}  # fmt: skip
+# Columns of the direction in which people look.
+_FACING = {"heading", "yaw", "theta", "orientation", "facing", "bearing", "facingangle", "psi",
+           "bodyorientation", "headorientation", "direction"}  # fmt: skip
 # Columns that mark rows without a person, and the value that does so: 1 or 0.
 _MARKS = {"lost": 1, "islost": 1, "outside": 1, "isoutside": 1,
           "valid": 0, "isvalid": 0, "present": 0, "ispresent": 0}  # fmt: skip
@@ -54,9 +71,10 @@ class OtherColumns(NamedTuple):
         It would join people who have nothing but their id in common, and show people of different
         recordings at once.
         """
-        for place in self._called(_RECORDINGS, ending="id"):
-            found = dict.fromkeys(field for _, field in self.fields(place))
-            if len(found) > 1:
+        for place in self._of_recordings():
+            all_rows = [field for _, field in self.fields(place)]
+            found = dict.fromkeys(all_rows)
+            if 1 < len(found) < max(len(all_rows), 3):  # else it numbers the rows
                 first, other, *_ = found
                 raise ProblemError(
                     f"{self.names[place]}: must be the same in all rows, as ids or times may count "
@@ -108,11 +126,38 @@ class OtherColumns(NamedTuple):
                 found[self.names[place]] = np.array([value == mark for value in values])
         return found
 
-    def _called(self, words: Iterable[str], ending: str = "") -> Iterator[int]:
-        """Yields the places of unread columns with one of these names, spelt in any way."""
-        for place, name in enumerate(self.names):
-            if place not in self.places.values() and spelt(name).removesuffix(ending) in words:
+    def not_people(self) -> str:
+        """Returns what else than people was tracked, in words; empty if no column names any."""
+        for place in self._called(_KINDS):
+            kinds = dict.fromkeys(field for _, field in self.fields(place))
+            others = [
+                kind
+                for kind in kinds
+                if not _NOT_PEOPLE.isdisjoint(re.findall("[a-z]+", _split(kind).lower()))
+            ]
+            if others:
+                return f"column {self.names[place]} has {', '.join(map(repr, others[:4]))}"
+        return ""
+
+    def facing(self) -> str | None:
+        """Returns the name of a column that says where people look; None if there is none."""
+        return next((self.names[place] for place in self._called(_FACING)), None)
+
+    def _of_recordings(self) -> Iterator[int]:
+        """Yields the places of unread columns that may number recordings."""
+        for place in self._unread():
+            word = spelt(self.names[place])
+            while word not in _RECORDINGS and (shorter := _NUMBERING.sub("", word)) != word:
+                word = shorter
+            if word in _RECORDINGS:
                 yield place
+
+    def _called(self, words: Iterable[str]) -> Iterator[int]:
+        """Yields the places of unread columns with one of these names, spelt in any way."""
+        return (place for place in self._unread() if spelt(self.names[place]) in words)
+
+    def _unread(self) -> Iterator[int]:
+        return (k for k in range(len(self.names)) if k not in self.places.values())
 
     def _numbers(self, place: int) -> FloatArray:
         """Returns the values [n] of a column; none if one of them is no number."""
@@ -129,6 +174,11 @@ class OtherColumns(NamedTuple):
         """Returns the advice to leave a column out."""
         kept = ", ".join(f'"{"-" if k == place else name}"' for k, name in enumerate(self.names))
         return f"set columns = [{kept}] in [[tracks]]"
+
+
+def _split(word: str) -> str:
+    """Returns a word with blanks before capitals, as in ArticulatedTruck."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word)
 
 
 def _is_zone(zone: tuple[int, bool], number: int, letter: str) -> bool:

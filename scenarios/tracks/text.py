@@ -49,6 +49,7 @@ from cocap_opt.scenarios.tracks.times import (
     Epoch,
     is_clock,
     is_date,
+    require_no_clock_set_back,
     times_of_clock,
     times_of_dates,
     times_of_numbers,
@@ -60,6 +61,7 @@ HEADS = 0.9, 2.5  # m, allowed median of a column called height; a name such as 
 # smallest factor by which distances in the wrong order of columns exceed those in the right one
 _FAR_CLEARER = 10.0
 _FASTEST = 12.0  # m/s, of people
+_STANDS = 0.5  # m, way of a person whose direction is not known from it
 _AXES = {"x", "y", "latitude", "longitude"}
 _ENDING_ZEROS = re.compile(r"\.0*$")
 _MISSING = {"", "na", "n/a", "null", "none", "-"}  # besides nan, which is a number
@@ -131,9 +133,33 @@ def _of_layout(
     if form.columns is None and layout.names_nothing():
         values = _in_likely_order(values, PER_METRE[unit], 1.0 if rate is None else rate)
     table = TrackTable.of(values, words, where, unit, rate)._replace(clock=clock, stamps=stamps)
+    first = layout.row[places["time"]] if "time" in places else ""
+    if is_clock(first) or (clock is not None and not clock.is_universal):
+        require_no_clock_set_back(table.ids, table.times, table.where)
+    _warn_of_others(path, others, table)
     if "z" in places and names[places["z"]].strip().lower().startswith("height"):
         _require_heads(table, names)
     return table
+
+
+def _warn_of_others(path: Path, others: OtherColumns, table: TrackTable) -> None:
+    """Warns of vehicles in the file, and of a stated direction of people who stand."""
+    if kinds := others.not_people():
+        log.warning("%s: %s, and all rows are read as people: name those to film in ids, or leave "
+                    "the others out of the file", path, kinds)  # fmt: skip
+    if (name := others.facing()) is None:
+        return
+    standing = [
+        person
+        for person in np.unique(table.ids)
+        if np.ptp(table.points[table.ids == person], axis=0).max() < _STANDS
+    ]
+    if standing:
+        log.warning(
+            "%s: column %s is not read, and id %s stands: people look where they walk, and east if "
+            "they never do; use a [[walk]] with one point and a heading for who stands",
+            path, name, standing[0],
+        )  # fmt: skip
 
 
 def _require_system(layout: TextLayout, projection: MapProjection) -> None:
@@ -310,8 +336,8 @@ def _numbers_of(
                 _noting(text, layout, place, spelt),
                 delimiter=layout.delimiter, comments=None, ndmin=2,
             )  # fmt: skip
-        except ValueError:
-            pass  # the loop reads the rows or names the wrong line
+        except ValueError:  # the loop reads the rows or names the wrong line
+            words = "id" in places and _has_words(text, layout, places["id"], count)
         else:
             _require_one_spelling(spelt)
             return {role: table[:, place] for role, place in places.items()}, None
@@ -329,6 +355,12 @@ def _numbers_of(
     if places["id"] == count - 1:
         _require_whole_words(text, layout)
     return values, np.array(ids)
+
+
+def _has_words(text: str, layout: TextLayout, place: int, count: int) -> bool:
+    """Returns True if some id is no number; then all are words."""
+    ids = {field for _, field in _column_of(text, layout, place, count)}
+    return not all(map(is_number, ids))
 
 
 def _noting(text: str, layout: TextLayout, place: int, spelt: set[str]) -> Iterator[str]:

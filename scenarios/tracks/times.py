@@ -12,8 +12,9 @@ from decimal import Decimal
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.tables import PER_SECOND
 
 A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
@@ -21,6 +22,8 @@ A_CLOCK = "a time of day such as 10:00:00.25"
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
 _CLOCK = re.compile(r"(\d{1,3}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
 _HALF_A_DAY = 43_200.0  # s
+_SET_BACK = 1_800.0  # s, least time by which a clock goes back that was set or counts to 12
+_FEW_TIMES = 0.1  # share of the steps between rows; if more go back, rows are not in order
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEARS = 1678, 2261  # years whose nanoseconds since 1970 fit into an int64
 SINCE_1970 = 1e8  # s; later times can only be times since 1970
@@ -102,6 +105,31 @@ def times_of_clock(rows: Iterable[tuple[int, str]]) -> FloatArray:
             "them"
         )
     return np.array(seconds)
+
+
+def require_no_clock_set_back(
+    ids: IntArray | NDArray[np.str_], times: FloatArray, where: Callable[[int], str]
+) -> None:
+    """Raises a ProblemError if the clock of rows in order of time goes back once, by far.
+
+    That is so at the end of summer time, and where 12:59 is followed by 01:00. Rows that are not
+    in order go back more often.
+    """
+    order = np.argsort(ids, kind="stable")
+    same = ids[order][1:] == ids[order][:-1]
+    steps = np.diff(times[order])
+    back = np.flatnonzero(same & (steps < 0))
+    people = len(np.unique(ids[order][1:][back]))
+    if not len(back) or len(back) > people or (steps[back] > -_SET_BACK).any():
+        return
+    if len(back) > _FEW_TIMES * np.count_nonzero(same):
+        return
+    row = int(order[back[0] + 1])
+    raise ProblemError(
+        f"{where(row)}, time: must not be {-steps[back[0]]:.6g} s before the row above of the same "
+        "person: at the end of summer time write dates with an offset from UTC, such as "
+        "2026-10-25T02:00:00+01:00; write hours of 0 to 23"
+    )
 
 
 def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:

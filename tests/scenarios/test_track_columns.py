@@ -243,13 +243,68 @@ def test_units_of_errors_and_the_like_are_not_those_of_places(
     assert found.points.tolist() == [pytest.approx([1200 / scale, 2400 / scale])]
 
 
-@pytest.mark.parametrize("name", ["date", "day", "floor", "match_id", "camera", "Half", "file"])
+@pytest.mark.parametrize(
+    "name",
+    ["date", "day", "floor", "match_id", "camera", "Half", "file", "case_id", "scenario_id",
+     "logId", "scene_name", "video name", "seq_name", "run_number", "trial_no", "track_file"],
+)  # fmt: skip
 def test_rows_of_several_days_or_places_are_refused(tmp_path: Path, name: str) -> None:
     """They would be laid on top of each other."""
     text = f"id,{name},time,x [m],y [m]\n1,a,0,1,2\n2,{{}},0,3,4\n"
     assert len(read(tmp_path, text.format("a"))) == 2
     with pytest.raises(ProblemError, match=f"{name}: must be the same in all rows, as ids or tim"):
         read(tmp_path, text.format("b"))
+
+
+def test_a_number_of_each_row_is_no_recording(tmp_path: Path) -> None:
+    """Many programs number the records of a table."""
+    text = "id,record,time,x [m],y [m]\n1,1,0,1,2\n1,2,1,1,2\n2,3,0,3,4\n2,4,1,3,4\n"
+    assert len(read(tmp_path, text)) == 2
+
+
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [("agent_type\npedestrian\nArticulatedTruck", "'ArticulatedTruck'"),
+     ("category\nhuman.pedestrian.adult\nvehicle.car", "'vehicle.car'"),
+     ("label\nBiker\nSkater", "")],
+)  # fmt: skip
+def test_vehicles_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, column: str, words: str
+) -> None:
+    """They would be filmed as people."""
+    name, first, second = column.split("\n")
+    text = f"id,{name},time,x [m],y [m]\n1,{first},0,1,2\n2,{second},0,3,4\n"
+    assert len(read(tmp_path, text)) == 2
+    told = f"column {name} has {words}, and all rows are read as people"
+    assert (told in caplog.text) == bool(words)
+
+
+@pytest.mark.parametrize("last", [1.1, 4.0])
+def test_a_direction_that_is_not_read_is_told_if_somebody_stands(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, last: float
+) -> None:
+    """Whoever walks looks ahead."""
+    assert read(tmp_path, f"id,time,x [m],y [m],Heading\n7,0,1,2,90\n7,1,{last},2,90\n")
+    assert ("column Heading is not read, and id 7 stands" in caplog.text) == (last < 2)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [("02:59:{:02}", "02:00:{:02}"), ("12:59:{:02}", "01:00:{:02}"),
+     ("2026-10-25T02:59:{:02}", "2026-10-25T02:00:{:02}")],
+)  # fmt: skip
+def test_a_clock_that_goes_back_is_refused(tmp_path: Path, before: str, after: str) -> None:
+    """At the end of summer time, and on a clock of twelve hours; but rows may be in any order."""
+    times = [*map(before.format, range(40, 60)), *map(after.format, range(20))]
+    rows = [f"1,{time},{k},2\n" for k, time in enumerate(times)]
+    head = "id,time,x [m],y [m]\n"
+    with pytest.raises(ProblemError, match=r"line 22, time: must not be \d+ s before the row abo"):
+        read(tmp_path, head + "".join(rows))
+    assert read(tmp_path, head + "".join(rows[::-2] + rows[::2]))
+    zoned = [row.replace(",", "+02:00,", 2).replace("1+02:00", "1", 1) for row in rows[:20]]
+    zoned += [row.replace(",", "+01:00,", 2).replace("1+01:00", "1", 1) for row in rows[20:]]
+    if "T" in before:
+        assert read(tmp_path, head + "".join(zoned))
 
 
 @pytest.mark.parametrize("name", ["ms", "msec", "time_ns", "microseconds"])

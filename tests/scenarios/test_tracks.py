@@ -189,7 +189,6 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("# c\n\n1 0 1 2\n1 1 1 2 3\n", {}, "line 4: must have 4 values, not 5"),
         ("id,frame,x,y\n1,0,1,2,\n", {}, "line 2: must have 4 values, not 5"),
         ("1 0 1 2\n# c\n1 1 one 2\n", {}, "line 3, x: must be a number, not 'one'"),
-        ("1 0 1 2\nBob 1 1 2\n", {}, "line 2, id: must be a number, not 'Bob'"),
         ("Bob,0,1,2\n,1,1,2\n", {}, "line 2, id: must not be empty"),
         ("1;0;1,5;2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("1 0 1,5 2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
@@ -346,8 +345,13 @@ def test_ids_may_contain_the_sign_of_comments(tmp_path: Path) -> None:
         assert [track.id for track in read(tmp_path, text, unit="m", fps=1)] == [name, other]
     with pytest.raises(ProblemError, match=r"line 2, id: must not have a blank before #, .*: #1"):
         read(tmp_path, "frame,x,y,id\n0,1,2,P #1\n1,1,2,P #2\n", unit="m", fps=1)
-    with pytest.raises(ProblemError, match="line 3, id: must be a number, not '1#2'"):
-        read(tmp_path, "frame,x,y,id\n0,1,2,1\n1,1,2,1#2\n", unit="m", fps=1)
+
+
+@pytest.mark.parametrize("ids", [("1", "2", "P7"), ("P7", "1", "2"), ("1", "1#2", "01")])
+def test_if_some_ids_are_words_all_are(tmp_path: Path, ids: tuple[str, ...]) -> None:
+    """Whichever comes first: as where vehicles have numbers and pedestrians a letter before."""
+    text = "frame,x,y,id\n" + "".join(f"0,{k},2,{name}\n" for k, name in enumerate(ids))
+    assert [track.id for track in read(tmp_path, text, unit="m", fps=1)] == sorted(ids)
 
 
 @pytest.mark.parametrize(
