@@ -61,6 +61,10 @@ PLY = Kind("a PLY", f"a mesh, {_MESH}")
 OFF = Kind("an OFF", f"a mesh, {_MESH}")
 STL = Kind("an STL", f"a mesh, {_MESH}")
 
+_GEOJSON_LINES = Kind(
+    "GeoJSON with a feature on each line",
+    "convert it with `ogr2ogr NEW.geojson OLD.geojsonl`, for [[walls]]",
+)
 _JSON_LINES = Kind("JSON lines (e.g. of TrajNet++)", f"read each line as JSON, and {_PEOPLE}; in "
                    "TrajNet++ p is an id, and f a frame")  # fmt: skip
 _ZIP = Kind("a ZIP archive", _UNPACK)
@@ -375,13 +379,18 @@ def _by_root(begin: bytes) -> Kind | None:
     return _XML if text.lstrip().startswith((b"<?xml", b"<!DOCTYPE")) else None
 
 
+_FEATURE = re.compile(rb'"type"\s*:\s*"Feature"')
+
+
 def _by_words(begin: bytes) -> Kind | None:
     """Returns the kind of a text that begins with characteristic words or braces."""
     text = _in_utf8(begin)
     if _JSON.match(text):
         lines = text.split(b"\n")
         several = len(lines) > 1 and lines[1].lstrip()[:1] == lines[0].lstrip()[:1]
-        return _JSON_LINES if several and _is_json(lines[0]) else JSON
+        if not (several and _is_json(lines[0])):
+            return JSON
+        return _GEOJSON_LINES if _FEATURE.search(lines[0]) else _JSON_LINES
     if _WKT.match(text.decode("utf-8", "replace")):
         return WKT
     if _NMEA.match(text):

@@ -122,6 +122,30 @@ def is_no_building(properties: Mapping[str, Any]) -> bool:
     return any(_key(name) == "building" and value == "no" for name, value in flat)
 
 
+def is_part(properties: Mapping[str, Any]) -> bool:
+    """Returns True for a part of a building, which replaces the outline of the whole building.
+
+    Source: https://wiki.openstreetmap.org/wiki/Simple_3D_Buildings.
+    """
+    flat = _flat(properties, "properties")
+    return any(
+        _key(name) == "buildingpart" and value not in (None, "", "no") for name, value in flat
+    )
+
+
+def is_outline(properties: Mapping[str, Any]) -> bool:
+    """Returns True for a whole building of OpenStreetMap, which may have parts."""
+    flat = _flat(properties, "properties")
+    return any(_key(name) == "building" and value not in (None, "") for name, value in flat)
+
+
+def is_canopy(properties: Mapping[str, Any]) -> bool:
+    """Returns True for a roof of OpenStreetMap without walls, whose underside is not stated."""
+    flat = {_key(name): value for name, value in _flat(properties, "properties")}
+    is_roof = "roof" in (flat.get("building"), flat.get("buildingpart"))
+    return is_roof and not any(key in flat for key in (*_BOTTOM, *_BOTTOM_STOREYS))
+
+
 def may_be_underground(properties: Mapping[str, Any]) -> bool:
     """Returns True for a building of OpenStreetMap with a negative layer: many are underground, but
     a layer only says what crosses what.

@@ -26,7 +26,10 @@ from cocap_opt.scenarios.maps.building_heights import (
     STOREY,
     Extent,
     extent,
+    is_canopy,
     is_no_building,
+    is_outline,
+    is_part,
     is_underground,
     may_be_underground,
 )
@@ -241,6 +244,17 @@ def _of_polygons(
         if no_house:
             kept = [item for item in kept if item not in no_house]
             notes.append(f"{len(no_house)} of {len(found)} polygons have building = no: left out")
+        kept, opened = _without_parts(kept)
+        if opened:
+            notes.append(
+                f"{opened} of {len(found)} polygons are outlines of buildings whose parts "
+                "(building:part) are in the file, which count instead"
+            )
+        if roofs := sum(is_canopy(item.properties) for item, _ in kept):
+            notes.append(
+                f"{roofs} of {len(found)} polygons are roofs (building = roof) whose underside is "
+                "not stated (min_height): they are solid from the ground"
+            )
         if below := sum(may_be_underground(item.properties) for item, _ in kept):
             notes.append(
                 f"{below} of {len(found)} polygons are buildings with a negative layer; if they "
@@ -261,6 +275,30 @@ def _of_polygons(
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     outside = tuple(Polygon(part.exterior) for part in parts)
     return GroundPlan(outside, tuple(holes), notes=tuple(notes))
+
+
+def _without_parts(
+    kept: list[tuple[FoundPolygon, BaseGeometry]],
+) -> tuple[list[tuple[FoundPolygon, BaseGeometry]], int]:
+    """Returns polygons without the area of outlines that has parts, and how many outlines have
+    some.
+    """
+    parts = [polygon for item, polygon in kept if is_part(item.properties)]
+    if not parts:
+        return kept, 0
+    area, result, opened = shapely.union_all(parts), list[tuple[FoundPolygon, BaseGeometry]](), 0
+    for item, polygon in kept:
+        if is_part(item.properties) or not is_outline(item.properties):
+            result.append((item, polygon))
+            continue
+        rest = shapely.difference(polygon, area)
+        has_parts = polygon.area - rest.area > SLIVER
+        opened += has_parts
+        if not has_parts:
+            result.append((item, polygon))
+        elif rest.area > SLIVER * max(polygon.area, 1.0):
+            result.append((item, rest))
+    return result, opened
 
 
 def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str], StatedSystem]:

@@ -20,6 +20,20 @@ _STATED = re.compile(
     r"(?:[:=]|\bis\b|\bare\b|(?=[^\W\d_]+\s*$))\s*(?P<number>[-+]?[\d.,]*\d(?:e[-+]?\d+)?)?(?P<unit>.*)",
     re.IGNORECASE,
 )
+# Other words about the unit, as in "coordinates are in feet" or "length unit [ft]".
+_ABOUT_LENGTHS = re.compile(
+    r"\b(?:units?|unit[\s-]*system|coordinates?|vertices|lengths?|dimensions?|measured|metric|"
+    r"imperial|(?:ex|im)port\w*)\b",
+    re.IGNORECASE,
+)
+_IN_UNIT = re.compile(
+    r"\bin[\s-]+([a-z]+(?:[\s-]+(?:survey[\s-]+)?(?:feet|foot|ft))?)\b"
+    r"|[\[(]\s*([^\])]*?)\s*[\])]|\b\d[\d.,]*\s*([a-z]+)\b",
+    re.IGNORECASE,
+)
+_FACTOR = re.compile(
+    r"[:=]\s*([-+]?\d[\d.,]*(?:e[-+]?\d+)?)|(\d[\d.,]*)\s*(?=[a-z]*\s*=)", re.IGNORECASE
+)
 _NO_LENGTHS = {"texture", "textures", "uv", "angle", "angles", "angular", "time", "mass", "colour",
                "color"}  # fmt: skip
 # Lengths in which recipes have no coordinates.
@@ -42,16 +56,15 @@ def settled_unit(path: Path, unit: Unit | None) -> str:
     """
     found: dict[str, str] = {}
     for comment in _comments(path):
-        stated = _STATED.search(comment)
-        if stated is None or (stated["of"] or "").lower() in _NO_LENGTHS:
+        name, is_one = _stated_in(comment)
+        if name is None:
             continue
-        if name := _unit_in(stated["unit"]):
-            found.setdefault(name, comment.strip()[:60])
-            if not _is_one(stated["many"]) or not _is_one(stated["number"]):
-                raise ProblemError(
-                    f"unit: a comment states {comment.strip()[:60]!r}, which is a scale: export "
-                    f"the mesh in one of {', '.join(PER_METRE)}"
-                )
+        found.setdefault(name, comment.strip()[:60])
+        if not is_one:
+            raise ProblemError(
+                f"unit: a comment states {comment.strip()[:60]!r}, which is a scale: export "
+                f"the mesh in one of {', '.join(PER_METRE)}"
+            )
     if len(found) > 1:
         raise ProblemError(f"unit: must be one, but comments state {' and '.join(found)}")
     for name, comment in found.items():
@@ -66,6 +79,22 @@ def settled_unit(path: Path, unit: Unit | None) -> str:
             )
         return name
     return unit or "m"
+
+
+def _stated_in(comment: str) -> tuple[str | None, bool]:
+    """Returns the unit that a comment states, or None, and True if it is one of one."""
+    stated = _STATED.search(comment)
+    if stated is not None:
+        if (stated["of"] or "").lower() in _NO_LENGTHS:
+            return None, True
+        if name := _unit_in(stated["unit"]):
+            return name, _is_one(stated["many"]) and _is_one(stated["number"])
+    if not _ABOUT_LENGTHS.search(comment):
+        return None, True
+    words = (word for found in _IN_UNIT.findall(comment) for word in found if word)
+    names = {name for word in words if (name := _unit_in(word))}
+    numbers = (number for found in _FACTOR.findall(comment) for number in found if number)
+    return (names.pop(), all(map(_is_one, numbers))) if len(names) == 1 else (None, True)
 
 
 def _is_one(number: str | None) -> bool:

@@ -562,6 +562,40 @@ def test_what_is_no_building_is_left_out(tmp_path: Path, caplog: pytest.LogCaptu
     assert "1 of 2 polygons have building = no: left out" in caplog.text
 
 
+def test_parts_count_instead_of_the_outline_of_their_building(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As in OpenStreetMap: below a part that begins higher up, drones fly and people walk; what no
+    part covers stays.
+    """
+    whole = house(10, 10, building="yes", height=20)
+    (west, east), tag = (
+        [{"type": "Polygon", "coordinates": [ring(x, 10, wide=5)]} for x in (10, 15)],
+        {"building:part": "yes"},
+    )
+    arch = feature(west, height=20, min_height=6, **tag)
+    wing = feature(east, height=12, **tag)
+    found = boxes(walls(tmp_path, collection(whole, arch, wing)))
+    assert [box[2::3] for box in found] == [[6.0, 20.0], [0.0, 12.0]]
+    assert "1 of 3 polygons are outlines of buildings whose parts (building:part)" in caplog.text
+    found = boxes(walls(tmp_path, collection(whole, arch)))
+    assert [(*box[0::3], *box[2::3]) for box in found] == [
+        (15.0, 20.0, 0.0, 20.0),
+        (10.0, 15.0, 6.0, 20.0),
+    ]
+
+
+def test_a_roof_without_an_underside_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is solid from the ground, unless the file says where it begins."""
+    walls(tmp_path, collection(house(10, 10, building="roof", height=5)))
+    assert "1 of 1 polygons are roofs (building = roof)" in caplog.text
+    caplog.clear()
+    walls(tmp_path, collection(house(10, 10, building="roof", height=5, min_height=4)))
+    assert not caplog.text
+
+
 def test_buildings_stand_on_the_ground_below_them(tmp_path: Path) -> None:
     """Not on the lowest of the map, nor on that of a ditch beside them; their feet reach both."""
     heights = np.add.outer(100 + 0.5 * np.arange(60), np.zeros(60))

@@ -589,7 +589,12 @@ COMMENTED = ["a.obj", "b.obj", "a.off", "a.ply", "a.stl"]
     ("comment", "metre"),
     [("File units = millimeters", 1000), ("unit: ft", 1 / 0.3048), ("UNITS=m", 1),
      ("units: US survey feet", 3937 / 1200), ("units: 12", 1), ("units are cm, z up", 100),
-     ("made in 3 units", 1), ("unity = cm", 1), ("unit mm", 1000)],
+     ("made in 3 units", 1), ("unity = cm", 1), ("unit mm", 1000),
+     ("Coordinates are in feet", 1 / 0.3048), ("Length unit [ft]", 1 / 0.3048),
+     ("Unit: 1 unit = 1 foot", 1 / 0.3048), ("1 ft = 1 unit", 1 / 0.3048),
+     ("unit system: imperial (feet)", 1 / 0.3048), ("object exported in millimeters", 1000),
+     ("vertices in US survey feet", 3937 / 1200), ("exported in 2024 with 8 vertices", 1),
+     ("made in Finland, 12 m", 1)],
 )  # fmt: skip
 def test_the_unit_that_a_comment_states_counts(
     tmp_path: Path, name: str, comment: str, metre: float
@@ -617,7 +622,7 @@ def test_a_unit_that_no_recipe_has_is_refused(tmp_path: Path, name: str, comment
 @pytest.mark.parametrize("name", COMMENTED)
 @pytest.mark.parametrize(
     "comment", ["1 unit = 10 cm", "1 unit = 0.0254 m", "Units: 0.1 m", "100 units = 1 m",
-                "units = 1,5 ft"],
+                "units = 1,5 ft", "Unit-in-meters: 0.3048", "vertices in feet, scale: 12"],
 )  # fmt: skip
 def test_scales_in_comments_are_refused(tmp_path: Path, name: str, comment: str) -> None:
     """A unit of the file that is some units of length; one of one is the unit itself."""
