@@ -283,12 +283,21 @@ def _misplaced(problem: SceneData, actor: Actor) -> Iterator[str]:
 
 def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
     """Describes when an actor is inside an obstacle, and how deep; empty if it never is."""
-    steps: list[_Pose] = [(x, y, z, yaw) for x, y, z, yaw in actor.poses[: horizon + 1].tolist()]
-    depths = {t: depth for t, pose in enumerate(steps) if (depth := _sunk(workspace, actor, pose))}
+    depths = depths_below(workspace, actor, horizon)
     if not depths:
         return ""
     words = f"their feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
-    return _at(list(depths), steps, "is inside an obstacle", words)
+    return _at(list(depths), _poses(actor, horizon), "is inside an obstacle", words)
+
+
+def depths_below(workspace: Workspace, actor: Actor, horizon: int) -> dict[int, float]:
+    """Returns the depths (m) of an actor's feet below the top of obstacles, by step."""
+    steps = enumerate(_poses(actor, horizon))
+    return {t: depth for t, pose in steps if (depth := _sunk(workspace, actor, pose))}
+
+
+def _poses(actor: Actor, horizon: int) -> list[_Pose]:
+    return [(x, y, z, yaw) for x, y, z, yaw in actor.poses[: horizon + 1].tolist()]
 
 
 def _distinct_people(problem: SceneData) -> Iterator[tuple[int, Actor]]:

@@ -2,7 +2,8 @@
 
 Each person has a separate draw in each take. Draws that lead into an obstacle, off the map or into
 somebody of the same take are rejected and repeated; a person for whom all draws fail walks as
-given. So if space is limited, the actual spread is slightly smaller than stated.
+given. So if space is limited, the actual spread is slightly smaller than stated. If a given walk is
+inside obstacles at some steps, those drawn are at no more steps.
 """
 
 import logging
@@ -14,7 +15,7 @@ import numpy as np
 
 from cocap_opt.arithmetic import cosines, sines
 from cocap_opt.data import FloatArray, ProblemError, require, whole, within
-from cocap_opt.plausibility import buried
+from cocap_opt.plausibility import depths_below
 from cocap_opt.problem import Actor
 from cocap_opt.problem.takes import PeopleInTakes, equal_chances
 from cocap_opt.world.workspace import Workspace
@@ -157,7 +158,7 @@ def _drawn(
     spread: Spread, rng: np.random.Generator, barred: Callable[[Actor], bool],
 ) -> Actor | None:  # fmt: skip
     """Returns a person with a drawn walk, clear of those present; None if all draws fail."""
-    may_be_inside = bool(buried(workspace, actor, horizon))  # the given walk is inside, too
+    inside = len(depths_below(workspace, actor, horizon))  # steps at which the given walk is, too
     for _ in range(_TRIES):
         late, left, faster = rng.standard_normal(3) * spread
         walk = _Walk(late / (step or 1.0), left, max(1.0 + faster, _SLOWEST))
@@ -167,7 +168,7 @@ def _drawn(
         between = walk.aside(_radius(actor), workspace.height_map.resolution / 2)
         sides = (side.of(actor, workspace, horizon) for side in between)
         if all(
-            _on_map(workspace, side) and (may_be_inside or not buried(workspace, side, horizon))
+            _on_map(workspace, side) and len(depths_below(workspace, side, horizon)) <= inside
             for side in sides
         ):
             return found

@@ -138,6 +138,8 @@ def plan(
         limits = _limits(rest.scene, method, time_limit, stop)
         planned = replanning.planned(method, limits, name)
         return replanning.answer(replanning.bounded(planned, seconds, stop), name)
+    if bound_limit != BOUND_SECONDS:
+        raise ValueError("bound_limit: must be left out unless the rest of a plan is planned")
     judged: Judged[Result] = run_keeping(
         problem, method, _limits(problem, method, time_limit, stop), name=name
     )

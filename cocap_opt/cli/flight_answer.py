@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cocap_opt.flight.earth import told_accuracy
+from cocap_opt.flight.filming import parts_of
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.notes import Kind, Note, notes_of
 from cocap_opt.flight.ways import Part
@@ -76,8 +77,9 @@ class FlightAnswer(NamedTuple):
         way = "smooth" if self.flight.is_smooth else "straight"
         steps = f"{flown.problem.horizon} steps of {flown.step:g} s"
         yield "flight", f"{way}, {flown.seconds:g} s: {steps}"
-        mean = rounded(found[f"reward_{way}"])
-        yield "J", f"{rounded(found['reward'])} at the steps; {mean} as the mean over all moments"
+        mean, parts = rounded(found[f"reward_{way}"]), parts_of(flown.problem)
+        at_steps = f"{rounded(found['reward'])} at the steps"
+        yield "J", f"{at_steps}; {mean} as the mean over {parts} moments a step"
         if found["least_distance"] is not None:
             rule = _rule(rules.separation, rules.vertical, "in height", "between the steps")
             yield "between drones", f"{found['least_distance']:.2f} m at least; {rule}"

@@ -375,7 +375,10 @@ class Front:
         """Yields sentences on the definition of views, what is proved, and the requested share."""
         if not self.plans:
             none = "proved: no plan exists that obeys the rules"
-            found = "no plan that obeys the rules was found; a longer time limit may find one"
+            found = (
+                "no plan that obeys the rules is known; more directions or a longer time limit may "
+                "find one"
+            )
             yield none if self.no_plan else found
             return
         yield (

@@ -75,7 +75,8 @@ class CliquesOfMoves:
 MOST_ENTRIES = 500_000  # entries of the separation rows
 TOO_MANY_ENTRIES = (
     f"a flow model takes at most {MOST_ENTRIES} entries of separation rows; this scene has more. "
-    "Use column-generation, which adds only the rows that matter"
+    "Solve it by column-generation, which adds only the rows that matter; to export it, use an "
+    ".instance, which has the rules and not their rows"
 )
 MOST_PASSING = 1_500  # moves of one step for which rows enforce the separation
 

@@ -127,7 +127,7 @@ class OtherColumns(NamedTuple):
         return found
 
     def not_people(self) -> str:
-        """Returns what else than people was tracked, in words; empty if no column names any."""
+        """Names a column and the things in it that are not people; empty if there are none."""
         for place in self._called(_KINDS):
             kinds = dict.fromkeys(field for _, field in self.fields(place))
             others = [

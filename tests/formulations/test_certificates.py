@@ -412,7 +412,7 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
     for t, f in product(steps, faces):
         if t * len(faces) + f in seen and alpha[t][f] < 1:
             total += weights[t][f] * (1 - alpha[t][f]) ** 2 / (4 * beta[t][f])
-    for robot, spec in enumerate(problem.robots):
+    for robot in range(len(problem.robots)):
         graph = time_expanded_graph(problem, robot)
         robot_class = model.class_of[robot]
         table = model.coverage(robot_class)
@@ -452,7 +452,7 @@ def exact_price(problem: Problem, certificate: Multipliers) -> Fraction:
                 bonus = exact_bonus(problem, state, head)
                 ahead.append(worth[head, t + 1] + bonus - swap - moved)
             worth[state, t] = paid(state, t) - charge + max(ahead, default=Fraction(0))
-        total += worth[spec.start, 0]
+        total += max(worth[node] for node in graph if node[1] == 0)
     return total
 
 
