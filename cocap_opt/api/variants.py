@@ -177,8 +177,9 @@ def takes(
     walks to one side, and is slower or faster, by amounts drawn from normal distributions. A draw
     that leads into an obstacle, off the map, into another person of the same take, or too close to
     a drone's fixed start is repeated; a person for whom 50 draws fail walks as given, and a warning
-    says so. If the walk as given is inside obstacles at some steps, draws may be so at as many. People hide only people of the same take. J becomes the mean over the takes, and plans
-    keep away from the people of all of them.
+    says so. If the walk as given is inside obstacles at some steps, draws may be so at as many.
+    People hide only people of the same take. J becomes the mean over the takes, and plans keep away
+    from the people of all of them.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy, Place
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios.earth import has_heights, same_system, short_name, utm
@@ -189,6 +189,23 @@ def _require_system(earth: Earth, corner: Place) -> None:
             f"{longitude:g}"
         )
     Geodesy(earth, corner)
+
+
+def of_map_file(crs: str, corner: Place) -> Earth:
+    """Returns the place of a map in a system that its file states; a warning says if flights cannot
+    be written in that system.
+    """
+    earth = Earth(crs=crs)
+    try:
+        Geodesy(earth, corner)
+    except FieldError as error:
+        if error.allowed.startswith("must"):  # otherwise pyproj is missing
+            log.warning(
+                "map: flights cannot be written in its reference system, which %s; convert all "
+                "maps, e.g. with gdalwarp -t_srs EPSG:326ZZ, where ZZ is the UTM zone",
+                error.allowed,
+            )
+    return earth
 
 
 def require_likely(earth: Earth, height_map: HeightMap) -> None:

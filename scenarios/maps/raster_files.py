@@ -387,10 +387,13 @@ def _read_beside(path: Path) -> Iterator[_Said]:
         yield _of_system(text, units)
 
 
+_OF_A_SITE = "local_cs", "engcrs", "engineeringcrs"
+
+
 def _of_system(text: str, units: Units) -> _Said:
     require_metres(units)
-    # Arc/Info's format is not machine-readable
-    is_one = not text.strip().casefold().startswith("projection")
+    # Arc/Info's format is not machine-readable; a system of a site has no place on the Earth
+    is_one = not text.strip().casefold().startswith(("projection", *_OF_A_SITE))
     return text.strip() if is_one else None, units.heights
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.problem import Actor, Earth, LandCover
-from cocap_opt.scenarios.earth.place import MapProjection
+from cocap_opt.scenarios.earth.place import MapProjection, of_map_file
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.schema import Recipe
@@ -25,7 +25,8 @@ _ROUND = 5.0  # m, to which the corner of a proposed map is rounded
 def earth_of(recipe: Recipe, terrain: Terrain) -> Earth | None:
     """Returns the scene's place on the Earth, if the recipe or the map's file defines it."""
     if recipe.earth is None:
-        return None if terrain.crs is None else Earth(crs=terrain.crs)
+        corner = terrain.height_map.centre(0, 0)
+        return None if terrain.crs is None else of_map_file(terrain.crs, corner)
     with naming("earth"):
         earth = recipe.earth.earth(terrain.crs, terrain.height_map)
         if recipe.flight == "above-sea" and (earth.base or earth.heights == "ellipsoid"):

@@ -4,6 +4,7 @@ Source of the names and of the comments: the files of PeTrack, JuPedSim, PedPy a
 similar tables.
 """
 
+import csv
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -177,7 +178,8 @@ class TextLayout(NamedTuple):
             if not (is_row or below) and (header or any(comments)) and _is_units(fields):
                 below = _units_of(content, fields, header, line)
                 continue
-            if header is None and not is_row:
+            if not is_row and (header is None or not _names_people(header)):
+                comments += [] if header is None else [head.strip()]  # a title above the header
                 header, head = _bare_header(content, separator), content
                 continue
             return cls(comments, header, below, line, fields, separator, _comments(text, line))
@@ -325,6 +327,9 @@ def _bare_header(line: str, separator: str | None) -> list[str]:
 
 def fields_of(line: str, delimiter: str | None) -> list[str]:
     """Returns the fields of a line."""
+    if delimiter is not None and '"' in line:  # a field between quotes may contain the delimiter
+        (row,) = csv.reader([line.strip(" \n")], delimiter=delimiter, skipinitialspace=True)
+        return [field.strip(' \t\n"') for field in row]
     return [field.strip(' \t\n"') for field in line.strip(" \n").split(delimiter)]
 
 
@@ -469,7 +474,12 @@ def places_of(names: Sequence[str], field: str) -> Places:
             if _is_rare(name, role):
                 continue
             if not _is_rare(names[places[role]], role):
-                raise ProblemError(f"{field}: must name one column {role}, not two")
+                both = f"{names[places[role]]} and {name}"
+                raise ProblemError(
+                    f"{field}: must name one column {role}, not two, {both}; set columns in "
+                    '[[tracks]], with "-" for unused ones'
+                    + (", or add them if one has fractions of the other" if role == "time" else "")
+                )
         places[role] = place
     metres, degrees = (axes <= places.keys() for axes in _AXES)
     if not (metres or degrees) or not places.keys() & {"frame", "time"}:

@@ -122,6 +122,26 @@ def test_an_origin_is_where_it_is_said_to_be(tmp_path: Path) -> None:
     assert degrees(problem, 70.0, -30.0) == pytest.approx((latitude, longitude), abs=1e-9)
 
 
+def test_a_map_in_whose_system_no_flight_can_be_written_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Not only after planning; a system of a site alone is no place on the Earth."""
+    problem = recipe(tmp_path, crs="EPSG:2053", corner=(-30_000.0, 2_900_000.0))
+    assert problem.earth is not None
+    assert (
+        "map: flights cannot be written in its reference system, which must have axes to the"
+        in (caplog.text)
+    )
+    caplog.clear()
+    (tmp_path / "map.asc").write_text(
+        "ncols 2\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 4\n0 0\n"
+    )
+    (tmp_path / "map.prj").write_text('LOCAL_CS["site",UNIT["metre",1],AXIS["X",EAST]]')
+    path = tmp_path / "site.toml"
+    path.write_text(RECIPE.format(map='file = "map.asc"', x=2.5, y=2.5, more=""))
+    assert read(path).earth is None and "map:" not in caplog.text
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

@@ -256,6 +256,22 @@ def test_rows_of_several_days_or_places_are_refused(tmp_path: Path, name: str) -
         read(tmp_path, text.format("b"))
 
 
+def test_fields_between_quotes_may_contain_commas(tmp_path: Path) -> None:
+    """As in names with a comma, and in times of day with a decimal comma."""
+    text = 'id,time,x [m],y [m]\n"Doe, John","00:00:00,000",1,2\n"Doe, John","00:00:00,040","3",4\n'
+    (found,) = read(tmp_path, text)
+    assert found.id == "Doe, John"
+    assert found.times.tolist() == [0.0, pytest.approx(0.04)]
+    assert found.points.tolist() == [[1, 2], [3, 4]]
+
+
+def test_titles_above_the_header_are_no_header(tmp_path: Path) -> None:
+    """They have no numbers either, but do not name people and places."""
+    text = "Recorded by: J. Doe\nLocation: Delft, NL\nid,time,x [m],y [m]\n1,0,1,2\n1,1,3,4\n"
+    (found,) = read(tmp_path, text)
+    assert found.points.tolist() == [[1, 2], [3, 4]]
+
+
 def test_a_number_of_each_row_is_no_recording(tmp_path: Path) -> None:
     """Many programs number the records of a table."""
     text = "id,record,time,x [m],y [m]\n1,1,0,1,2\n1,2,1,1,2\n2,3,0,3,4\n2,4,1,3,4\n"
