@@ -44,7 +44,8 @@ from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.certificates.sweep import values_to_go
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path, PathCells
-from cocap_opt.problem import Objective, Plan, State
+from cocap_opt.problem import Plan
+from cocap_opt.referee import rewards_of_move
 
 _NOTHING = 1e-9  # tolerance for the bound of a scene in which no reward can be collected
 Kind = Literal["path", "face", "views", "row", "decision", "leaves", "stages", "claim", "rounding"]
@@ -240,7 +241,8 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
             path, states = paths[robot], plan.paths[robot]
             worth = [float(values[k]) for values in ahead]
             gains = _gains(charges, reward, path, robot_class.graph.n_places)
-            moves = [reward_of_move(model.problem.objective, *move) for move in pairwise(states)]
+            objective = model.problem.objective
+            moves = [sum(rewards_of_move(objective, *move)) for move in pairwise(states)]
             losses[robot] = [
                 worth[t] - gains[t] - moves[t] - worth[t + 1] for t in range(len(moves))
             ]
@@ -260,17 +262,6 @@ def _gains(charges: Charges, reward: FloatArray, path: Path, n_places: int) -> l
             cost += charges.moves.get((t, place, path[t + 1] % n_places), 0.0)
         gains.append(float(reward[t, state]) - cost)
     return gains
-
-
-def reward_of_move(objective: Objective, a: State, b: State) -> float:
-    """Returns the reward for one move, by the definition of the objective."""
-    same_cell = (a.x, a.y, a.layer) == (b.x, b.y, b.layer)
-    return (
-        objective.stationarity * (a == b)
-        + objective.keep_cell * same_cell
-        + objective.keep_heading * (a.heading == b.heading)
-        + objective.balanced * ((b.x - a.x) + (b.y - a.y) == 0)
-    )
 
 
 # -- faces and people ---------------------------------------------------------------------

@@ -43,12 +43,12 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
-from cocap_opt.formulations.explanation import reward_of_move
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.networks import Node, edges_in_reach, keep_paths, reached_graph
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Objective, Problem, Robot, State
+from cocap_opt.referee import rewards_of_move
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
 
@@ -577,7 +577,7 @@ def _weighted(
         for head in graph[tail]:
             weight = worth[head]
             if rewarded:
-                weight += reward_of_move(objective, state, head[0])
+                weight += sum(rewards_of_move(objective, state, head[0]))
             if t in charged:
                 weight -= uses.get((t, cells[state], cells[head[0]]), 0.0)
             if weight > -math.inf:

@@ -227,11 +227,14 @@ def test_the_last_words_of_the_other_process_are_told(monkeypatch: pytest.Monkey
         apart.compile_apart(MODULE, MODULE, never)
 
 
-def test_without_python_to_start_it_is_compiled_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_python_to_start_it_is_compiled_here(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     """As where the program is one file that has Python in it."""
+    caplog.set_level("INFO")
     monkeypatch.setattr(sys, "executable", "")
-    use = Kernel(MODULE, "value iteration", 4.0)
-    use._compile_apart([], never)
+    Kernel(MODULE, "value iteration", 4.0)._compile_apart([], never)
+    assert "value iteration is compiled in this process" in caplog.text
 
 
 def test_what_is_damaged_and_cannot_be_removed_is_not_used(
