@@ -125,6 +125,8 @@ _EXAMPLES = {
 _IN_DEGREES = "; write decimal degrees, not minutes or parts of 1e7"
 _ADVICE = {
     "frame": "; is it a time? Name it time in columns",
+    "id": "; with a letter in front, it is read as a word",
+    "z": '; "-" in its place in columns of [[tracks]] leaves z out',
     "latitude": _IN_DEGREES,
     "longitude": _IN_DEGREES,
 }

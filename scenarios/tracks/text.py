@@ -377,7 +377,8 @@ def _require_one_spelling(ids: set[str]) -> None:
     """
     first: dict[float, str] = {}
     for word in sorted({_ENDING_ZEROS.sub("", word.strip()) for word in ids}):
-        other = first.setdefault(float(word), word)
+        # ids of many digits may be different whole numbers and the same double
+        other = first.setdefault(int(word) if word.isdecimal() else float(word), word)
         if other != word:
             raise ProblemError(
                 f"id: {other[:20]} and {word[:20]} must not both be ids, as they are the same "

@@ -190,6 +190,16 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("id,frame,x,y\n1,0,1,2,\n", {}, "line 2: must have 4 values, not 5"),
         ("1 0 1 2\n# c\n1 1 one 2\n", {}, "line 3, x: must be a number, not 'one'"),
         ("Bob,0,1,2\n,1,1,2\n", {}, "line 2, id: must not be empty"),
+        (
+            f"{10**18},0,1,2\n{10**18 + 1},0,1,2\n",
+            {},
+            "line 1, id: must be a whole number within +-1,000,000,000,000, not 1e+18; with a ",
+        ),
+        (
+            "id,frame,x,y,z\n1,0,1,2,1.7\n1,1,1,2,nan\n",
+            {},
+            'line 3, z: must be a number within +-1,000,000,000, not nan; "-" in its place',
+        ),
         ("1;0;1,5;2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("1 0 1,5 2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
         ("1\t0\t1,5\t2\n", {}, "line 1, x: must have a decimal point, not a comma: '1,5'"),
