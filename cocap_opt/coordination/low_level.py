@@ -41,9 +41,9 @@ class SingleRobotPath(NamedTuple):
         pixels = model.problem.no_pixels() if path is None else model.robot_pixels(robot, path)
         return cls(path, pixels, 0)
 
-    def added_to(self, pixels: FloatArray) -> FloatArray:
-        """Returns view sums [Z] plus those along this path."""
-        return pixels + self.pixels
+    def add_to(self, pixels: FloatArray) -> None:
+        """Adds the view sums along this path to view sums [Z]."""
+        pixels += self.pixels
 
 
 PlannedTeam = Team[SingleRobotPath]

@@ -115,8 +115,10 @@ def in_rounds(
             return
         quiet += 1
         single = responses.best(team, robot, rules)
+        if single.path is None or single.path == team.path(robot):
+            continue
         changed = team.with_path(robot, single)
-        if single.path is not None and changed.gains_over(team):
+        if changed.gains_over(team):
             team, quiet = changed, 1
             yield team
 

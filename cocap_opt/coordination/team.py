@@ -28,8 +28,8 @@ class _FoundPath(Protocol):
     def path(self) -> Path | None:
         """State numbers at steps 0..T; None if the robot has no path."""
 
-    def added_to(self, pixels: FloatArray) -> FloatArray:
-        """Returns view sums [Z] plus those along this path, as a new array."""
+    def add_to(self, pixels: FloatArray) -> None:
+        """Adds the view sums along this path to view sums [Z]."""
 
 
 P = TypeVar("P", bound=_FoundPath)
@@ -81,7 +81,7 @@ class Team(Generic[P]):
         pixels = self.model.problem.no_pixels()
         for i, single in enumerate(self.found):
             if i != without and single is not None:
-                pixels = single.added_to(pixels)
+                single.add_to(pixels)
         return pixels
 
     def avoiding(self, robot: int, waiting: Iterable[int] = ()) -> Charges:

@@ -153,7 +153,7 @@ class ColumnPool:
         problem = self.model.problem
         seen, weights = problem.no_pixels(), problem.view_sum_weights
         for column in columns:
-            seen[column.view_sums] += column.pixels
+            column.add_to(seen)
         quiet, n = 0, 0  # number of consecutive robots that could not gain; number of turns
         while quiet < len(columns):
             robot = order[n % len(columns)]

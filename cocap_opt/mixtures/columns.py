@@ -66,11 +66,9 @@ class Column(NamedTuple):
         view_sums = np.flatnonzero(pixels)
         return cls(robot, PathCells.of(model, robot, path), view_sums, pixels[view_sums])
 
-    def added_to(self, pixels: FloatArray) -> FloatArray:
-        """Returns view sums [Z] plus those along this path, as a new array."""
-        pixels = pixels.copy()
+    def add_to(self, pixels: FloatArray) -> None:
+        """Adds the view sums along this path to view sums [Z]."""
         pixels[self.view_sums] += self.pixels
-        return pixels
 
     @property
     def path(self) -> Path:

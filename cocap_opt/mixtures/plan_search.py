@@ -30,7 +30,7 @@ def team_of(model: Model, columns: Iterable[Column]) -> PlannedTeam:
     """Returns the team that flies one column per robot, in the robots' order."""
     found = []
     for column in columns:
-        pixels = column.added_to(model.problem.no_pixels())
+        column.add_to(pixels := model.problem.no_pixels())
         found.append(SingleRobotPath(column.path, pixels, 0))
     return PlannedTeam(model, tuple(found))
 
@@ -95,6 +95,7 @@ class PlanSearch:
         team: PlannedTeam,
         rewards: Sequence[FloatArray],
         most_starts: float = math.inf,
+        is_searched: bool = False,
     ) -> Iterator[PlannedTeam]:
         """Yields each team that is better than a given whole team, until the search makes no more
         progress.
@@ -104,6 +105,7 @@ class PlanSearch:
         rewards : for each class, the rewards of its states [T+1, S], which indicate promising
             states
         most_starts : number of plans after whose improvement the search ends, in any case
+        is_searched : True: the search from this team has ended before, so it begins with a rounding
 
         Raises
         ------
@@ -114,7 +116,8 @@ class PlanSearch:
         low_level = RestrictedValueIteration.at_rewards(
             team, rewards, self._known, self._stop, parameters.width
         )
-        responses, in_vain, starts, start = Responses(low_level, self._stop), 0, 0, team
+        responses, in_vain, starts = Responses(low_level, self._stop), 0, 0
+        start = (self._drawn() or team) if is_searched else team
         while in_vain < parameters.most_in_vain and starts < most_starts:
             in_vain, starts, found = in_vain + 1, starts + 1, start
             for better in self._improved(found, responses):

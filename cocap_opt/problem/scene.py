@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import pairwise
 from operator import eq
 from typing import Literal
 
@@ -367,9 +368,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if not self.rules.separation:
             if any(map(eq, p, q)):
                 return True
-            return self.rules.swap and any(
-                p[t] == q[t + 1] and p[t + 1] == q[t] for t in range(len(p) - 1)
-            )
+            return self.rules.swap and any(map(eq, pairwise(p), zip(q[1:], q, strict=False)))
         ways = self.positions(q) - self.positions(p)
         return bool(
             self.rules.too_near(ways).any() or self.rules.pass_too_near(ways[:-1], ways[1:]).any()

@@ -189,16 +189,19 @@ class Search:
         return PlanSearch(self.model, self.stop, self.rng, parameters, tell)
 
     def search_by_prices(
-        self, search: PlanSearch, mixture: Mixture, duals: Duals, most_starts: float = np.inf
+        self,
+        search: PlanSearch,
+        duals: Duals,
+        most_starts: float = np.inf,
+        is_searched: bool = False,
     ) -> None:
-        """Offers the plans to which a mixture and its prices lead, starting from the incumbent.
+        """Offers the plans to which prices lead, starting from the incumbent.
 
         Parameters
         ----------
-        search : a search that `plan_search` returned
-        mixture : mixture whose columns are combined
+        search : a search that `plan_search` returned, with the mixtures whose columns are combined
         duals : multipliers whose prices indicate promising states
-        most_starts : number of plans after whose improvement the search ends, in any case
+        most_starts, is_searched : as of `PlanSearch.better_teams`
 
         Raises
         ------
@@ -208,12 +211,11 @@ class Search:
         model, plan = self.model, self.incumbent
         if plan is None or len(plan.columns) < 2:
             return
-        search.add_mixture(mixture)
         team = team_of(model, plan.columns)
         search.add_team(team)
         rewards = self.pricer.views.rewards(Prices(duals.alpha, duals.beta))
         try:
-            for better in search.better_teams(team, rewards, most_starts):
+            for better in search.better_teams(team, rewards, most_starts, is_searched):
                 team = better
         except LimitReached:
             self.offer(Incumbent.of(model, columns_of(team)))

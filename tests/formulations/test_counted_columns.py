@@ -189,7 +189,9 @@ def test_a_second_drone_that_sees_a_person_adds_nothing_to_a_master() -> None:
     model = compiled(problem).disaggregated()
     plan = Incumbent.of_plan(model, PLANNERS["cocap-rounds"](problem).plan)
     assert plan is not None
-    seen = np.sum([column.added_to(problem.no_pixels()) for column in plan.columns], axis=0)
+    seen = problem.no_pixels()
+    for column in plan.columns:
+        column.add_to(seen)
     assert (seen[problem.returns.n_roots :] > 1).any()
     master = Master(model, penalty=1e6)
     for column in plan.columns:

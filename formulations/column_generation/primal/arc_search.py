@@ -169,7 +169,7 @@ class ArcSearch:
 
     def _put(self, column: Column) -> None:
         """Adds a column's pixels and closures to those that the other robots face."""
-        self._seen[column.view_sums] += column.pixels
+        column.add_to(self._seen)
         for graph in self._graphs:
             graph.put(column, 1)
 

@@ -185,7 +185,7 @@ class LocalSearch:
         model, pixels = self.model, self.model.problem.no_pixels()
         self.allowance.count_work()
         for column in others:
-            pixels[column.view_sums] += column.pixels
+            column.add_to(pixels)
         charges = Column.avoid(model, model.class_of[robot], others)
         path = best_response(model, robot, pixels, charges, self.stop)
         return None if path is None else Column.of(model, robot, path)

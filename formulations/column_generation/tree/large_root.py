@@ -211,6 +211,9 @@ class LargeRoot:
         self._cutoff, self._rough = cutoff, rough
         self.found: dict[tuple[int, Path], Column] = {}
         self._plan_search = self.search.plan_search()
+        # the mixture and the plan of the last search by prices
+        self._searched_mixture: Mixture | None = None
+        self._searched_plan: Incumbent | None = None
         self._turns = 0  # turns near the bound; at some of them, cuts are added
         self._has_masters = False
 
@@ -319,12 +322,17 @@ class LargeRoot:
 
     def _search_by_prices(self) -> None:
         """Improves the plan by the prices of the best bound, and the paths of the mixture."""
-        search, starts = self.search, self._parameters.starts
-        duals = self.relaxation.best.duals
+        search, mixture = self.search, self.ascent.mixture
+        if mixture is not self._searched_mixture:
+            self._plan_search.add_mixture(mixture)
+            self._searched_mixture = mixture
+        is_searched = search.incumbent is self._searched_plan
+        duals, starts = self.relaxation.best.duals, self._parameters.starts
         try:
-            search.search_by_prices(self._plan_search, self.ascent.mixture, duals, starts)
+            search.search_by_prices(self._plan_search, duals, starts, is_searched)
         finally:
             self._take(search.incumbent)
+        self._searched_plan = search.incumbent
 
     def _rearrange(self) -> None:
         """Improves the plan over the known arcs."""

@@ -217,7 +217,8 @@ class Relaxation:
             self.round_to_plans()  # finds a first plan to begin with
         most_in_vain = self._parameters.few_in_vain if is_quick else None
         search = self.search.plan_search(most_in_vain)
-        self.search.search_by_prices(search, self.solution.mixture, self.best.duals)
+        search.add_mixture(self.solution.mixture)
+        self.search.search_by_prices(search, self.best.duals)
         self.has_searched_by_prices = True
         if not is_quick:
             self._recombine()
