@@ -180,7 +180,8 @@ class Search:
             plan = Incumbent.of(self.model, columns)
             if plan is not None:
                 self.recombination.add(plan)
-            self.offer(plan)
+                if self.incumbent is None or plan.gains_over(self.incumbent):
+                    self.offer(plan)
             self.report_again()
 
         parameters = self.parameters.plan_search

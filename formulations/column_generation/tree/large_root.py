@@ -1,9 +1,10 @@
 """The root of scenes with very many robots: improves bound and plan in turn.
 
-A master takes many seconds there. So three kinds of work alternate: the bound is lowered, the plan
-is improved over the arcs of all known columns (`arc_search`), and its robots respond to each other
-over all arcs (`local_search`). Each turn goes to the kind with the largest expected gain: the gain
-of its last turn, which grows while it waits, since the work of the others may help it.
+A master takes many seconds there. So four kinds of work alternate: the bound is lowered; the plan
+is improved by the bound's prices (`mixtures.plan_search`), over the arcs of all known columns
+(`arc_search`), or by its robots' responses to each other over all arcs (`local_search`). Each turn
+goes to the kind with the largest expected gain: the gain of its last turn, which grows while it
+waits, since the work of the others may help it.
 
 The bound is lowered by a mixture that is improved and priced under rules and cuts
 (`_RuledAscent`). Once that closes little of its gap, masters take over: they begin with the
