@@ -61,13 +61,23 @@ def zero_of_heights(crs: str) -> str | None:
     return found[1] if found else None
 
 
-def require_same_heights(crs: str | None, of_map: str | None) -> None:
-    """Raises ProblemError if altitudes in a file and in the map count from different zeros.
+def require_system_of_map(
+    crs: str | None, of_map: str | None, *, has_altitudes: bool = False
+) -> None:
+    """Raises ProblemError if a file is in another reference system than the map.
 
     Parameters
     ----------
     crs, of_map : systems that the files state; None: none
+    has_altitudes : True: altitudes in both must count from the same zero, too
     """
+    if crs and of_map and not same_system(crs, of_map):
+        raise ProblemError(
+            f"must be in the reference system of the map, {short_name(of_map)}, not in "
+            f"{short_name(crs)}; convert it with gdalwarp -t_srs"
+        )
+    if not has_altitudes:
+        return
     zeros = [zero_of_heights(text) if text else None for text in (crs, of_map)]
     if None not in zeros and zeros[0] != zeros[1]:
         raise ProblemError(

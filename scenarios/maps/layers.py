@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.earth import require_same_heights, same_system, short_name
+from cocap_opt.scenarios.earth import require_system_of_map
 from cocap_opt.scenarios.maps.raster import SLIVER, Raster
 from cocap_opt.scenarios.maps.raster_files import read_raster
 from cocap_opt.scenarios.maps.terrain import Terrain, refuse_too_tall
@@ -65,13 +65,8 @@ class LayerTable(Table):
         height_map = terrain.height_map
         raster = self._raster(folder, height_map)
         with naming(Path(self.file)):
-            if raster.crs and terrain.crs and not same_system(raster.crs, terrain.crs):
-                raise ProblemError(
-                    f"must be in the reference system of the map, {short_name(terrain.crs)}, not "
-                    f"in {short_name(raster.crs)}; convert it with gdalwarp -t_srs"
-                )
-            if self.heights == "absolute":
-                require_same_heights(raster.crs, terrain.crs)
+            absolute = self.heights == "absolute"
+            require_system_of_map(raster.crs, terrain.crs, has_altitudes=absolute)
             tops = highest_in_cells(raster, height_map)
             if self.heights == "above-ground":
                 tops = tops + terrain.ground

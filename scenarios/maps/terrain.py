@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.earth import require_same_heights, same_system, short_name
+from cocap_opt.scenarios.earth import require_system_of_map
 from cocap_opt.scenarios.maps.building_heights import TALLEST
 from cocap_opt.scenarios.maps.raster import Grid, Raster, refuse_too_many
 from cocap_opt.scenarios.maps.raster_files import read_raster
@@ -268,21 +268,15 @@ class MapTable(Table):
         if self.ground == SURFACE:
             return surface.values
         terrain = self._read_ground(folder / self.ground, surface, (0.0, 0.0))
-        if terrain.cell > surface.cell:  # the cells around are needed to interpolate
+        if any(coarse > fine for coarse, fine in zip(terrain.cell, surface.cell, strict=True)):
+            # the cells around are needed to interpolate
             terrain = self._read_ground(folder / self.ground, surface, terrain.cell)
-        if surface.crs and terrain.crs and not same_system(surface.crs, terrain.crs):
-            raise ProblemError(
-                f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
-                f"not in {short_name(terrain.crs)}; convert it with gdalwarp -t_srs"
-            )
-        if self.heights == "absolute":
-            with naming("ground"):
-                require_same_heights(terrain.crs, surface.crs)
         level = terrain.level_in(surface)
         with naming("ground"):
-            Grid(level, surface.origin, surface.cell[0]).filled(
-                None, Path(self.ground).name, "fill them, e.g. with gdal_fillnodata.py"
-            )
+            absolute = self.heights == "absolute"
+            require_system_of_map(terrain.crs, surface.crs, has_altitudes=absolute)
+        grid = Grid(level, surface.origin, surface.cell[0])
+        grid.filled(None, "ground", "fill them in its file, e.g. with gdal_fillnodata.py")
         return level
 
     def _read_ground(self, path: Path, surface: Raster, around: tuple[float, float]) -> Raster:

@@ -101,3 +101,38 @@ def test_people_who_are_drawn_aside_stand_on_a_slope(tmp_path: Path) -> None:
         at = problem.height_map.cells_below(actor.poses)
         np.testing.assert_allclose(actor.poses[:, 2], HILL[at])
         assert not buried(problem.workspace, actor, problem.horizon)
+
+
+@pytest.mark.parametrize("cell", [0.5, 3.0, 8.0])
+def test_ground_in_cells_of_another_size_keeps_its_slope(tmp_path: Path, cell: float) -> None:
+    """Smaller cells are averaged, and larger ones interpolated with those around the map."""
+
+    def write(name: str, low: float, size: float, heights: FloatArray) -> None:
+        head = f"ncols {len(heights)}\nnrows {len(heights.T)}\nxllcorner {low}\nyllcorner {low}\n"
+        rows = "\n".join(" ".join(map(repr, row)) for row in heights.T[::-1].tolist())
+        (tmp_path / name).write_text(f"{head}cellsize {size}\n{rows}")
+
+    count = int(48 / cell)
+    middles = -16 + cell * (np.arange(count) + 0.5)
+    write("ground.asc", -16, cell, np.add.outer(100 + 0.2 * middles, 0.1 * middles))
+    write("map.asc", 0, 1.0, np.zeros((16, 12)))
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        'steps = 2\nmap = { file = "map.asc", ground = "ground.asc" }\n'
+        "[[walk]]\npoints = [[2.5, 3.5], [13.5, 9.5]]\n"
+        "[[drones]]\nstarts = [{ x = 8.5, y = 2.5 }]\n"
+    )
+    problem = read(path)
+    for x, y, z, _ in problem.actors[0].poses.tolist():
+        inside = np.floor([x, y]) + 0.5
+        assert z == pytest.approx(100 + 0.2 * inside[0] + 0.1 * inside[1], abs=1e-9)
+
+
+def test_holes_in_the_ground_are_named(tmp_path: Path) -> None:
+    """`fill` is for the map, so the ground's must be filled in its file."""
+    ground = HILL.copy()
+    ground[5, 3] = np.nan
+    scene(tmp_path)
+    write_grid(tmp_path / "ground.asc", ground)
+    with pytest.raises(ProblemError, match=r"map.ground: must .* 1 of 240 .* gdal_fillnodata"):
+        read(tmp_path / "scene.toml")
