@@ -8,7 +8,7 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
@@ -54,6 +54,7 @@ _TIME_UNIT_OF_COMMENT = re.compile(
 )
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
+_DATE_AND_CLOCK = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d? \d\d?:\d\d(:\S+)?")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#")
 _EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
 _OTHER_COMMENT = re.compile(r"\s*(?:%+|//+)\s*")
@@ -340,13 +341,17 @@ def is_number(text: str) -> bool:
 
 def require_values(line: int, count: int, row: list[str], delimiter: str | None) -> None:
     """Raises a ProblemError if the number of fields in a row differs from the number of columns."""
-    if len(row) != count:
+    if len(row) == count:
+        return
+    more, advice = len(row) - count, ""
+    if delimiter == "," and more in (2, 3):
         # A person has two or three coordinates; a decimal comma splits each of them in two.
-        cut = delimiter == "," and len(row) - count in (2, 3)
-        raise ProblemError(
-            f"line {line}: must have {count} values, not {len(row)}"
-            + ("; are the commas decimal commas? Numbers must have decimal points" if cut else "")
-        )
+        advice = "; are the commas decimal commas? Numbers must have decimal points"
+    elif more == 1 and any(_DATE_AND_CLOCK.fullmatch(" ".join(pair)) for pair in pairwise(row)):
+        advice = "; write dates with T before the time, as in 2026-05-01T10:00:00"
+    elif more == 1 and not row[-1]:
+        advice = "; does the row end with a separator? Leave it out"
+    raise ProblemError(f"line {line}: must have {count} values, not {len(row)}{advice}")
 
 
 def _units_of(content: str, fields: list[str], header: list[str] | None, line: int) -> list[str]:

@@ -187,7 +187,12 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("id,frame,x,y\n", {}, "must contain at least one row"),
         ("1 0 1 2\n1 1 1\n", {}, "line 2: must have 4 values, not 3"),
         ("# c\n\n1 0 1 2\n1 1 1 2 3\n", {}, "line 4: must have 4 values, not 5"),
-        ("id,frame,x,y\n1,0,1,2,\n", {}, "line 2: must have 4 values, not 5"),
+        ("id,frame,x,y\n1,0,1,2,\n", {}, "line 2: must have 4 values, not 5; does the row end"),
+        (
+            "id t x y\n1 2026/05/01 10:00:00.0 1 2\n",
+            {},
+            "line 2: must have 4 values, not 5; wri",
+        ),
         ("1 0 1 2\n# c\n1 1 one 2\n", {}, "line 3, x: must be a number, not 'one'"),
         ("Bob,0,1,2\n,1,1,2\n", {}, "line 2, id: must not be empty"),
         (
