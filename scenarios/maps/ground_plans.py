@@ -22,17 +22,8 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WKT, Kind, kind_of_text
-from cocap_opt.scenarios.maps.building_heights import (
-    STOREY,
-    Extent,
-    extent,
-    is_canopy,
-    is_no_building,
-    is_outline,
-    is_part,
-    is_underground,
-    may_be_underground,
-)
+from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent
+from cocap_opt.scenarios.maps.footprints import SLIVER, Footprint, obstacles_of
 from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
 from cocap_opt.scenarios.maps.parts import parts_of, polygons_of
 from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
@@ -42,7 +33,6 @@ from cocap_opt.text import pair, plain, shortened
 Ring = Annotated[list[Point], Meta(min_length=3)]
 Meaning = Literal["obstacles", "walkable"]
 
-SLIVER = 0.01  # m2; rounding may make rings enclose this area twice
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
 _OTHER_JSON = {  # keys of other formats of polygons, and the names of the formats
     "arcs": "is TopoJSON; convert it with `ogr2ogr NEW.geojson OLD.json`",
@@ -231,74 +221,33 @@ def _of_polygons(
     ]
     notes = list(_left_out(whole, others))
     kept = [
-        (item, polygon)
-        for item, polygon in zip(found, whole, strict=True)
-        if polygon is not None and polygon.area > 0
+        Footprint(area, item.field, item.properties)
+        for item, area in zip(found, whole, strict=True)
+        if area is not None and area.area > 0
     ]
     if meaning == "obstacles":
-        deep = [item for item in kept if is_underground(item[0].properties)]
-        if deep:
-            kept = [item for item in kept if item not in deep]
-            notes.append(f"{len(deep)} of {len(found)} polygons are underground, and are left out")
-        no_house = [item for item in kept if is_no_building(item[0].properties)]
-        if no_house:
-            kept = [item for item in kept if item not in no_house]
-            notes.append(f"{len(no_house)} of {len(found)} polygons have building = no: left out")
-        kept, opened = _without_parts(kept)
-        if opened:
-            notes.append(
-                f"{opened} of {len(found)} polygons are outlines of buildings whose parts "
-                "(building:part) are in the file, which count instead"
-            )
-        if roofs := sum(is_canopy(item.properties) for item, _ in kept):
-            notes.append(
-                f"{roofs} of {len(found)} polygons are roofs (building = roof) whose underside is "
-                "not stated (min_height): they are solid from the ground"
-            )
-        if below := sum(may_be_underground(item.properties) for item, _ in kept):
-            notes.append(
-                f"{below} of {len(found)} polygons are buildings with a negative layer; if they "
-                "are underground, write location = underground in the file"
-            )
+        kept, more = obstacles_of(kept)
+        notes += more
     if not kept:
         raise ProblemError(f"must contain at least one polygon with an area; {'; '.join(notes)}")
-    polygons = tuple(polygon for _, polygon in kept)
     if meaning == "obstacles":
-        extents = [extent(item.properties, f"{item.field}properties") for item, _ in kept]
-        if counted := sum(item.is_counted for item in extents):
-            notes.append(
-                f"{counted} of {len(extents)} heights are computed from storeys of {STOREY:g} m"
-            )
-        shown = tuple(_shown(item.properties) for item, _ in kept) if kind == GEOJSON else ()
-        return GroundPlan((), polygons, tuple(extents), shown, tuple(notes))
-    parts = [part for polygon in polygons for part in polygons_of(polygon)]
+        return _of_obstacles(kept, kind, notes)
+    parts = [part for footprint in kept for part in polygons_of(footprint.area)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     outside = tuple(Polygon(part.exterior) for part in parts)
     return GroundPlan(outside, tuple(holes), notes=tuple(notes))
 
 
-def _without_parts(
-    kept: list[tuple[FoundPolygon, BaseGeometry]],
-) -> tuple[list[tuple[FoundPolygon, BaseGeometry]], int]:
-    """Returns polygons without the area of outlines that has parts, and how many outlines have
-    some.
-    """
-    parts = [polygon for item, polygon in kept if is_part(item.properties)]
-    if not parts:
-        return kept, 0
-    area, result, opened = shapely.union_all(parts), list[tuple[FoundPolygon, BaseGeometry]](), 0
-    for item, polygon in kept:
-        if is_part(item.properties) or not is_outline(item.properties):
-            result.append((item, polygon))
-            continue
-        rest = shapely.difference(polygon, area)
-        has_parts = polygon.area - rest.area > SLIVER
-        opened += has_parts
-        if not has_parts:
-            result.append((item, polygon))
-        elif rest.area > SLIVER * max(polygon.area, 1.0):
-            result.append((item, rest))
-    return result, opened
+def _of_obstacles(footprints: Sequence[Footprint], kind: Kind, notes: Sequence[str]) -> GroundPlan:
+    """Returns the ground plan of buildings, with the heights that the file states."""
+    extents = [extent(found.properties, f"{found.field}properties") for found in footprints]
+    if counted := sum(item.is_counted for item in extents):
+        notes = [
+            *notes, f"{counted} of {len(extents)} heights are computed from storeys of {STOREY:g} m"
+        ]  # fmt: skip
+    shown = [_shown(found.properties) for found in footprints] if kind == GEOJSON else []
+    areas = tuple(found.area for found in footprints)
+    return GroundPlan((), areas, tuple(extents), tuple(shown), tuple(notes))
 
 
 def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str], StatedSystem]:
