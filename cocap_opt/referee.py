@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
@@ -179,10 +178,8 @@ class _Referee:
                     c, d = at[i][t + 1], at[k][t + 1]
                     if rules.swap and a != b and (c, d) == (b, a) and not near:
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
-                    elif (
-                        rules.separation
-                        and not _end_too_near(ways := (self._way(a, b), self._way(c, d)), rules)
-                        and (near := _pass_too_near(*ways, rules))
+                    elif rules.separation and (
+                        near := _pass_too_near(self._way(a, b), self._way(c, d), rules, rules)
                     ):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} pass {near}")
         return found
@@ -352,9 +349,9 @@ class _Referee:
                 if _too_near(way, rules):
                     away = actor.nearest(math.hypot(*way[:2]))
                     yield f"step {t} is {away:.3g} m from {who}"
-            for t, ends in enumerate(pairwise(ways)):
-                during = self._with_stray(rules, at[t], at[t + 1])
-                if not _end_too_near(ends, rules) and _pass_too_near(*ends, during):
+                elif t + 1 < len(ways) and _pass_too_near(
+                    way, ways[t + 1], rules, self._with_stray(rules, at[t], at[t + 1])
+                ):
                     yield f"step {t} to {t + 1} passes too close to {who}"
 
     def _with_stray(self, rules: CollisionRules, a: _Position, b: _Position) -> CollisionRules:
@@ -392,18 +389,17 @@ def _too_near(way: _Position, rules: CollisionRules) -> str:
     return ""
 
 
-def _end_too_near(ways: tuple[_Position, _Position], rules: CollisionRules) -> bool:
-    """True if two robots are too close at the begin or the end of a step."""
-    return any(_too_near(way, rules) for way in ways)
-
-
 @lru_cache(maxsize=1 << 14)  # on a grid, the same few moves past each other occur repeatedly
-def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -> str:
-    """Says how close robots are at the closest moment of a step; empty if far enough.
+def _pass_too_near(
+    before: _Position, after: _Position, at_ends: CollisionRules, rules: CollisionRules
+) -> str:
+    """Says how close robots pass during a step at whose begin and end they obey the rules there.
 
     The distance from a point to a line, and the height, are convex over the step: each of
     them is below a limit in one interval of the step.
     """
+    if _too_near(before, at_ends) or _too_near(after, at_ends):
+        return ""
 
     def way(share: float) -> _Position:
         x, y, z = (a + share * (b - a) for a, b in zip(before, after, strict=True))

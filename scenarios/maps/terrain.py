@@ -281,14 +281,9 @@ class MapTable(Table):
 
     def _read_ground(self, path: Path, surface: Raster, around: tuple[float, float]) -> Raster:
         """Reads the ground below a raster, and some metres along x and y around it."""
-        ends = [
-            (low - more, low + count * size + more)
-            for low, size, count, more in zip(
-                surface.origin, surface.cell, surface.values.shape, around, strict=True
-            )
-        ]
-        (low_x, high_x), (low_y, high_y) = ends
-        window = low_x, low_y, high_x, high_y
+        (ox, oy), (dx, dy), (width, depth) = surface.origin, surface.cell, surface.values.shape
+        more_x, more_y = around
+        window = ox - more_x, oy - more_y, ox + width * dx + more_x, oy + depth * dy + more_y
         return read_raster(path, nodata=self.nodata, window=window, unit=self.unit)
 
     def _above(self, surface: Raster, bare: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ _STATED = re.compile(
 )
 # Other words about the unit, as in "coordinates are in feet" or "length unit [ft]".
 _ABOUT_LENGTHS = re.compile(
-    r"\b(?:units?|unit[\s-]*system|coordinates?|vertices|lengths?|dimensions?|measured|metric|"
+    r"\b(?:units?|coordinates?|vertices|lengths?|dimensions?|measured|metric|"
     r"imperial|(?:ex|im)port\w*)\b",
     re.IGNORECASE,
 )

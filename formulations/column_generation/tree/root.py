@@ -68,7 +68,9 @@ class Root:
         if self.search.is_large:
             self._solve_large()
         else:
-            self._begin(self._ascend(self._parameters.enough))
+            mixture = self._ascend(self._parameters.enough)
+            self.search.round_to_plans(mixture)
+            self._begin(mixture)
             if not by_cuts_only and self.at_once and self._try_paths_of_first_plan():
                 return
         if by_cuts_only or self.search.is_large:
@@ -118,15 +120,11 @@ class Root:
         return mixture
 
     def _begin(self, mixture: Mixture) -> None:
-        """Adds a mixture's columns, and the best plan found from it, to the master."""
+        """Adds a mixture's columns and those of the best plan to the master."""
         search, master = self.search, self.relaxation.master
         search.columns += sum(
             master.add(column) for column, _ in mixture.used(self._parameters.least_amount)
         )
-        if search.is_large:  # best responses over all states take too long
-            search.offer(search.local_search.rounded(mixture))
-        else:
-            search.round_to_plans(mixture)
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)
@@ -138,6 +136,8 @@ class Root:
             return
         large = LargeRoot(self.relaxation, mixture, self.cutoff, self.rough)
         large.begin()
+        # Best responses over all states take too long here, so the first plan is only rounded.
+        self.search.offer(self.search.local_search.rounded(large.ascent.mixture))
         self._begin(large.ascent.mixture)
         large.solve()
 
