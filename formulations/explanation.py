@@ -278,11 +278,10 @@ def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Te
         robot_class = model.class_of[robot]
         table, number = model.coverage(robot_class), robot_class.number
         nodes = np.arange(len(path)) * robot_class.graph.n_states + np.array(path)
-        _, entries = table.entries(nodes)
+        which, entries = table.entries(nodes)
         view_sums, pixels = table.view_sums[entries], table.pixels[entries]
-        np.add.at(
-            paid, view_sums, weights[view_sums] * prices.pixels.paid(number, view_sums, pixels)
-        )
+        credits = prices.pixels.paid(number, view_sums, np.array(path)[which], pixels)
+        np.add.at(paid, view_sums, weights[view_sums] * credits)
         np.add.at(seen, view_sums, pixels)
     slack = paid - weights * problem.returns.values(seen)
     # number of the face among its actor's faces

@@ -40,6 +40,7 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     ReferencePixels,
     Staged,
+    StateCut,
 )
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
@@ -63,6 +64,7 @@ MOST_CORNERS = 50_000  # corners of a cut that are enumerated in plain loops
 
 _Worth = tuple[float, float]  # a sum, and the sum of its terms' absolute values
 _Uses = dict[tuple[object, ...], float]  # cost of (t, Cell), (t, State) and (t, Cell, Cell)
+_Pixels = dict[tuple[int, Node, int], float]  # by class, node and face
 _Leaf = tuple[Certificate, Sequence[Decision]]  # a certificate, and the decisions of its leaf
 
 
@@ -233,12 +235,11 @@ class _Prices:
         ----------
         progress : called with the number of best paths found, and the total
         """
-        terms = [list(self._constants(*leaf)) for leaf in leaves]
         paths: list[list[_Worth]] = [[] for _ in leaves]
         sights: dict[object, _Sight] = {}
         for robot, spec in enumerate(self._problem.robots):
             graph = reached_graph(self._problem, robot)
-            alike = spec.motion, spec.camera
+            alike = self._sight_of(robot)
             if alike not in sights:
                 sights[alike] = _Sight(self._problem, spec)
             sight = sights[alike]
@@ -256,6 +257,13 @@ class _Prices:
             for sight in sights.values() for (_, t), people in sight.people.items()
             for person in people
         }  # fmt: skip
+        pixels = {
+            (number, node, face): amount
+            for robot, number in enumerate(self._classes)
+            for node, faces in sights[self._sight_of(robot)].seen.items()
+            for face, amount in faces
+        }
+        terms = [list(self._constants(*leaf, pixels)) for leaf in leaves]
         for constants, (certificate, _) in zip(terms, leaves, strict=True):
             constants += self._kappas(certificate, visible)
             constants += self._count_kappas(certificate, noticed)
@@ -267,6 +275,11 @@ class _Prices:
             for constants, best in zip(terms, paths, strict=True)
         ]
 
+    def _sight_of(self, robot: int) -> object:
+        """Returns what a robot's views depend on."""
+        spec = self._problem.robots[robot]
+        return spec.motion, spec.camera
+
     def _best_path(self, robot: int, graph: Graph, sight: _Sight, leaf: _Leaf) -> _Worth:
         """Returns the worth of a robot's best path through all nodes that it can reach."""
         certificate, decisions = leaf
@@ -274,7 +287,8 @@ class _Prices:
         pay = self._payment(certificate, number)
         paid = {
             node: math.fsum(
-                self._weights[self._row(node[1])][face] * pay(self._row(node[1]), face, pixels)
+                self._weights[self._row(node[1])][face]
+                * pay(node[0], self._row(node[1]), face, pixels)
                 for face, pixels in sight.seen[node]
             )
             for node in graph
@@ -292,25 +306,43 @@ class _Prices:
         return 0 if self._problem.objective.over_time else t
 
     def _constants(
-        self, certificate: Certificate, decisions: Sequence[Decision]
+        self, certificate: Certificate, decisions: Sequence[Decision], pixels: _Pixels
     ) -> Iterator[float]:
         """Yields the amounts to add for cuts, rows and decisions, which do not depend on the
         plan.
+
+        Parameters
+        ----------
+        pixels : pixels of a robot of a class at a node and face, where they are not 0
         """
         if isinstance(certificate, ReferencePixels):
-            for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
-                yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
+            for weights, reference in zip(self._weights, certificate.pixels, strict=True):
+                yield from (w * math.sqrt(z) for w, z in zip(weights, reference, strict=True))
             for weights, drones in zip(self._worth, certificate.views, strict=False):
                 yield from (w * min(n, self._cap) for w, n in zip(weights, drones, strict=True))
             return
         sizes = tuple(map(self._classes.count, range(max(self._classes) + 1)))
         for cut in certificate.cuts:
             yield self._weights[cut.t][cut.face] * cut.share * _highest_corner(cut.curves, sizes)
+        for state_cut in certificate.state_cuts:
+            weight = self._weights[state_cut.t][state_cut.face]
+            yield weight * state_cut.share * self._highest_set(state_cut, pixels)
         for row in certificate.rows:
             yield row.multiplier
         for decision, nu in zip(decisions, certificate.decisions, strict=True):
             if not decision.closes:
                 yield decision.sign * nu * decision.robots
+
+    def _highest_set(self, cut: StateCut, pixels: _Pixels) -> float:
+        """Returns the smallest valid constant of a state cut."""
+        by_cell: dict[tuple[int, int, float], list[tuple[float, float]]] = {}
+        for part in cut.payments:
+            heights = self._problem.robots[self._classes.index(part.class_number)].motion.layers
+            for state, value in zip(part.states, part.values, strict=True):
+                seen = pixels.get((part.class_number, (state, cut.t), cut.face), 0.0)
+                cell = state.x, state.y, heights[state.layer]
+                by_cell.setdefault(cell, []).append((seen, value))
+        return _highest_of(by_cell.values(), cut.slope)
 
     def _kappas(
         self, certificate: Certificate, visible: Iterable[tuple[int, int]]
@@ -319,7 +351,8 @@ class _Prices:
         if isinstance(certificate, ReferencePixels):
             return
         shares: dict[tuple[int, int], list[float]] = {}
-        for cut in certificate.cuts:
+        cuts: tuple[EnvelopeCut | StateCut, ...] = (*certificate.cuts, *certificate.state_cuts)
+        for cut in cuts:
             shares.setdefault((cut.t, cut.face), []).append(cut.share)
         for row, face in visible:
             alpha, beta = certificate.alpha[row][face], certificate.beta[row][face]
@@ -345,26 +378,76 @@ class _Prices:
             return weight * (min(drones + 1, self._cap) - min(drones, self._cap))
         return weight * certificate.views[t][person]
 
-    def _payment(self, certificate: Certificate, number: int) -> Callable[[int, int, float], float]:
-        """Returns the function that credits a class for pixels of a face, before weights."""
+    def _payment(
+        self, certificate: Certificate, number: int
+    ) -> Callable[[State, int, int, float], float]:
+        """Returns the function that credits a class for pixels of a face from a state, before
+        weights.
+        """
         if isinstance(certificate, ReferencePixels):
             reference = certificate.pixels
-            return lambda row, face, pixels: (
+            return lambda state, row, face, pixels: (
                 pixels
                 / (math.sqrt(reference[row][face] + pixels) + math.sqrt(reference[row][face]))
             )
         cuts: dict[tuple[int, int], list[EnvelopeCut]] = {}
         for cut in certificate.cuts:
             cuts.setdefault((cut.t, cut.face), []).append(cut)
+        by_states: dict[tuple[int, int], list[tuple[StateCut, dict[State, float]]]] = {}
+        for state_cut in certificate.state_cuts:
+            listed = _values(state_cut, number)
+            by_states.setdefault((state_cut.t, state_cut.face), []).append((state_cut, listed))
 
-        def pay(row: int, face: int, pixels: float) -> float:
+        def pay(state: State, row: int, face: int, pixels: float) -> float:
             root = math.sqrt(pixels)
             paid = certificate.alpha[row][face] * root + certificate.beta[row][face] * pixels
-            return paid + math.fsum(
-                cut.share * _phi(cut.curves, number, root) for cut in cuts.get((row, face), ())
+            return math.fsum(
+                [
+                    paid,
+                    *(
+                        cut.share * _phi(cut.curves, number, root)
+                        for cut in cuts.get((row, face), ())
+                    ),
+                    *(
+                        cut.share * listed.get(state, min(root, cut.slope * pixels))
+                        for cut, listed in by_states.get((row, face), ())
+                    ),
+                ]
             )
 
         return pay
+
+
+def _highest_of(by_cell: Iterable[Sequence[tuple[float, float]]], slope: float) -> float:
+    """Returns the smallest valid constant of a state cut: at most one state is taken in each cell.
+
+    The line of the given slope that touches the root takes its place, left of where they touch.
+
+    Parameters
+    ----------
+    by_cell : pixels and phi of the listed states in each cell
+    """
+    sets = [(0.0, 0.0)]
+    for choices in by_cell:
+        sets = _unbettered((p + q, v + w) for p, v in sets for q, w in [(0.0, 0.0), *choices])
+        if len(sets) > MOST_CORNERS:
+            raise TooLargeError(
+                f"a cut has more than {MOST_CORNERS:,} corners, which is too many for plain loops"
+            )
+    least = 0.25 / slope
+    return max(
+        (least + slope * seen if seen < least / slope else math.sqrt(seen)) - value
+        for seen, value in sets
+    )
+
+
+def _values(cut: StateCut, number: int) -> dict[State, float]:
+    """Returns phi at the listed states of a class."""
+    return {
+        state: value
+        for part in cut.payments if part.class_number == number
+        for state, value in zip(part.states, part.values, strict=True)
+    }  # fmt: skip
 
 
 def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:

@@ -89,11 +89,12 @@ def kernels() -> tuple[Kernel, ...]:
     """Returns all kernels of this project."""
     from cocap_opt.coordination import kept_graph
     from cocap_opt.formulations.certificates.staged import compiled_search
+    from cocap_opt.formulations.column_generation.master import state_cuts
     from cocap_opt.formulations.column_generation.step_envelopes import local_optima
     from cocap_opt.graph import value_iteration
     from cocap_opt.vision import sights
 
-    modules = sights, value_iteration, kept_graph, compiled_search, local_optima
+    modules = sights, value_iteration, kept_graph, compiled_search, local_optima, state_cuts
     return tuple(module.KERNEL for module in modules)
 
 

@@ -17,8 +17,10 @@ search and no compiled code. A sceptic should read, in this order:
    robots may break.
 4. `envelope`: a cut's constant is the largest excess at finitely many corners, and convexity proves
    that the excess is no larger between and beyond them. The functions themselves are arbitrary.
-5. `format`: the conditions under which nodes form a tree and the cuts of a file have a constant.
-6. `checking`: checks that the file's digest matches the scene, and that the file claims no more
+5. `state_cuts`: the same for functions of the state in which a robot is, where no two robots may be
+   in one cell.
+6. `format`: the conditions under which nodes form a tree and the cuts of a file have a constant.
+7. `checking`: checks that the file's digest matches the scene, and that the file claims no more
    than it proves.
 
 The upper storey, the folder `staged`, checks staged certificates by searches, in about 1,670 lines,
@@ -77,6 +79,7 @@ from cocap_opt.formulations.certificates.format import (
     CertificateError,
     CertificateFile,
     ClassCurve,
+    ClassPayments,
     Decision,
     EnvelopeCut,
     Leaf,
@@ -85,6 +88,7 @@ from cocap_opt.formulations.certificates.format import (
     ReferencePixels,
     Row,
     Staged,
+    StateCut,
     UnfinishedError,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
@@ -95,6 +99,7 @@ __all__ = [
     "CertificateError",
     "CertificateFile",
     "ClassCurve",
+    "ClassPayments",
     "Decision",
     "EnvelopeCut",
     "Leaf",
@@ -104,6 +109,7 @@ __all__ = [
     "ReferencePixels",
     "Row",
     "Staged",
+    "StateCut",
     "UnfinishedError",
     "priced",
     "verify",

@@ -26,6 +26,7 @@ from cocap_opt.data import FloatArray, IntArray
 
 MOST_CORNERS = 20_000  # partial corners that are kept separately while a cut's constant is computed
 STAGE_CHOICES = 1000  # multisets of breakpoints, of all classes, that are enumerated at once
+_BLOCK = 4096  # partial corners whose completions are bounded at once
 # Pixels, as shares of the largest number, at which tangents of the root bound completions.
 _TANGENTS = np.geomspace(1e-4, 1.0, 16)
 
@@ -84,8 +85,10 @@ class Cut:
         """
         return cls(view_sum, curves, Corners(curves, sizes).highest())
 
-    def phi(self, number: int, roots: FloatArray) -> FloatArray:
-        """Returns phi of the robots of class `number` at any roots."""
+    def phi(self, number: int, states: IntArray, roots: FloatArray) -> FloatArray:
+        """Returns phi of robots of class `number` at any roots [n]; their states [n] do not
+        matter.
+        """
         return self.curves.get(number, _IDENTITY)(roots)
 
 
@@ -154,10 +157,15 @@ class Corners:
     ----------
     curves : phi of each class, by its number
     sizes : number of robots of each class
+    slope : of a line that touches the root, m/px^0.5; left of where they touch, the line takes the
+        place of the root |s|; infinity: nowhere
     """
 
-    def __init__(self, curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> None:
+    def __init__(
+        self, curves: Mapping[int, Curve], sizes: tuple[int, ...], slope: float = math.inf
+    ) -> None:
         self._stages = [*_stages(curves, sizes)]
+        self._slope = slope
 
     def highest(self) -> float:
         """Returns the largest |s| - sum phi over all corners, or slightly more."""
@@ -183,6 +191,7 @@ class Corners:
         each.
         """
         thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * _TANGENTS)
+        thetas = np.minimum(thetas, self._slope)
         ahead, rest = self._completions(thetas)
         kept = Partial(np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64), np.zeros(1))
         steps: _Steps = []
@@ -190,17 +199,27 @@ class Corners:
             z = (kept.pixels[:, None] + stage.pixels).ravel()
             v = (kept.values[:, None] - stage.values).ravel()
             placed = (kept.placed[:, None] + stage.placed).ravel()
-            left, most = stage.robots - placed, np.full(len(z), np.inf)
-            for theta, each, others in zip(thetas, ahead[k], rest[k + 1], strict=True):
-                reach = theta * z + v + others
-                np.minimum(most, reach if stage.ends else reach + left * each, out=most)
+            left, most = stage.robots - placed, np.empty(len(z))
+            for part in (slice(a, a + _BLOCK) for a in range(0, len(z), _BLOCK)):
+                reach = thetas[:, None] * z[part] + v[part] + rest[k + 1][:, None]
+                if not stage.ends:
+                    reach += left[part] * ahead[k][:, None]
+                reach.min(axis=0, out=most[part])
             able = np.flatnonzero((most >= least) & (left >= 0))
             if stage.ends:  # the next robots belong to another class
                 placed = np.zeros_like(placed)
             which, kept = thin(Partial(z, v, placed, most).take(able))
             chosen = able[which]
             steps.append((chosen // len(stage.pixels), chosen % len(stage.pixels)))
-        return np.sqrt(kept.pixels) + kept.values, steps
+        return self._roots(kept.pixels) + kept.values, steps
+
+    def _roots(self, pixels: FloatArray) -> FloatArray:
+        """Returns the roots of pixels [n], or what takes their place."""
+        roots: FloatArray = np.sqrt(pixels)
+        if self._slope == math.inf:
+            return roots
+        line = self._slope * pixels + 0.25 / self._slope
+        return np.where(pixels < 0.25 / self._slope**2, line, roots)
 
     def counts(self, steps: _Steps, which: IntArray) -> IntArray:
         """Returns the number of robots at each breakpoint, in chosen corners [n, sum of K].
@@ -251,13 +270,13 @@ class Corners:
                 pixels -= float(stage.pixels[chosen[k]])
                 value += float(stage.values[chosen[k]])
                 left[stage.number] += int(stage.placed[chosen[k]])
-                heights = np.sqrt(np.maximum(pixels, 0.0) + stage.pixels) - stage.values
+                heights = self._roots(np.maximum(pixels, 0.0) + stage.pixels) - stage.values
                 heights[stage.placed > left[stage.number]] = -math.inf
                 chosen[k] = int(np.argmax(heights))
                 pixels += float(stage.pixels[chosen[k]])
                 value -= float(stage.values[chosen[k]])
                 left[stage.number] -= int(stage.placed[chosen[k]])
-            height = math.sqrt(max(pixels, 0.0)) + value
+            height = float(self._roots(np.array([max(pixels, 0.0)]))[0]) + value
         return best
 
 

@@ -18,7 +18,8 @@ from msgspec import UNSET, UnsetType
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import SAMPLED, Document
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
-from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.certificates.resources import Resource, Visit
+from cocap_opt.formulations.certificates.state_cuts import CutByStates, ListedStates
 from cocap_opt.model import Model
 from cocap_opt.problem import Objective, Problem, State
 from cocap_opt.stop import Stop, never
@@ -26,6 +27,7 @@ from cocap_opt.stop import Stop, never
 MOST_NODES = 1_000_000
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
 OPTIMISTIC: Literal["optimistic"] = "optimistic"
+MOST_STATES = 1000  # states of one class in a state cut
 LARGEST_ROOT = 1e50  # px^0.5/m, far more than any camera gives; its square is finite
 
 # Class numbers in a file refer either to classes of robots that differ only in their start
@@ -134,10 +136,7 @@ class EnvelopeCut(_Part, frozen=True):
         field : name of the cut in its file, for the message
         """
         sizes = model.class_sizes
-        if not (0 <= self.t <= model.problem.horizon and 0 <= self.face < model.n_faces):
-            raise CertificateError(f"{field}: there is no view sum ({self.t}, {self.face})")
-        if not 0 <= self.share <= 1:
-            raise CertificateError(f"{field}.share: must be 0..1, not {self.share}")
+        _check_view_sum(model, self.t, self.face, self.share, field)
         numbers = (-1, *(curve.class_number for curve in self.curves), len(sizes))
         if not all(a < b for a, b in pairwise(numbers)):
             raise CertificateError(
@@ -154,8 +153,94 @@ class EnvelopeCut(_Part, frozen=True):
         return _valid(view_sum, self.curves, model.class_sizes)
 
 
+class ClassPayments(_Part, frozen=True):
+    """phi at some states of one class.
+
+    Attributes
+    ----------
+    robot_class : number of the class, from 0
+    states : [n] distinct states, in any order
+    values : [n] phi at them, >= 0, px^0.5/m
+    """
+
+    class_number: int = msgspec.field(name="robot_class")
+    states: tuple[State, ...]
+    values: tuple[float, ...]
+
+    def check(self, model: Model, t: int, field: str) -> None:
+        """Raises CertificateError, naming the field, if a state does not exist, or a value is
+        wrong.
+        """
+        if not 0 < len(self.states) <= MOST_STATES:
+            raise CertificateError(f"{field}.states: must be 1..{MOST_STATES} states")
+        for state in self.states:
+            if wrong := Visit(t, state, self.class_number).why_absent(model):
+                raise CertificateError(f"{field}.states: {wrong}")
+        if len(set(self.states)) < len(self.states):
+            raise CertificateError(f"{field}.states: must be distinct")
+        if len(self.values) != len(self.states) or not all(
+            0 <= value <= LARGEST_ROOT for value in self.values
+        ):
+            raise CertificateError(
+                f"{field}.values: must contain a number 0..{LARGEST_ROOT:g} per state"
+            )
+
+    def valid(self, model: Model, view_sum: int) -> ListedStates:
+        """Returns phi by state numbers."""
+        numbers = model.classes[self.class_number].graph.indices(np.array(self.states))
+        values = np.array(self.values)
+        return ListedStates.of(model, self.class_number, view_sum, numbers, values)
+
+
+class StateCut(_Part, frozen=True):
+    """Numbers phi of states that bound the root of view sum (t, face), as no two robots are in one
+    cell; the checker recomputes the constant.
+
+    Attributes
+    ----------
+    t : step
+    face : number of the face, 0 to F-1, in the order of alpha
+    payments : phi of states, by class in increasing order
+    slope : m/px^0.5, > 0; in all other states, phi is the root s of the robot's pixels or slope
+        s^2, whichever is smaller
+    share : theta, 0..1: the share of the root that this cut bounds; alpha and beta bound the rest,
+        1 minus the shares of all cuts of the view sum
+    """
+
+    t: int
+    face: int
+    payments: tuple[ClassPayments, ...]
+    slope: float
+    share: float
+
+    def check(self, model: Model, field: str) -> None:
+        """Raises CertificateError if the view sum, a class or a state does not exist.
+
+        Parameters
+        ----------
+        field : name of the cut in its file, for the message
+        """
+        _check_view_sum(model, self.t, self.face, self.share, field)
+        if not 1 / LARGEST_ROOT <= self.slope <= LARGEST_ROOT:
+            allowed = f"{1 / LARGEST_ROOT:g}..{LARGEST_ROOT:g}"
+            raise CertificateError(f"{field}.slope: must be {allowed}, not {self.slope}")
+        numbers = (-1, *(paid.class_number for paid in self.payments), len(model.classes))
+        if not all(a < b for a, b in pairwise(numbers)):
+            raise CertificateError(
+                f"{field}.payments: robot_class must be increasing, 0..{len(model.classes) - 1}"
+            )
+        for k, paid in enumerate(self.payments):
+            paid.check(model, self.t, f"{field}.payments[{k}]")
+
+    def valid(self, model: Model) -> CutByStates:
+        """Returns the cut with the constant that makes it valid."""
+        view_sum = self.t * model.n_faces + self.face
+        listed = {paid.class_number: paid.valid(model, view_sum) for paid in self.payments}
+        return CutByStates.valid(model, view_sum, self.slope, listed)
+
+
 class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
-    """Multipliers of view sums, conflict rows, envelope cuts and decisions.
+    """Multipliers of view sums, conflict rows, cuts and decisions.
 
     Attributes
     ----------
@@ -167,6 +252,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
         must be > 0 if alpha is less than the share of the root that cuts leave (1 without cuts)
     rows : rows of the scene's rules that have a price
     cuts : envelope cuts; empty if pixels add up over time
+    state_cuts : state cuts; empty if pixels add up over time, or if robots may share a cell
     decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
         most n" adds nu n to the bound and charges each user nu, "at least n" subtracts nu n from
         the bound and credits each user with nu; it is ignored for "at most 0"
@@ -178,6 +264,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     beta: Table
     rows: tuple[Row, ...] = ()
     cuts: tuple[EnvelopeCut, ...] = ()
+    state_cuts: tuple[StateCut, ...] = ()
     decisions: tuple[float, ...] = ()
     views: Table = ()
 
@@ -197,6 +284,32 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
         for n, cut in enumerate(self.cuts):
             stop.check()
             cut.check(model, f"certificate.cuts[{n}]")
+            found.append((cut.valid(model), cut.share))
+        return found
+
+    def usable_state_cuts(
+        self, model: Model, stop: Stop = never
+    ) -> list[tuple[CutByStates, float]]:
+        """Returns the state cuts, each with the constant that makes it valid, and their shares.
+
+        Raises
+        ------
+        CertificateError
+            If a cut belongs to no view sum, a state does not exist, or the scene allows none.
+        LimitReached
+            Between two cuts.
+        """
+        if self.state_cuts and (
+            model.problem.objective.over_time or not model.problem.rules.vertex
+        ):
+            raise CertificateError(
+                "certificate.state_cuts: must be empty if pixels add up over time, or if robots "
+                "may share a cell"
+            )
+        found = []
+        for n, cut in enumerate(self.state_cuts):
+            stop.check()
+            cut.check(model, f"certificate.state_cuts[{n}]")
             found.append((cut.valid(model), cut.share))
         return found
 
@@ -518,6 +631,14 @@ def _way(parents: list[tuple[int, Decision] | None], n: int) -> tuple[Decision, 
         n, decision = parent
         decisions.append(decision)
     return tuple(reversed(decisions))
+
+
+def _check_view_sum(model: Model, t: int, face: int, share: float, field: str) -> None:
+    """Raises CertificateError if a cut's view sum does not exist, or its share is wrong."""
+    if not (0 <= t <= model.problem.horizon and 0 <= face < model.n_faces):
+        raise CertificateError(f"{field}: there is no view sum ({t}, {face})")
+    if not 0 <= share <= 1:
+        raise CertificateError(f"{field}.share: must be 0..1, not {share}")
 
 
 @lru_cache(maxsize=4096)  # the leaves of a proof share most of their cuts

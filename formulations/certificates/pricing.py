@@ -13,7 +13,8 @@ one (alpha, beta) per view sum (t, face) and a multiplier mu >= 0 per conflict r
 
 Instead, a share theta of a view sum's root may be bounded by an envelope cut (`envelope`): r <=
 constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then only rho = 1 - sum
-theta remains for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
+theta remains for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta). So may a state cut
+(`state_cuts`), whose phi depends on the state in which a robot is.
 
 If the drones that see a person are counted, min(sum c_i, k) replaces the root, c_i is 0 or 1, and
 one number gamma replaces (alpha, beta): the share of w that each drone gets. Then kappa is k max(0,
@@ -44,7 +45,6 @@ import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.format import (
     Branch,
     Certificate,
@@ -58,6 +58,7 @@ from cocap_opt.formulations.certificates.format import (
     Table,
 )
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
@@ -217,9 +218,9 @@ class _PixelPrices(NamedTuple):
     constant: float
     constants: FloatArray  # [Z] the constants of view sums
     magnitude: float  # sum of the absolute values of the constant's terms
-    # Given the number of a class, view sums [n] and pixels [n], returns their credits before
-    # weights [n].
-    paid: Callable[[int, IntArray, FloatArray], FloatArray]
+    # Given the number of a class, and view sums [n], states [n] and pixels [n], returns their
+    # credits before weights [n].
+    paid: Callable[[int, IntArray, IntArray, FloatArray], FloatArray]
     cuts: int = 0  # number of cuts
 
 
@@ -227,7 +228,9 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
     alpha = _array(model, certificate.alpha, certificate.views, "certificate.alpha")
     beta = _array(model, certificate.beta, _nothing(certificate.views), "certificate.beta")
     weights, returns = model.problem.view_sum_weights, model.problem.returns
-    cuts = certificate.usable_cuts(model, stop)
+    by_roots = certificate.usable_cuts(model, stop)
+    by_states = certificate.usable_state_cuts(model, stop)
+    cuts: list[tuple[AnyCut, float]] = [*by_roots, *by_states]
     if any(cut.view_sum >= returns.n_roots for cut, _ in cuts):
         raise CertificateError("certificate.cuts: cuts exist only for roots of pixels")
     rest = _left_by(cuts, len(alpha))
@@ -246,14 +249,15 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
         float(weights[cut.view_sum])
         * len(model.classes[number].robots)
         * float(curve.roots.max(initial=0.0) + curve.values.max(initial=0.0))
-        for cut, _ in cuts
+        for cut, _ in by_roots
         for number, curve in cut.curves.items()
     ]
-    by_view_sum: dict[int, list[tuple[Cut, float]]] = {}
+    made_of += [float(weights[cut.view_sum]) * cut.magnitude for cut, _ in by_states]
+    by_view_sum: dict[int, list[tuple[AnyCut, float]]] = {}
     for cut, share in cuts:
         by_view_sum.setdefault(cut.view_sum, []).append((cut, share))
 
-    def paid(number: int, view_sums: IntArray, pixels: FloatArray) -> FloatArray:
+    def paid(number: int, view_sums: IntArray, states: IntArray, pixels: FloatArray) -> FloatArray:
         roots = returns.values_at(view_sums, pixels)
         brought: FloatArray = alpha[view_sums] * roots + beta[view_sums] * pixels
         order = np.argsort(view_sums, kind="stable")
@@ -261,13 +265,13 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
         for view_sum, of_view_sum in by_view_sum.items():
             entries = order[bounds[view_sum] : bounds[view_sum + 1]]
             for cut, share in of_view_sum:
-                brought[entries] += share * cut.phi(number, roots[entries])
+                brought[entries] += share * cut.phi(number, states[entries], roots[entries])
         return brought
 
     return _PixelPrices(sum(terms), constants, sum(terms) + sum(made_of), paid, len(cuts))
 
 
-def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
+def _left_by(cuts: Sequence[tuple[AnyCut, float]], n_view_sums: int) -> FloatArray:
     """Returns rho [Z], the share of each root that cuts leave to alpha and beta, rounded up."""
     shares: dict[int, list[float]] = {}
     for cut, share in cuts:
@@ -294,7 +298,7 @@ def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPr
     gains = len(model.problem.robots)
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
 
-    def paid(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
+    def paid(number: int, view_sums: IntArray, states: IntArray, seen: FloatArray) -> FloatArray:
         return marginal_gain(model.problem, view_sums, pixels[view_sums], seen)
 
     return _PixelPrices(constant, values, (gains + 1) * constant, paid)
@@ -304,9 +308,10 @@ def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray
     """Returns the rewards [T+1, S] of a robot of class `number` for visiting each state."""
     robot_class = model.classes[number]
     table = model.coverage(robot_class)
+    states = np.repeat(table.nodes % robot_class.graph.n_states, np.diff(table.indptr))
     with np.errstate(over="ignore", invalid="ignore"):  # infinite values are rejected below
         paid = (
-            prices.paid(number, table.view_sums, table.pixels)
+            prices.paid(number, table.view_sums, states, table.pixels)
             * model.problem.view_sum_weights[table.view_sums]
         )
     rewards = np.zeros((model.problem.horizon + 1, robot_class.graph.n_states))

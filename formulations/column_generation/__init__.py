@@ -12,4 +12,4 @@ tree), both in `branch_and_price`. The subpackages, from the lowest up:
 - `tree`: the relaxation of a node, the root, and the nodes below it.
 """
 
-__all__ = ["branch_and_price", "parameters", "search", "step_envelopes", "tree"]
+__all__ = ["branch_and_price", "master", "parameters", "search", "step_envelopes", "tree"]

@@ -657,9 +657,12 @@ class RuledAscentParameters(Section):
         smallest share at which pixels have a multiplier of their own
     least_cut : of the bound
         smallest violation for an envelope cut to be added, half of that in masters
+    few_cuts : cuts
+        number of envelope cuts of a round below which state cuts are added, too: they take longer,
+        but see that robots cannot share a cell
     most_cuts : cuts
-        largest number of cuts in a round, the most violated first, so that a round does not take
-        minutes
+        largest number of view sums that are tried in a round, the most violated first, so that a
+        round does not take minutes
     again : times
         growth of the violation since the last failed search for a cut at which the search is
         repeated
@@ -671,7 +674,8 @@ class RuledAscentParameters(Section):
     least_factor: float = 0.01
     least_share: float = 1e-9
     least_cut: float = 1e-6
-    most_cuts: int = 1500
+    few_cuts: int = 100
+    most_cuts: int = 2500
     again: float = 1.5
 
 
@@ -704,6 +708,30 @@ class AlikeCutParameters(Section):
     most_growing: int = 4000
     nearly: Share = 0.02
     least_mass: float = 1e-6
+
+
+@dataclass(frozen=True)
+class StateCutParameters(Section):
+    """State cuts where very many robots share a view sum.
+
+    Attributes
+    ----------
+    nearly : share
+        share of the violation of a cut that may remain
+    touching : of a mixture's pixels
+        pixels at which the price of all states that are not listed is that of the root: more makes
+        new paths less attractive, and the cut higher
+    least_mass : robots
+        mass that is added everywhere, which keeps phi low where a mixture has little
+    least_cut : of the bound
+        smallest violation for a state cut to be added: the view sums of a large team lose little
+        each
+    """
+
+    nearly: Share = 0.05
+    touching: Share = 0.75
+    least_mass: float = 1e-4
+    least_cut: float = 2e-7
 
 
 @dataclass(frozen=True)
@@ -754,6 +782,7 @@ class Parameters:
     ruled_ascent: RuledAscentParameters = RuledAscentParameters()
     ascent: AscentParameters = field(default_factory=AscentParameters)
     alike_cuts: AlikeCutParameters = AlikeCutParameters()
+    state_cuts: StateCutParameters = StateCutParameters()
     local_search: LocalSearchParameters = LocalSearchParameters()
     plan_search: PlanSearchParameters = field(
         default_factory=lambda: PlanSearchParameters(responses=10, most_in_vain=6)

@@ -600,14 +600,8 @@ class Cut:
 
     def __init__(self, instance: Instance, spec: Spec, members: list[list[int]]) -> None:
         only(spec, {"t", "face", "curves", "share"})
-        self.share = number_of(spec["share"], "share: ")
-        require(0 <= self.share <= 1, "share: must be 0..1")
-        t, face = whole(spec["t"], "t: "), whole(spec["face"], "face: ")
-        require(instance.rows > 1, "must not be given if pixels add up over time")
-        require(0 <= t < instance.rows, f"t: must be 0..{instance.rows - 1}")
-        require(0 <= face < instance.faces, f"face: must be 0..{instance.faces - 1}")
-        # worth of its share, once that is known
-        self.group, self.worth = t * instance.faces + face, 0
+        self.group, self.share = bounded_by(instance, spec)
+        self.worth = 0  # of its share, once that is known
         self.curves: dict[int, list[tuple[Fraction, Fraction]]] = {}
         for position, curve in enumerate(spec["curves"]):
             with within(f"curves[{position}]"):
@@ -641,8 +635,9 @@ class Cut:
         require(min(values) >= 0, "values: must be >= 0")
         self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
 
-    def phi(self, number: int, low: int) -> int:
-        """Returns phi of class `number` at a root between low and low + 1 (2^-64), rounded up."""
+    def phi(self, number: int, state: Ints, amount: int, root: int) -> int:
+        """Returns phi of class `number`, rounded up, given its root, rounded up by at most one."""
+        low = max(root - 1, 0)
         if number not in self.lines:
             return low + 1
         steepest, unit, points = self.lines[number]
@@ -652,6 +647,74 @@ class Cut:
                 return -(-(v * (s - r) + (x - r) * (u - v)) // ((s - r) * unit)) + steepest
         r, v = points[-1]
         return -(-(v + x - r) // unit) + steepest
+
+
+class StateCut:
+    """Numbers phi of listed states, of which no two in one cell are taken at once: root of the sum
+    <= constant + sum of phi.
+
+    Elsewhere phi is the root or slope times the pixels, whichever is less. That is at least what
+    the root gains, beyond the line of that slope that touches it, taken up to where they touch.
+    """
+
+    def __init__(self, instance: Instance, spec: Spec, kinds: list[int]) -> None:
+        only(spec, {"t", "face", "payments", "slope", "share"})
+        self.group, self.share = bounded_by(instance, spec)
+        self.worth = 0  # of its share, once that is known
+        require(instance.vertex, "must not be given if drones may share a cell")
+        self.slope = number_of(spec["slope"], "slope: ")
+        require(self.slope > 0, "slope: must be > 0")
+        self.t, self.listed = whole(spec["t"]), dict[Ints, Fraction]()  # by class, place, turn
+        self.cells: dict[Ints, list[tuple[int, int]]] = {}  # (pixels, value) of their states
+        before = -1
+        for position, part in enumerate(spec["payments"]):
+            with within(f"payments[{position}]"):
+                only(part, {"robot_class", "states", "values"})
+                number = whole(part["robot_class"], "robot_class: ")
+                require(before < number < len(kinds), "robot_class: must exist and increase")
+                self._take_class(number, instance.kinds[kinds[number]], part)
+                before = number
+        touching, self.least = 1 / (4 * self.slope**2), 1 / (4 * self.slope)
+
+        def root(pixels: int) -> int:
+            seen = Fraction(pixels, ONE)
+            return up(self.least + self.slope * seen) if seen < touching else root_up(pixels)
+
+        self.constant = max(highest_corner([*self.cells.values()], root), root(0))
+
+    def _take_class(self, number: int, kind: Kind, part: Spec) -> None:
+        """Reads the states of a class, without those that no drone can reach."""
+        states = [tuple(whole(v, "states: ") for v in state) for state in part["states"]]
+        values = [number_of(v, "values: ") for v in part["values"]]
+        require(len(set(states)) == len(states) > 0, "states: must be given, and distinct")
+        require(all(len(state) == 5 for state in states), "states: must have 5 numbers each")
+        require(len(values) == len(states), f"values: must contain {len(states)} numbers")
+        require(min(values) >= 0, "values: must be >= 0")
+        for state, value in zip(states, values, strict=True):
+            if state not in kind.states:
+                continue
+            p, o = kind.states[state]
+            pixels = sum(up(c) for g, c in kind.sees.get((self.t, p, o), ()) if g == self.group)
+            self.listed[number, p, o] = value
+            self.cells.setdefault(kind.cells[p], []).append((pixels, down(value)))
+
+    def phi(self, number: int, state: Ints, amount: int, root: int) -> int:
+        """Returns phi of a view, rounded up, given its amount and its root, rounded up."""
+        value = self.listed.get((number, *state))
+        if value is not None:
+            return up(value)
+        return min(root, up(self.slope * Fraction(amount, ONE)))
+
+
+def bounded_by(instance: Instance, spec: Spec) -> tuple[int, Fraction]:
+    """Returns the group that a cut bounds, and its share of the group's root."""
+    share = number_of(spec["share"], "share: ")
+    require(0 <= share <= 1, "share: must be 0..1")
+    t, face = whole(spec["t"], "t: "), whole(spec["face"], "face: ")
+    require(instance.rows > 1, "must not be given if pixels add up over time")
+    require(0 <= t < instance.rows, f"t: must be 0..{instance.rows - 1}")
+    require(0 <= face < instance.faces, f"face: must be 0..{instance.faces - 1}")
+    return t * instance.faces + face, share
 
 
 def whole(value: object, field: str = "") -> int:
@@ -687,7 +750,7 @@ class Bound:
             for kind in instance.kinds
         ]  # groups, each with its views and their roots, both rounded up
         # prices by alpha and beta, and cuts
-        self.prices: dict[int, tuple[int, int, list[Cut]]] = {}
+        self.prices: dict[int, tuple[int, int, list[Cut | StateCut]]] = {}
         self.gained: dict[int, tuple[Fraction, int, int]] = {}  # gains at reference pixels
         self.visible = {g for kind in instance.kinds for v in kind.sees.values() for g, _ in v}
         # Of the current multipliers: constants of groups and of rows (with their steps), charges.
@@ -716,16 +779,20 @@ class Bound:
     def take(self, numbers: Spec) -> None:
         """Reads multipliers: credits for views, constants, and charges of rows."""
         instance = self.instance
-        only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
+        only(numbers, {"alpha", "beta", "rows", "cuts", "state_cuts", "decisions", "views"})
         require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")
         alpha = self._table(numbers, "alpha")
         beta = self._table(numbers, "beta")
-        cuts = []
+        cuts: list[Cut | StateCut] = []
         for number, spec in enumerate(numbers.get("cuts", ())):
             with within(f"cuts[{number}]"):
                 cuts.append(Cut(instance, spec, self.members))
+        kinds = [kind for _, kind in self.classes]
+        for number, spec in enumerate(numbers.get("state_cuts", ())):
+            with within(f"state_cuts[{number}]"):
+                cuts.append(StateCut(instance, spec, kinds))
         rest: dict[int, Fraction] = {}
-        by_group: dict[int, list[Cut]] = {}
+        by_group: dict[int, list[Cut | StateCut]] = {}
         for cut in cuts:
             rest[cut.group] = rest.get(cut.group, Fraction(1)) - cut.share
             by_group.setdefault(cut.group, []).append(cut)
@@ -809,8 +876,8 @@ class Bound:
         require(all(value >= 0 for value in values), f"{field}must be >= 0")
         return values
 
-    def paid(self, number: int, views: list[tuple[int, int, int]]) -> int:
-        """Returns the credit of a drone of a class for a view, rounded up."""
+    def paid(self, number: int, state: Ints, views: list[tuple[int, int, int]]) -> int:
+        """Returns the credit of a drone of a class for its views from a state, rounded up."""
         total, instance = 0, self.instance
         for group, amount, root in views:
             if group in self.gained:
@@ -825,7 +892,7 @@ class Bound:
                 continue
             total += (a * root >> BITS) + (b * amount >> BITS) + 2
             for cut in cuts:
-                total += (cut.worth * cut.phi(number, max(root - 1, 0)) >> BITS) + 1
+                total += (cut.worth * cut.phi(number, state, amount, root) >> BITS) + 1
         return total
 
     def sweep(self, number: int) -> list[dict[Ints, int]]:
@@ -834,7 +901,7 @@ class Bound:
         kind = self.instance.kinds[k]
         still, cell, heading, even = map(up, self.instance.rewards)
         n, goal, horizon = len(kind.moves), self.instance.goals[of_class], self.instance.horizon
-        worth = {key: self.paid(number, views) for key, views in self.views[k].items()}
+        worth = {key: self.paid(number, key[1:], views) for key, views in self.views[k].items()}
         places, moves, states = self.charged
         value: dict[Ints, int] = {}
         values: list[dict[Ints, int]] = []
@@ -1344,7 +1411,7 @@ class Staged:
         for number in classes:
             views = bound.views[bound.classes[number][1]]
             self.prices.append([
-                {(p, o): bound.paid(number, views.get((t, p, o), [])) for p, o in value}
+                {(p, o): bound.paid(number, (p, o), views.get((t, p, o), [])) for p, o in value}
                 for t, value in enumerate(self.to_go[number])
             ])  # fmt: skip
         self._close()

@@ -7,10 +7,18 @@ from typing import TypeVar
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import ClassCurve, EnvelopeCut, Multipliers, Row
+from cocap_opt.formulations.certificates import (
+    ClassCurve,
+    ClassPayments,
+    EnvelopeCut,
+    Multipliers,
+    Row,
+    StateCut,
+)
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.format import tables_of
 from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.certificates.state_cuts import AnyCut, CutByStates
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 
@@ -24,7 +32,7 @@ class Duals:
     alpha: FloatArray  # [Z]
     beta: FloatArray  # [Z] m/px^0.5
     rows: tuple[tuple[Resource, float], ...] = ()  # conflict rows
-    cuts: tuple[tuple[Cut, float], ...] = ()  # envelope cuts and their shares theta
+    cuts: tuple[tuple[AnyCut, float], ...] = ()  # cuts and their shares theta
     decisions: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
@@ -67,7 +75,16 @@ class Duals:
             alpha=alpha,
             beta=beta,
             rows=tuple(Row(resource, mu) for resource, mu in self.rows if mu > 0),
-            cuts=tuple(_written(model, cut, share) for cut, share in self.cuts if share > 0),
+            cuts=tuple(
+                _written(model, cut, share)
+                for cut, share in self.cuts
+                if share > 0 and isinstance(cut, Cut)
+            ),
+            state_cuts=tuple(
+                _written_by_states(model, cut, share)
+                for cut, share in self.cuts
+                if share > 0 and isinstance(cut, CutByStates)
+            ),
             decisions=tuple(self.decisions.tolist()),
             views=views,
         )
@@ -81,6 +98,20 @@ def _written(model: Model, cut: Cut, share: float) -> EnvelopeCut:
     )
     t, face = divmod(cut.view_sum, model.n_faces)
     return EnvelopeCut(t, face, curves, share)
+
+
+def _written_by_states(model: Model, cut: CutByStates, share: float) -> StateCut:
+    """Returns a state cut in the form of a certificate."""
+    payments = tuple(
+        ClassPayments(
+            number,
+            tuple(map(model.classes[number].graph.state, listed.states.tolist())),
+            tuple(listed.values.tolist()),
+        )
+        for number, listed in sorted(cut.listed.items())
+    )
+    t, face = divmod(cut.view_sum, model.n_faces)
+    return StateCut(t, face, payments, cut.slope, share)
 
 
 def repaired_roots(

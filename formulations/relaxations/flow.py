@@ -449,7 +449,7 @@ class Roots:
         entries = [self.entries(z) for z in at.tolist()]
         scales = self.scale[at]
         data = [
-            phi_of(cut, self.owner[nodes], seen) / scale
+            phi_of(cut, self.owner[nodes], np.zeros_like(nodes), seen) / scale
             for cut, (nodes, seen), scale in zip(cuts, entries, scales, strict=True)
         ]
         parts = (

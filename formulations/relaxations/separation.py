@@ -16,6 +16,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Corners, Curve, Cut, Partial
 from cocap_opt.formulations.certificates.format import MOST_WORK
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.solvers import ending, options
 from cocap_opt.result import Reason
 from cocap_opt.stop import Stop
@@ -36,12 +37,12 @@ SWEEPS = 2  # sweeps of the rearrangement
 LEAST_MASS = 1e-6  # a little mass at every breakpoint keeps phi low where there is none
 
 
-def phi_of(cut: Cut, classes: IntArray, roots: FloatArray) -> FloatArray:
-    """Returns a cut's phi for robots of the given classes [n] at the given roots [n]."""
+def phi_of(cut: AnyCut, classes: IntArray, states: IntArray, roots: FloatArray) -> FloatArray:
+    """Returns a cut's phi for robots of the given classes [n] in states [n] with roots [n]."""
     values = np.empty(len(roots))
     for number in np.unique(classes).tolist():
         of_class = classes == number
-        values[of_class] = cut.phi(number, roots[of_class])
+        values[of_class] = cut.phi(number, states[of_class], roots[of_class])
     return values
 
 
@@ -53,14 +54,30 @@ class Seen:
     classes : [n] number of the class of each entry
     roots : [n] root > 0 of a robot of that class, px^0.5/m
     amounts : [n] the fraction of a robot that has this root
+    states : [n] state of that robot at the view sum's step, which only state cuts need; 0 if they
+        are not known
     """
 
-    def __init__(self, classes: IntArray, roots: FloatArray, amounts: FloatArray) -> None:
+    def __init__(
+        self,
+        classes: IntArray,
+        roots: FloatArray,
+        amounts: FloatArray,
+        states: IntArray | None = None,
+    ) -> None:
         self.classes, self.roots, self.amounts = classes, roots, amounts
+        self.states = np.zeros_like(classes) if states is None else states
 
-    def height(self, cut: Cut) -> float:
+    def height(self, cut: AnyCut) -> float:
         """Returns the right-hand side of a cut at the mixture."""
-        return cut.constant + float(self.amounts @ phi_of(cut, self.classes, self.roots))
+        values = phi_of(cut, self.classes, self.states, self.roots)
+        return cut.constant + float(self.amounts @ values)
+
+    def known_height(self, cuts: Iterable[AnyCut]) -> float:
+        """Returns the lowest bound on the mean root: by the roots, the pixels, or known cuts."""
+        together = float(np.sqrt(self.amounts @ self.roots**2))
+        alone = float(self.amounts @ self.roots)
+        return min(together, alone, *map(self.height, cuts))
 
     def is_exact(self, sizes: tuple[int, ...]) -> bool:
         """Returns True if nothing can be cut off: the views of one robot, or integral and equal
@@ -145,7 +162,7 @@ class LooseViewSum(NamedTuple):
 
 def loose_view_sums(
     seen: Iterable[tuple[int, Seen]],
-    cuts: Sequence[Cut],
+    cuts: Sequence[AnyCut],
     weights: FloatArray,
     sizes: tuple[int, ...],
     least: float,
@@ -161,7 +178,7 @@ def loose_view_sums(
     sizes : number of robots of each class
     least : smallest amount that a cut must cut off, in units of J
     """
-    known: dict[int, list[Cut]] = {}
+    known: dict[int, list[AnyCut]] = {}
     for cut in cuts:
         known.setdefault(cut.view_sum, []).append(cut)
     found = []
@@ -169,11 +186,7 @@ def loose_view_sums(
         stop.check()
         if not weights[view_sum] or mixture.is_exact(sizes):
             continue
-        roots = (
-            float(np.sqrt(mixture.amounts @ mixture.roots**2)),
-            float(mixture.amounts @ mixture.roots),
-        )
-        height = min(*roots, *(mixture.height(cut) for cut in known.get(view_sum, [])))
+        height = mixture.known_height(known.get(view_sum, []))
         most, enough = height - mixture.coupled(sizes), least / float(weights[view_sum])
         if most >= enough:
             found.append(LooseViewSum(most, enough, view_sum, mixture, height))

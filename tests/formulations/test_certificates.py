@@ -186,8 +186,9 @@ def test_an_envelope_cut_holds_for_all_roots(
     rng = np.random.default_rng(seed)
     classes = np.repeat(np.arange(len(sizes)), sizes)
     seen = rng.uniform(0.0, 60.0, (200, len(classes))) * (rng.random((200, len(classes))) < 0.7)
+    nowhere = np.zeros(len(seen), dtype=np.int64)
     bound = cut.constant + sum(
-        cut.phi(number, seen[:, n]) for n, number in enumerate(classes.tolist())
+        cut.phi(number, nowhere, seen[:, n]) for n, number in enumerate(classes.tolist())
     )
     assert (np.sqrt((seen**2).sum(axis=1)) <= bound * (1 + 1e-12) + 1e-12).all()
 
@@ -274,7 +275,7 @@ def test_the_best_cut_is_valid_and_no_weaker_than_single_view(seed: int, robots:
     assert height <= min(float(amounts @ roots), math.sqrt(amounts @ roots**2)) * (1 + 1e-3)
     for chosen in product([0.0, *roots], repeat=robots):
         at = np.array(chosen)
-        above = cut.constant + float(cut.phi(0, at).sum())
+        above = cut.constant + float(cut.phi(0, np.zeros(len(at), dtype=np.int64), at).sum())
         assert math.sqrt(float((at**2).sum())) <= above * (1 + 1e-12)
 
 
@@ -297,7 +298,12 @@ def test_cuts_of_robots_that_are_a_class_each_have_few_breakpoints() -> None:
     assert sum(len(curve.roots) for curve in cut.curves.values()) <= MOST_BREAKPOINTS
     for _ in range(200):
         views = rng.uniform(0.0, 12.0, 3) * (rng.random(3) < 0.5)
-        assert np.linalg.norm(views) <= cut.constant + phi_of(cut, np.arange(3), views).sum() + 1e-9
+        assert (
+            np.linalg.norm(views)
+            <= cut.constant
+            + phi_of(cut, np.arange(3), np.zeros(3, dtype=np.int64), views).sum()
+            + 1e-9
+        )
 
 
 @examples(30)
@@ -462,7 +468,9 @@ def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: in
     """The rounded bound is above the exact value of the same multipliers, and barely."""
     assume(number_of_plans(problem) > 0)
     rng = np.random.default_rng(seed)
-    certificate = msgspec.structs.replace(random_multipliers(compiled(problem), rng), cuts=())
+    certificate = msgspec.structs.replace(
+        random_multipliers(compiled(problem), rng), cuts=(), state_cuts=()
+    )
     rounded, exact = Pricing.of(compiled(problem), certificate), exact_price(problem, certificate)
     slack = Fraction(2) ** (-BITS + 20)
     assert Fraction(rounded.bound) >= exact - slack

@@ -291,7 +291,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
     mixture = np.array([0.25, 0.75])
     parts = {
         view_sum: (seen.roots, seen.amounts)
-        for view_sum, seen in roots_seen(Mixture(columns, mixture), problem.returns.n_roots)
+        for view_sum, seen in roots_seen(Mixture(columns, mixture), problem)
     }
     assert set(parts) == {int(g) for c in columns for g in c.view_sums}
     for robot_class, (roots, amounts) in parts.items():
@@ -300,7 +300,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
             for c, weight in zip(columns, mixture.tolist(), strict=True)
         )
         assert float(roots @ amounts) == pytest.approx(total)
-    assert roots_seen(Mixture(columns, np.zeros(2)), problem.returns.n_roots) == []
+    assert roots_seen(Mixture(columns, np.zeros(2)), problem) == []
 
 
 @pytest.mark.parametrize("units", [0, 1, pytest.param(5, marks=pytest.mark.slow)])

@@ -96,8 +96,8 @@ def test_a_master_of_one_path_for_each_drone_is_worth_their_objective(
     value = objective(model, [column.path for column in columns])
     assert master.solve().value == pytest.approx(value, rel=1e-6, abs=1e-5)
     amounts, base = np.ones(len(columns)), MixtureProgram(model, columns)
-    numbers, none = np.arange(len(columns)), sparse.csr_array((len(columns), 0))
-    ruled = RuledProgram(base, numbers, [], none, np.zeros(0), 1.0, 1e-6)
+    along, none = [column.along for column in columns], sparse.csr_array((len(columns), 0))
+    ruled = RuledProgram(base, along, [], model.n_faces, none, np.zeros(0), 1.0, 1e-6)
     judged, prices = base.judged(amounts)
     assert judged == pytest.approx(value, rel=1e-9, abs=1e-9)
     assert ruled.value(amounts) == pytest.approx(value, rel=1e-9, abs=1e-4)
@@ -113,7 +113,7 @@ def test_mixtures_offer_no_counts_to_cuts(problem: Problem, seed: int) -> None:
     columns = random_columns(compiled(problem), np.random.default_rng(seed))
     n_roots = problem.returns.n_roots
     seen = [
-        view_sum for view_sum, _ in roots_seen(Mixture(columns, np.ones(len(columns))), n_roots)
+        view_sum for view_sum, _ in roots_seen(Mixture(columns, np.ones(len(columns))), problem)
     ]
     assert seen == sorted({v for c in columns for v in c.view_sums.tolist() if v < n_roots})
 

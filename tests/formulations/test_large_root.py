@@ -1,6 +1,6 @@
 """The root of scenes with very many robots: cuts of robots that are alike, and masters late."""
 
-from itertools import count, islice
+from itertools import count, islice, pairwise, product
 from types import SimpleNamespace
 
 import hypothesis.strategies as st
@@ -12,6 +12,7 @@ from counting import either
 from hypothesis import given, reject
 from pool import meetings, problems
 from scipy import sparse
+from scipy.optimize import linprog
 from strategies import Calls, examples
 
 from cocap_opt.formulations.certificates import Pricing, verify
@@ -21,7 +22,9 @@ from cocap_opt.formulations.column_generation.branch_and_price import branch_and
 from cocap_opt.formulations.column_generation.master.alike_cuts import _grown_multisets, alike_cut
 from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.master.resource_use import roots_seen
 from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
+from cocap_opt.formulations.column_generation.master.state_cuts import state_cut
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
     LargeRootParameters,
@@ -33,10 +36,10 @@ from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, 
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.mixtures.mixture_ascent import (
-    raised,
-)
-from cocap_opt.model import compiled
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.mixture_ascent import raised
+from cocap_opt.model import PathCells, compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.returns import Returns
@@ -118,8 +121,9 @@ def test_a_root_far_below_others_has_no_beta() -> None:
         bonus=np.zeros(3), returns=Returns(1, np.zeros(0)),
     )  # fmt: skip
     cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
+    along = [PathCells(0, (0,), ())] * 3
     program = RuledProgram(
-        base, np.zeros(3, dtype=np.int64), [cut], sparse.csr_array((3, 0)), np.zeros(0), 1.0,
+        base, along, [cut], 1, sparse.csr_array((3, 0)), np.zeros(0), 1.0,
         DEFAULTS.ruled_ascent.least_share,
     )  # fmt: skip
     for amount in np.linspace(0.0, 1.0, 200):
@@ -320,3 +324,70 @@ def test_optima_are_the_same_if_masters_begin_late(problem: Problem) -> None:
     best = optimum(problem).value
     assert result.value == pytest.approx(best, rel=1e-6, abs=1e-6)
     assert result.bound >= best * (1 - 1e-9) - 1e-9
+
+
+# -- state cuts ---------------------------------------------------------------------------------
+
+cells_of_states = st.lists(
+    st.lists(st.tuples(numbers, numbers), min_size=1, max_size=2), min_size=2, max_size=5
+)
+
+
+@examples(60)
+@given(cells_of_states, st.floats(0.1, 0.9), st.floats(0.0, 0.2))
+def test_the_search_for_a_state_cut_solves_its_packing_problem(
+    by_cell: list[list[tuple[float, float]]], share: float, nearly: float
+) -> None:
+    """The cut's height at the mixture is the optimum over all sets of states, or nearly so."""
+    pytest.importorskip("numba")
+    from cocap_opt.formulations.column_generation.master.state_cut_kernel import tightest
+
+    states = [(k, root**2, amount) for k, cell in enumerate(by_cell) for root, amount in cell]
+    owners, pixels, amounts = (np.array(part) for part in zip(*states, strict=True))
+    amounts /= np.bincount(owners, amounts)[owners]  # one robot in each cell
+    touching = share * float(amounts @ pixels)
+    first = np.searchsorted(owners, np.arange(len(by_cell) + 1))
+    sets = [
+        [state for state in chosen if state is not None]
+        for chosen in product(*([None, *range(a, b)] for a, b in pairwise(first.tolist())))
+    ]
+
+    def root(seen: float) -> float:
+        line = 0.5 * (touching + seen) / np.sqrt(touching)
+        return float(line if seen < touching else np.sqrt(seen))
+
+    gains = np.array([root(pixels[chosen].sum()) for chosen in sets])
+    members = np.array([np.isin(np.arange(len(pixels)), chosen) for chosen in sets])
+    found = linprog(-gains, np.vstack([members.T, np.ones(len(sets))]), np.append(amounts, 1.0))
+    known = float(amounts @ np.sqrt(pixels))
+    values = np.zeros(len(pixels))
+    assert tightest(pixels, first, amounts, touching, known, 0.0, nearly, values)
+    height = (gains - members @ values).max() + amounts @ values
+    assert -found.fun - 1e-9 <= height <= -found.fun + nearly * max(known + found.fun, 0.0) + 1e-7
+    assert (values >= 0).all()
+
+
+@examples(10)
+@given(some_problems)
+def test_state_cuts_cut_off_mixtures_and_no_plan(problem: Problem) -> None:
+    """A cut is lower than what is known at the mixture, and at no plan lower than its root."""
+    pytest.importorskip("numba")
+    search = Search(compiled(problem))
+    if search.alone.bound == -np.inf or problem.objective.over_time or not problem.rules.vertex:
+        reject()
+    mixtures = [mixture for mixture, _, _ in islice(raised_mixtures(search), 3)]
+    plan = optimum(problem).plan
+    paths = () if plan is None else search.model.paths(plan)
+    for view_sum, seen in roots_seen(mixtures[-1], problem):
+        known = seen.known_height([])
+        cut = state_cut(search.model, view_sum, seen, known, 0.0, DEFAULTS.state_cuts)
+        if cut is None:
+            continue
+        assert seen.height(cut) < known
+        at_plan = Mixture(
+            [Column.of(search.model, robot, path) for robot, path in enumerate(paths)],
+            np.ones(len(paths)),
+        )
+        for other, at in roots_seen(at_plan, problem):
+            if other == view_sum:
+                assert at.height(cut) >= np.sqrt((at.roots**2).sum()) - 1e-9

@@ -9,6 +9,7 @@ from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
     Branch,
     ClassCurve,
+    ClassPayments,
     Decision,
     EnvelopeCut,
     Leaf,
@@ -17,6 +18,7 @@ from cocap_opt.formulations.certificates import (
     ReferencePixels,
     Row,
     Staged,
+    StateCut,
 )
 from cocap_opt.formulations.certificates.format import (
     MoveConstant,
@@ -26,6 +28,7 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.certificates.staged import Narrowing, may_be_used, may_begin_later
+from cocap_opt.formulations.certificates.state_cuts import pixels_of
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Problem
 
@@ -109,6 +112,32 @@ def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
     return cuts
 
 
+def random_state_cuts(model: Model, rng: np.random.Generator) -> list[StateCut]:
+    """State cuts of some view sums, with random states, values, slopes and shares."""
+    if model.problem.objective.over_time or not model.problem.rules.vertex:
+        return []
+    cuts = []
+    largest = model.largest_roots()[:, : model.problem.returns.n_roots]
+    for view_sum in np.flatnonzero(largest.max(axis=0, initial=0.0) > 0).tolist():
+        if rng.random() < 0.5:
+            continue
+        t, face = divmod(view_sum, model.n_faces)
+        payments = []
+        for number, robot_class in enumerate(model.classes):
+            graph = robot_class.graph
+            states = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
+            seeing = pixels_of(model, number, view_sum, states) > 0
+            chance = np.where(seeing, 0.7, 0.1)
+            if len(listed := states[rng.random(len(states)) < chance]):
+                values = rng.uniform(0, 1.2, len(listed)) * float(largest[number, view_sum])
+                named = tuple(map(graph.state, rng.permutation(listed).tolist()))
+                payments.append(ClassPayments(number, named, tuple(values.tolist())))
+        slope = float(rng.choice([0.1, 0.5, 2.0, 1e9])) / float(largest[:, view_sum].max())
+        share = float(rng.choice([0.0, 0.2, 0.5]))
+        cuts.append(StateCut(t, face, tuple(payments), slope, share))
+    return cuts
+
+
 def random_resource(model: Model, rng: np.random.Generator) -> Resource:
     """Something that robots can use."""
     problem = model.problem
@@ -137,6 +166,7 @@ def random_multipliers(model: Model, rng: np.random.Generator, decisions: int = 
         cuts=tuple(random_cuts(model, rng)),
         decisions=tuple(rng.choice([0.0, 0.5, 30.0], size=decisions).tolist()),
         views=random_views(problem, rng, [0.0, 0.3, 1.0, 2.0]),
+        state_cuts=tuple(random_state_cuts(model, rng)),
     )
 
 

@@ -30,6 +30,7 @@ _CONTINUED = re.compile(r"#? {8,}# ")
 
 _OF_ROOT = (
     "root", "large_root", "bundle", "ascent", "ruled_ascent", "relaxation", "alike_cuts",
+    "state_cuts",
 )  # fmt: skip
 _OF_ENVELOPES = ("envelopes", "lists", "trials", "middle")
 

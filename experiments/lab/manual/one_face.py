@@ -91,5 +91,5 @@ def curves() -> Curves:
     plans = view * np.sqrt(np.arange(3.0))
     phi = Curve(np.array([view]), np.array([plans[2] - plans[1]]))
     cut = Cut.valid(0, {0: phi}, (2,))
-    paid = cut.constant + 2 * share * cut.phi(0, np.array([view]))
+    paid = cut.constant + 2 * share * cut.phi(0, np.zeros(1, dtype=np.int64), np.array([view]))
     return Curves(share, view * np.sqrt(2 * share), 2 * view * share, paid, plans)

@@ -10,8 +10,8 @@ in `master_program`; any non-negative multipliers of its rows form a certificate
 from collections.abc import Collection, Iterable
 
 from cocap_opt.formulations.certificates import Decision
-from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.column_generation.master.flow_paths import LEAST_USE
 from cocap_opt.formulations.column_generation.master.master_program import MasterProgram, Solution
 from cocap_opt.mixtures.columns import Arc, Column
@@ -36,7 +36,7 @@ class Master:
         self.penalty = penalty
         self.decisions = decisions
         self.rows: list[Resource] = []
-        self.cuts: list[Cut] = []
+        self.cuts: list[AnyCut] = []
         self._columns: dict[tuple[int, Path], Column] = {}
         self._idle: dict[Arc, int] = {}  # number of solves since each arc was last used
 
@@ -71,7 +71,7 @@ class Master:
         return True
 
     def add_all(
-        self, columns: Iterable[Column], rows: Iterable[Resource], cuts: Iterable[Cut]
+        self, columns: Iterable[Column], rows: Iterable[Resource], cuts: Iterable[AnyCut]
     ) -> None:
         """Adds columns, conflict rows and cuts of another master."""
         for column in columns:

@@ -5,6 +5,7 @@ It maximises rewards for moves + sum w u - penalty * slack, where the root u of 
     u <= sqrt(z),  z <= sum of pixels        (second-order cone)
     u <= sum of roots of pixels              (single-view row: the root is subadditive)
     u <= constant + sum of phi(roots)        (envelope cuts, `certificates.envelope`)
+    u <= constant + sum of phi(states)       (state cuts, `certificates.state_cuts`)
 
 the value u of a count, in which at most k drones count,
 
@@ -24,8 +25,8 @@ from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
-from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.column_generation.master.arc_users import users_of
 from cocap_opt.formulations.column_generation.master.flow_paths import StartChoice, mixture_of_flow
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
@@ -154,7 +155,7 @@ class MasterProgram:
 
     def __init__(
         self, model: Model, arcs: Sequence[Arc], rows: Sequence[Resource],
-        decisions: Sequence[Decision], cuts: Sequence[Cut], penalty: float,
+        decisions: Sequence[Decision], cuts: Sequence[AnyCut], penalty: float,
     ) -> None:  # fmt: skip
         self._model, self._arcs, self._rows = model, arcs, rows
         self._decisions = [decision for decision in decisions if not decision.closes]
@@ -178,9 +179,12 @@ class MasterProgram:
         An arc sees what its head sees; at step 0 also what its tail sees.
         """
         of_classes = [self._entries_of_class(number) for number in range(len(self._model.classes))]
-        arcs, view_sums, pixels = (np.concatenate(part) for part in zip(*of_classes, strict=True))
+        arcs, states, view_sums, pixels = (
+            np.concatenate(part) for part in zip(*of_classes, strict=True)
+        )
         counted = self._model.problem.view_sum_weights[view_sums] > 0
-        self._seeing, view_sums, pixels = arcs[counted], view_sums[counted], pixels[counted]
+        self._seeing, self._from = arcs[counted], states[counted]
+        view_sums, pixels = view_sums[counted], pixels[counted]
         # View sums [z] that count and that any arc sees, and each entry's position among them.
         self._view_sums, self._at = np.unique(view_sums, return_inverse=True)
         best = np.zeros(len(self._view_sums))
@@ -189,18 +193,25 @@ class MasterProgram:
         self._roots = np.sqrt(pixels) / self._scale[self._at]
         self._returns = self._model.problem.returns.part(self._view_sums)
 
-    def _entries_of_class(self, number: int) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns the arcs of a class with their view sums and pixels, one per entry."""
+    def _entries_of_class(self, number: int) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """Returns the arcs of a class with the states, view sums and pixels of their views, one per
+        entry.
+        """
         robot_class = self._model.classes[number]
         table, n_states = self._model.coverage(robot_class), robot_class.graph.n_states
         of_class = [(k, arc) for k, arc in enumerate(self._arcs) if arc.class_number == number]
         first = [(k, arc.tail) for k, arc in of_class if arc.t == 0]
-        nodes = [(arc.t + 1) * n_states + arc.head for _, arc in of_class] + [
-            state for _, state in first
-        ]
-        which, entries = table.entries(np.array(nodes, dtype=np.int64))
+        nodes = np.array(
+            [
+                *((arc.t + 1) * n_states + arc.head for _, arc in of_class),
+                *(state for _, state in first),
+            ],
+            dtype=np.int64,
+        )
+        which, entries = table.entries(nodes)
         numbers = np.array([k for k, _ in (*of_class, *first)], dtype=np.int64)
-        return numbers[which], table.view_sums[entries], table.pixels[entries]
+        states = nodes[which] % n_states
+        return numbers[which], states, table.view_sums[entries], table.pixels[entries]
 
     def _move_rewards(self) -> FloatArray:
         """Returns the rewards for the moves along arcs [n]."""
@@ -355,7 +366,8 @@ class MasterProgram:
             z = int(self._cut_at[k])
             entries = order[bounds[z] : bounds[z + 1]]
             arcs, roots = self._seeing[entries], self._roots[entries] * self._scale[z]
-            values = phi_of(self._cuts[k], classes[arcs], roots) / self._scale[z]
+            values = phi_of(self._cuts[k], classes[arcs], self._from[entries], roots)
+            values /= self._scale[z]
             program.put("cuts", "flow", np.full(len(entries), k), arcs, -values)
             program.put("cuts", "roots", np.array([k]), np.array([z]), np.ones(1))
 

@@ -89,15 +89,17 @@ class Pricer:
         base : for each table, the prices of its nodes by alpha and beta [n]
         """
         table = self.views.tables[number]
-        prices = base[table].copy()
+        prices, robot_class = base[table].copy(), self.model.classes[number]
+        states = self.model.coverage(robot_class).nodes % robot_class.graph.n_states
         for cut, share in duals.cuts:
             if share > 0:
                 if table not in self._by_view_sum:
                     self._by_view_sum[table] = self.views.roots[table].tocsc()
                 seen = self._by_view_sum[table]
                 part = slice(*seen.indptr[cut.view_sum : cut.view_sum + 2])
-                phi = cut.phi(number, seen.data[part])
-                prices[seen.indices[part]] += share * self._weights[cut.view_sum] * phi
+                nodes = seen.indices[part]
+                phi = cut.phi(number, states[nodes], seen.data[part])
+                prices[nodes] += share * self._weights[cut.view_sum] * phi
         return prices
 
 

@@ -15,10 +15,11 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from cocap_opt.data import BoolArray
+from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.relaxations.collision_rows import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
@@ -27,13 +28,9 @@ INTEGRAL = 1e-4  # amounts closer than this to an integer count as integral
 _LEAST_SEEN = 1e-7  # amount of a robot; columns with less are treated as seeing nothing
 
 
-def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:
-    """Returns the view sums that a mixture sees, each with its roots.
-
-    Parameters
-    ----------
-    n_roots : view sums from this number on are left out, since envelope cuts exist only for roots
-    """
+def roots_seen(mixture: Mixture, problem: Problem) -> list[tuple[int, Seen]]:
+    """Returns the view sums of faces that a mixture sees, each with its roots."""
+    n_roots = problem.returns.n_roots
     used = np.flatnonzero(mixture.amounts > _LEAST_SEEN).tolist()
     columns = [mixture.columns[n] for n in used]
     view_sums = [np.zeros(0, dtype=np.int64), *(column.view_sums for column in columns)]
@@ -44,14 +41,25 @@ def roots_seen(mixture: Mixture, n_roots: int) -> list[tuple[int, Seen]]:
     counts = [len(column.view_sums) for column in columns]
     amounts = np.repeat(mixture.amounts[used], counts)
     classes = np.repeat([column.along.class_number for column in columns], counts)
+    n_faces = n_roots // problem.view_sum_steps
+    states = np.concatenate([_states_at(column, n_faces) for column in columns])
     order = np.argsort(numbers, kind="stable")
     distinct, first = np.unique(numbers[order], return_index=True)
     parts = np.split(order, first[1:])
     return [
-        (view_sum, Seen(classes[p], roots[p], amounts[p]))
+        (view_sum, Seen(classes[p], roots[p], amounts[p], states[p]))
         for view_sum, p in zip(distinct.tolist(), parts, strict=True)
         if view_sum < n_roots
     ]
+
+
+def _states_at(column: Column, n_faces: int) -> IntArray:
+    """Returns the state of a column at the step of each view sum; the last one for counted people,
+    and the first one if pixels add up over time.
+    """
+    path = np.array(column.path)
+    states: IntArray = path[np.minimum(column.view_sums // n_faces, len(path) - 1)]
+    return states
 
 
 def violated_rows(mixture: Mixture, model: Model, tolerance: float) -> list[Cells | Swap | Moves]:

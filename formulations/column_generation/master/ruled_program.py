@@ -1,7 +1,7 @@
-"""Mixtures under conflict rows and envelope cuts, for scenes in which a master would take too long.
+"""Mixtures under conflict rows and cuts, for scenes in which a master would take too long.
 
 As in `mixtures.mixture_ascent`, the root of a view sum is a smooth minimum of its bounds, here
-including the heights H of its envelope cuts. Each bound has a share of the root's multiplier, in
+including the heights H of its cuts. Each bound has a share of the root's multiplier, in
 proportion to its value to the power -(k+1). The multiplier of a conflict row rises with the excess
 over one use, as in an augmented Lagrangian: mu <- max(0, mu + rho (uses - 1)). For any multipliers,
 pricing gives a bound.
@@ -12,21 +12,23 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.mixtures.mixture_ascent import SHARPNESS, MixtureProgram, together_of
+from cocap_opt.model import PathCells
 
 _DARK = 1e-6  # px^0.5/m: smaller roots count as zero, which avoids divisions by zero
 
 
 class RuledProgram:
-    """The amounts of some columns under conflict rows and envelope cuts.
+    """The amounts of some columns under conflict rows and cuts.
 
     Parameters
     ----------
     base : the program without rows and cuts
-    classes : [n] class number of each column
+    along : path of each column [n]
+    n_faces : number of faces, each of which has a view sum at each step
     uses : [n, rows] use of resources by columns
     charges : [rows] multipliers at one use
     steepness : increase of the multipliers per robot in excess
@@ -34,11 +36,12 @@ class RuledProgram:
     """
 
     def __init__(
-        self, base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut], uses: sparse.csr_array,
-        charges: FloatArray, steepness: float, least_share: float,
+        self, base: MixtureProgram, along: Sequence[PathCells], cuts: Sequence[AnyCut],
+        n_faces: int, uses: sparse.csr_array, charges: FloatArray, steepness: float,
+        least_share: float,
     ) -> None:  # fmt: skip
         self._base, self._uses = base, uses
-        self._heights = _cut_heights(base, classes, cuts)
+        self._heights = _cut_heights(base, along, cuts, n_faces)
         self._charges, self._steepness, self._least_share = charges, steepness, least_share
         self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
         self._constants = np.array([cut.constant for cut in cuts])
@@ -91,14 +94,20 @@ class RuledProgram:
         return prices
 
 
-def _cut_heights(base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut]) -> sparse.csr_array:
+def _cut_heights(
+    base: MixtureProgram, along: Sequence[PathCells], cuts: Sequence[AnyCut], n_faces: int
+) -> sparse.csr_array:
     """Returns the amounts by which each column raises the heights of cuts [n, cuts]."""
     by_view_sum = base.roots.tocsc()
+    classes = np.array([path.class_number for path in along])
+    states = np.array([path.states for path in along])
     values, at, ends = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
     for cut in cuts:
         part = slice(*by_view_sum.indptr[cut.view_sum : cut.view_sum + 2])
-        at.append(by_view_sum.indices[part].astype(np.int64))
-        values.append(phi_of(cut, classes[at[-1]], by_view_sum.data[part]))
-        ends.append(ends[-1] + len(at[-1]))
+        columns = by_view_sum.indices[part].astype(np.int64)
+        then, roots = states[columns, cut.view_sum // n_faces], by_view_sum.data[part]
+        values.append(phi_of(cut, classes[columns], then, roots))
+        at.append(columns)
+        ends.append(ends[-1] + len(columns))
     shape = len(classes), len(cuts)
     return sparse.csc_array((np.concatenate(values), np.concatenate(at), ends), shape).tocsr()

@@ -8,21 +8,26 @@ waits, since the work of the others may help it.
 
 The bound is lowered by a mixture that is improved and priced under rules and cuts
 (`_RuledAscent`). Once that closes little of its gap, masters take over: they begin with the
-columns, rows and cuts of the ascent, and it separates cuts from their mixtures.
+columns, rows and cuts of the ascent, and it separates cuts from their mixtures: envelope cuts, and
+once these are used up, state cuts.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
 from cocap_opt.formulations.column_generation.master.arc_users import users_of
 from cocap_opt.formulations.column_generation.master.master_program import Solution
 from cocap_opt.formulations.column_generation.master.resource_use import roots_seen, violated_rows
 from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
+from cocap_opt.formulations.column_generation.master.state_cuts import (
+    may_be_compiled,
+    state_cut,
+)
 from cocap_opt.formulations.column_generation.parameters import (
     LargeRootParameters,
     RuledAscentParameters,
@@ -31,7 +36,7 @@ from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.relaxations.duals import Duals
-from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
+from cocap_opt.formulations.relaxations.separation import LooseViewSum, loose_view_sums
 from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.mixtures.mixture_ascent import (
@@ -62,11 +67,11 @@ class _RuledAscent:
         self.mixture, self.value = mixture, -np.inf
         self.columns: dict[tuple[int, Path], Column] = {}
         self.rows: dict[Resource, int] = {}
-        self.cuts: list[Cut] = []
+        self.cuts: list[AnyCut] = []
         self._charges = np.zeros(0)  # [rows] multipliers
         self._shares = np.zeros(0)  # [cuts] their shares of the roots
-        # for each view sum, the possible reduction at the last search that found no cut
-        self._in_vain: dict[int, float] = {}
+        # for each kind of cut and view sum, the possible reduction at the last search in vain
+        self._in_vain: dict[str, dict[int, float]] = {}
         problem = self._search.model.problem
         of_a_step = relaxation.best.bound / (problem.horizon * len(problem.robots))
         self._steepness = self._parameters.steepness * of_a_step
@@ -87,7 +92,7 @@ class _RuledAscent:
         search, mixture = self._search, self.mixture.joined(self._priced.columns)
         base = MixtureProgram(search.model, mixture.columns)
         program = RuledProgram(
-            base, np.array([column.along.class_number for column in mixture.columns]), self.cuts,
+            base, [column.along for column in mixture.columns], self.cuts, search.model.n_faces,
             _uses(search.model, mixture.columns, self.rows), self._charges, self._steepness,
             self._parameters.least_share,
         )  # fmt: skip
@@ -126,7 +131,7 @@ class _RuledAscent:
     # -- cuts ----------------------------------------------------------------------------
 
     def add_cuts(self) -> int:
-        """Adds the envelope cuts that the mixture violates most, and returns how many.
+        """Adds the cuts that the mixture violates most, and returns how many.
 
         Cuts without a share are dropped.
 
@@ -140,44 +145,70 @@ class _RuledAscent:
             self.cuts[k]
             for k in np.flatnonzero(self._shares > self._parameters.least_amount).tolist()
         ]
-        added = []
+        before = len(self.cuts)
+        if not search.model.problem.objective.over_time:  # otherwise no cut of a step holds
+            self.cuts += self._round(self._cut_by_roots, self._parameters.least_cut)
+            if len(self.cuts) - before < self._parameters.few_cuts and self._may_cut_by_states():
+                self.cuts += self._round(
+                    self._cut_by_states, search.parameters.state_cuts.least_cut
+                )
+        self._shares = np.ones(len(self.cuts))
+        return len(self.cuts) - before
+
+    def _may_cut_by_states(self) -> bool:
+        """Returns True if no two robots may share a cell, and the search for cuts is compiled."""
+        search = self._search
+        return search.model.problem.rules.vertex and may_be_compiled(search.stop)
+
+    def _round(self, cut_of: Callable[[LooseViewSum], AnyCut | None], least: float) -> list[AnyCut]:
+        """Returns cuts of the view sums that the mixture violates most; raises LimitReached between
+        two.
+
+        Parameters
+        ----------
+        least : of the bound; smallest violation
+        """
+        search, added = self._search, list[AnyCut]()
+        in_vain = self._in_vain.setdefault(cut_of.__name__, {})
         loose = loose_view_sums(
-            self._seen_by_equals(), self.cuts, search.weights, search.model.class_sizes,
-            self._parameters.least_cut * abs(self._relaxation.best.bound), search.stop,
+            roots_seen(self.mixture, search.model.problem), self.cuts, search.weights,
+            search.model.class_sizes, least * abs(self._relaxation.best.bound), search.stop,
         )  # fmt: skip
         loose = [
             loose_sum
             for loose_sum in loose
-            if loose_sum.most >= self._parameters.again * self._in_vain.get(loose_sum.view_sum, 0.0)
+            if loose_sum.most >= self._parameters.again * in_vain.get(loose_sum.view_sum, 0.0)
         ]
         for loose_sum in loose[: self._parameters.most_cuts]:
             search.stop.check()
             search.report_again()
-            number = int(loose_sum.seen.classes[0])
-            cut = alike_cut(
-                loose_sum.view_sum, loose_sum.seen,
-                float(search.largest[number, loose_sum.view_sum]),
-                search.model.class_sizes[number], loose_sum.height, loose_sum.least,
-                search.parameters.alike_cuts,
-            )  # fmt: skip
+            cut = cut_of(loose_sum)
             if cut is None:
-                self._in_vain[loose_sum.view_sum] = loose_sum.most
+                in_vain[loose_sum.view_sum] = loose_sum.most
             else:
                 added.append(cut)
-        self.cuts += added
-        self._shares = np.ones(len(self.cuts))
-        return len(added)
+        return added
 
-    def _seen_by_equals(self) -> Iterator[tuple[int, Seen]]:
-        """Yields the view sums that only robots of one class see; robots of several classes are not
-        alike.
+    def _cut_by_states(self, loose: LooseViewSum) -> AnyCut | None:
+        """Returns the state cut that the mixture violates most."""
+        search = self._search
+        return state_cut(
+            search.model, loose.view_sum, loose.seen, loose.height, loose.least,
+            search.parameters.state_cuts,
+        )  # fmt: skip
 
-        Raises LimitReached between two view sums.
+    def _cut_by_roots(self, loose: LooseViewSum) -> AnyCut | None:
+        """Returns the envelope cut that the mixture violates most, if robots of one class alone see
+        the view sum; robots of several classes are not alike.
         """
-        for view_sum, seen in roots_seen(self.mixture, self._search.model.problem.returns.n_roots):
-            self._search.stop.check()
-            if seen.classes.min() == seen.classes.max():
-                yield view_sum, seen
+        search, number = self._search, int(loose.seen.classes[0])
+        if (loose.seen.classes != number).any():
+            return None
+        return alike_cut(
+            loose.view_sum, loose.seen, float(search.largest[number, loose.view_sum]),
+            search.model.class_sizes[number], loose.height, loose.least,
+            search.parameters.alike_cuts,
+        )  # fmt: skip
 
 
 def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:

@@ -266,7 +266,7 @@ class Relaxation:
         used = [cut for cut, share in solution.duals.cuts if share > _LEAST_SHARE]
         self.master.cuts = used
         loose = loose_view_sums(
-            roots_seen(solution.mixture, problem.returns.n_roots), self.master.cuts, search.weights,
+            roots_seen(solution.mixture, problem), self.master.cuts, search.weights,
             search.model.class_sizes, self._parameters.least_cut * abs(self.best.bound),
             search.stop,
         )  # fmt: skip

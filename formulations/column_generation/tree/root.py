@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 
 from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.state_cuts import AnyCut, CutByStates
 from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.parameters import RootParameters
 from cocap_opt.formulations.column_generation.search import Search
@@ -268,8 +269,16 @@ def _disaggregated(relaxation: Relaxation) -> Relaxation:
     return Relaxation(search, master, best, iterations=relaxation.iterations)
 
 
-def _disaggregated_cut(relaxation: Relaxation, cut: Cut) -> Cut:
-    """Returns a cut in which each robot has the curve of its class."""
+def _disaggregated_cut(relaxation: Relaxation, cut: AnyCut) -> AnyCut:
+    """Returns a cut in which each robot has phi of its class."""
+    if isinstance(cut, CutByStates):
+        listed = {
+            robot: cut.listed[robot_class.number]
+            for robot_class in relaxation.search.model.classes
+            if robot_class.number in cut.listed
+            for robot in robot_class.robots
+        }
+        return replace(cut, listed=dict(sorted(listed.items())))
     curves = {
         robot: cut.curves[number]
         for number, robot_class in enumerate(relaxation.search.model.classes)

@@ -9,8 +9,8 @@ import numpy as np
 
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import Branch, Decision, Leaf, Pricing, ProofFile
-from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.certificates.state_cuts import AnyCut
 from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.master.resource_use import INTEGRAL, ResourceUse
@@ -22,7 +22,7 @@ from cocap_opt.mixtures.columns import Column
 from cocap_opt.problem import COVERAGE_VERSION
 
 # Penalty, columns, rows and cuts that a node inherits from its parent's relaxation.
-_Inheritance = tuple[float, list[Column], tuple[Resource, ...], tuple[Cut, ...]]
+_Inheritance = tuple[float, list[Column], tuple[Resource, ...], tuple[AnyCut, ...]]
 
 
 @dataclass
@@ -120,7 +120,7 @@ class Tree:
 
     def _relaxation(
         self, node: _Node, penalty: float, columns: list[Column],
-        rows: tuple[Resource, ...], cuts: tuple[Cut, ...],
+        rows: tuple[Resource, ...], cuts: tuple[AnyCut, ...],
     ) -> Relaxation:  # fmt: skip
         """Returns the relaxation of a node, with its inherited content."""
         master = Master(self.search.model, penalty, node.decisions)
