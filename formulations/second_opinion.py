@@ -276,7 +276,7 @@ class _Prices:
         ]
 
     def _sight_of(self, robot: int) -> object:
-        """Returns what a robot's views depend on."""
+        """Returns the motion and the camera of a robot, on which its views depend."""
         spec = self._problem.robots[robot]
         return spec.motion, spec.camera
 
