@@ -201,11 +201,12 @@ class CertificatePrices(NamedTuple):
         Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
         pixels z are differences of roots up to sqrt(z + c); the constant contains w sqrt(z), so
         terms that cancel are counted, too. A step adds a term for each face and each counted
-        person, and up to four rewards for its move.
+        person, and up to four rewards for its move. The constant of a state cut may contain numbers
+        of all its listed states, however few robots there are.
         """
         problem = self.model.problem
         terms = (problem.horizon + 1) * (problem.step_width + 5) + len(self.costs)
-        terms += 8 * len(problem.robots) + 64 + 2 * self.pixels.cuts
+        terms += 8 * len(problem.robots) + 64 + 2 * self.pixels.cuts + self.pixels.listed
         return 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF)
 
 
@@ -222,6 +223,7 @@ class _PixelPrices(NamedTuple):
     # credits before weights [n].
     paid: Callable[[int, IntArray, IntArray, FloatArray], FloatArray]
     cuts: int = 0  # number of cuts
+    listed: int = 0  # largest number of listed states of a state cut
 
 
 def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -> _PixelPrices:
@@ -268,7 +270,9 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
                 brought[entries] += share * cut.phi(number, states[entries], roots[entries])
         return brought
 
-    return _PixelPrices(sum(terms), constants, sum(terms) + sum(made_of), paid, len(cuts))
+    magnitude = sum(terms) + sum(made_of)
+    listed = max((cut.n_listed for cut, _ in by_states), default=0)
+    return _PixelPrices(sum(terms), constants, magnitude, paid, len(cuts), listed)
 
 
 def _left_by(cuts: Sequence[tuple[AnyCut, float]], n_view_sums: int) -> FloatArray:

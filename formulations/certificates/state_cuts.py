@@ -95,6 +95,11 @@ class CutByStates:
         return result
 
     @property
+    def n_listed(self) -> int:
+        """The number of listed states of all classes."""
+        return sum(len(states) for states, _, _ in self.listed.values())
+
+    @property
     def magnitude(self) -> float:
         """The sum of the absolute values of all numbers of which the constant can be made."""
         listed = self.listed.values()

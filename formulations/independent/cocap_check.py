@@ -569,12 +569,23 @@ def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], in
     Drones are placed one by one. A partial placement is dropped if another one has as many pixels
     for no more payment. A root gains less the more is seen already, so a partial placement is
     dropped, too, if the gains that later drones would have now cannot bring it above the best one.
+    The first best one is a placement that no single drone can improve.
 
     Parameters
     ----------
-    drones : for each drone, its breakpoints as (pixels, payment), including (0, 0)
+    drones : for each drone, its breakpoints as (pixels, payment); (0, 0) may be left out
+    root : the root, or another increasing concave function, rounded up
     """
-    best, ways, looked_at = 0, [(0, 0)], 0  # pixels and payment of each partial placement
+    before, best, chosen, seen, owed = -1, root(0), [(0, 0)] * len(drones), 0, 0
+    while best > before:
+        before = best
+        for number, points in enumerate(drones):
+            seen, owed = seen - chosen[number][0], owed - chosen[number][1]
+            heights = [(root(seen + p) - v, p, v) for p, v in ((0, 0), *points)]
+            chosen[number] = max(heights)[1:]
+            seen, owed = seen + chosen[number][0], owed + chosen[number][1]
+        best = max(best, root(seen) - owed)
+    ways, looked_at = [(0, 0)], 0  # pixels and payment of each partial placement
     for number, points in enumerate(drones, 1):
         ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
         looked_at += len(ways)
@@ -674,13 +685,15 @@ class StateCut:
                 require(before < number < len(kinds), "robot_class: must exist and increase")
                 self._take_class(number, instance.kinds[kinds[number]], part)
                 before = number
-        touching, self.least = 1 / (4 * self.slope**2), 1 / (4 * self.slope)
+        by_cell = sorted(self.cells.values(), key=max, reverse=True)  # which is faster
+        self.constant = highest_corner(by_cell, self._root)
 
-        def root(pixels: int) -> int:
-            seen = Fraction(pixels, ONE)
-            return up(self.least + self.slope * seen) if seen < touching else root_up(pixels)
-
-        self.constant = max(highest_corner([*self.cells.values()], root), root(0))
+    def _root(self, pixels: int) -> int:
+        """Returns the root or, left of where they touch, the line, rounded up."""
+        p, q = self.slope.as_integer_ratio()
+        if 4 * p * p * pixels >= q * q * ONE:
+            return root_up(pixels)
+        return -(-(q * q * ONE + 4 * p * p * pixels) // (4 * p * q))
 
     def _take_class(self, number: int, kind: Kind, part: Spec) -> None:
         """Reads the states of a class, without those that no drone can reach."""

@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from fractions import Fraction
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -26,20 +27,21 @@ from goals import with_areas
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from random_certificates import random_multipliers, random_staged
+from random_certificates import random_multipliers, random_staged, some_model
 from strategies import drawn_meetings, drawn_problems, examples, tiny
 
 from cocap_opt.cli.commands import run
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS
-from cocap_opt.formulations.certificates import CertificateFile, Staged
+from cocap_opt.formulations.certificates import CertificateFile, Pricing, Staged
 from cocap_opt.formulations.certificates.staged import may_begin_later, price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import searchless
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.formulations.independent.cocap_check import ONE, Instance, Refused
+from cocap_opt.formulations.result import certify
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import COVERAGE_VERSION, Objective, Plan, Problem, State
+from cocap_opt.problem import COVERAGE_VERSION, NO_RULES, Objective, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene
@@ -516,6 +518,134 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
         patch.setattr(cocap_check, "MOST_CORNERS", 100)
         with pytest.raises(Refused, match="computing its constant takes too long"):
             cocap_check.Cut(instance, spec, instance.members)
+
+
+@st.composite
+def drawn_cells(draw: st.DrawFn) -> list[list[tuple[int, int]]]:
+    """Pixels and values of the listed states in some cells."""
+    pairs = st.tuples(st.integers(0, 400), st.integers(0, 25))
+    return draw(st.lists(st.lists(pairs, min_size=1, max_size=3), max_size=5))
+
+
+@examples(200)
+@given(drawn_cells(), st.sampled_from([1e-3, 0.02, 0.1, 0.3, 1.0, 50.0]))
+def test_the_constant_of_a_state_cut_is_that_of_its_highest_set(
+    cells: list[list[tuple[int, int]]], slope: float
+) -> None:
+    """Of at most one state in each cell, in fractions: rounded up, by less than two units."""
+    cut = object.__new__(cocap_check.StateCut)
+    cut.slope = Fraction(slope)
+    in_units = [[(p * ONE, v * ONE) for p, v in of_cell] for of_cell in cells]
+    constant = Fraction(cocap_check.highest_corner(in_units, cut._root), ONE)
+    highest = Fraction(0)
+    for chosen in itertools.product(*([(0, 0), *of_cell] for of_cell in cells)):
+        pixels, paid = (sum(part) for part in zip((0, 0), *chosen, strict=True))
+        root = Fraction(math.isqrt(pixels << 400), 1 << 200)
+        if 4 * cut.slope**2 * pixels < 1:
+            root = 1 / (4 * cut.slope) + cut.slope * pixels
+        highest = max(highest, root - paid)
+    assert highest <= constant < highest + Fraction(2, ONE)
+
+
+def state_cut_of(known: Instance, **changes: Any) -> dict[str, Any]:
+    """A state cut of the first weighted face, of two states that see it, with other fields."""
+    group = min(known.weights)
+    seeing = [
+        (t, *known.kinds[0].cells[p], *known.kinds[0].headings[o])
+        for (t, p, o), views in known.kinds[0].sees.items() if group in dict(views)
+    ]  # fmt: skip
+    t, face = divmod(group, known.faces)
+    listed = {"robot_class": 0, "states": [list(s[1:]) for s in seeing[:2]], "values": [1.0, 2.0]}
+    cut = {"t": t, "face": face, "payments": [listed], "slope": 0.1, "share": 0.5}
+    for name, value in changes.items():
+        holder = listed if name in listed else cut
+        if value is None:
+            del holder[name]
+        else:
+            holder[name] = value
+    return cut
+
+
+SHORT, LONG = [[0, 0, 0]], [[0, 0, 0, 0, 0]] * 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"t": 99}, "t: must be 0.."),
+        ({"t": True}, "t: must be a whole number, not True"),
+        ({"face": -1}, "face: must be 0.."),
+        ({"face": 99}, "face: must be 0.."),
+        ({"share": 1.5}, "share: must be 0..1"),
+        ({"share": -0.1}, "share: must be 0..1"),
+        ({"share": math.nan}, "share: must be a finite number"),
+        ({"share": None}, "must have the field 'share'"),
+        ({"slope": 0}, "slope: must be > 0"),
+        ({"slope": -1.0}, "slope: must be > 0"),
+        ({"slope": math.inf}, "slope: must be a finite number"),
+        ({"slope": None}, "must have the field 'slope'"),
+        ({"constant": 1.0}, "must have no field ['constant']"),
+        ({"payments": 5}, "a field has a value of the wrong kind"),
+        ({"payments": [{"curve": 1}]}, "payments[0]: must have no field ['curve']"),
+        ({"robot_class": 1}, "payments[0]: robot_class: must exist and increase"),
+        ({"robot_class": -1}, "payments[0]: robot_class: must exist and increase"),
+        ({"states": []}, "payments[0]: states: must be given, and distinct"),
+        ({"states": LONG}, "payments[0]: states: must be given, and distinct"),
+        ({"states": SHORT, "values": [1.0]}, "payments[0]: states: must have 5 numbers each"),
+        ({"states": [[0.5] * 5]}, "payments[0]: states: must be a whole number, not 0.5"),
+        ({"states": ["12345"]}, "payments[0]: states: must be a whole number, not '1'"),
+        ({"values": [1.0]}, "payments[0]: values: must contain 2 numbers"),
+        ({"values": [1.0, -1.0]}, "payments[0]: values: must be >= 0"),
+        ({"values": [1.0, math.nan]}, "payments[0]: values: must be a finite number"),
+        ({"values": None}, "payments[0]: must have the field 'values'"),
+    ],
+)
+def test_state_cuts_that_are_none_are_refused(changes: dict[str, Any], told: str) -> None:
+    """In one line that names the field."""
+    known = instance(load_scene("tiny-doorway", 0))
+    bound = cocap_check.Bound(known, single=False)
+    zeros = [[0.0] * known.faces] * known.rows
+    numbers = {"alpha": [[1.0] * known.faces] * known.rows, "beta": zeros}
+    bound.take(numbers | {"state_cuts": [state_cut_of(known)]})
+    assert len(known.classes) == 1 and bound.prices[min(known.weights)][2]
+    with pytest.raises(Refused) as error:
+        bound.take(numbers | {"state_cuts": [state_cut_of(known, **changes)]})
+    assert str(error.value).startswith(f"state_cuts[0]: {told}")
+    assert "\n" not in str(error.value)
+
+
+def test_state_cuts_need_the_vertex_rule_and_steps_of_their_own() -> None:
+    """And classes that are given once."""
+    problem = load_scene("tiny-doorway", 0)
+    cut, classes = state_cut_of(instance(problem)), [0]
+    shared = instance(problem.replace(rules=NO_RULES))
+    with pytest.raises(Refused, match="if drones may share a cell"):
+        cocap_check.StateCut(shared, cut, classes)
+    summed = instance(problem.replace(objective=Objective(over_time=True)))
+    with pytest.raises(Refused, match="if pixels add up over time"):
+        cocap_check.StateCut(summed, cut | {"t": 0}, classes)
+    with pytest.raises(Refused, match="robot_class: must exist and increase"):
+        cocap_check.StateCut(instance(problem), cut | {"payments": cut["payments"] * 2}, classes)
+
+
+@examples(60)
+@given(st.one_of(drawn_meetings(3), either(drawn_problems())), st.integers(0, 10**9))
+def test_multipliers_with_state_cuts(folder: Path, problem: Problem, seed: int) -> None:
+    """Optimum <= exact bound <= the bound of `verify`, whose rounding is thus allowed for."""
+    model = some_model(problem, rng := np.random.default_rng(seed))
+    numbers = random_multipliers(model, rng)
+    assume(numbers.state_cuts)
+    pricing = Pricing.of(model, numbers)
+    file = document(certify(problem, model, "test", numbers), folder)
+    bound, _ = cocap_check.bound_of_file(instance(problem), file)
+    if bound is None:
+        assert pricing.bound == -math.inf
+        return
+    best = optimum(problem).value
+    assert bound / ONE >= best - 1e-12 * abs(best)
+    exact, units = Fraction(bound, ONE), Fraction(10**6, ONE)
+    assert exact - units <= Fraction(pricing.bound)
+    assert Fraction(pricing.bound) - exact <= 3 * Fraction(pricing.rounding) + units
 
 
 @pytest.mark.parametrize(
