@@ -520,21 +520,19 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
             cocap_check.Cut(instance, spec, instance.members)
 
 
-@st.composite
-def drawn_cells(draw: st.DrawFn) -> list[list[tuple[int, int]]]:
-    """Pixels and values of the listed states in some cells."""
-    pairs = st.tuples(st.integers(0, 400), st.integers(0, 25))
-    return draw(st.lists(st.lists(pairs, min_size=1, max_size=3), max_size=5))
-
-
 @examples(200)
-@given(drawn_cells(), st.sampled_from([1e-3, 0.02, 0.1, 0.3, 1.0, 50.0]))
-def test_the_constant_of_a_state_cut_is_that_of_its_highest_set(
-    cells: list[list[tuple[int, int]]], slope: float
-) -> None:
-    """Of at most one state in each cell, in fractions: rounded up, by less than two units."""
-    cut = object.__new__(cocap_check.StateCut)
-    cut.slope = Fraction(slope)
+@given(st.integers(0, 10**9))
+def test_the_constant_of_a_state_cut_is_that_of_its_highest_set(seed: int) -> None:
+    """Of at most one state in each cell, in fractions: rounded up, by less than two units.
+
+    Values are about as high as gains, so that many sets are nearly the highest.
+    """
+    draw, cut = random.Random(seed), object.__new__(cocap_check.StateCut)
+    cut.slope = Fraction(draw.choice([1e-3, 0.02, 0.1, 0.3, 1.0, 50.0]))
+    cells = [
+        [(p := draw.randint(0, 400), p * draw.randint(20, 50) // 1000) for _ in range(states)]
+        for states in draw.choices((1, 2, 3), k=draw.randint(0, 5))
+    ]
     in_units = [[(p * ONE, v * ONE) for p, v in of_cell] for of_cell in cells]
     constant = Fraction(cocap_check.highest_corner(in_units, cut._root), ONE)
     highest = Fraction(0)

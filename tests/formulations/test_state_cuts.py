@@ -21,7 +21,9 @@ from cocap_opt.formulations.certificates import (
     Pricing,
     StateCut,
 )
+from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF, CertificatePrices
 from cocap_opt.formulations.certificates.state_cuts import CutByStates, pixels_of
+from cocap_opt.formulations.second_opinion import _highest_of
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Objective, Problem, State
 
@@ -66,6 +68,7 @@ def test_the_constant_is_that_of_the_highest_set_of_listed_states(
             for chosen in product(*choices)
         )
         assert cut.constant == pytest.approx(max(highest, 0.25 / cut.slope), rel=1e-9, abs=1e-9)
+        assert _highest_of(choices, cut.slope) == pytest.approx(highest, rel=1e-9, abs=1e-9)
         judged += 1
     if not judged:
         reject()
@@ -125,6 +128,22 @@ def part(**changes: object) -> StateCut:
     return msgspec.structs.replace(
         GOOD, payments=(msgspec.structs.replace(GOOD.payments[0], **changes),)
     )
+
+
+def test_rounding_of_a_constant_grows_with_its_listed_states() -> None:
+    """It may add up numbers of all of them, though there are far fewer robots."""
+    problem = tiny()
+    model = compiled(problem)
+    graph = model.classes[0].graph
+    free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
+    states = tuple(map(graph.state, free.tolist()))
+    many = part(states=states, values=(1.0,) * len(states))
+    few, all_of_them = (
+        CertificatePrices.of(model, multipliers_with(problem, cut)).rounding_factor
+        for cut in (GOOD, many)
+    )
+    assert len(states) > 10
+    assert all_of_them - few >= 2 * (len(states) - 2) * UNIT_ROUNDOFF
 
 
 @pytest.mark.parametrize(
