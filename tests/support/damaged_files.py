@@ -112,7 +112,7 @@ def vary(file: dict[str, Any], draw: random.Random) -> dict[str, Any]:
     """Returns a copy that proves as much, or little less, and claims no more than that."""
     file = copy.deepcopy(file)
     for holder, key in places(file):
-        if key in ("rows", "cuts") and isinstance(holder, dict):
+        if key in ("rows", "cuts", "state_cuts") and isinstance(holder, dict):
             draw.shuffle(holder[key])
         if key == "beta" and draw.random() < 0.5:
             holder[key] = [[v * (1 + 1e-9 * draw.random()) for v in row] for row in holder[key]]
