@@ -4,7 +4,7 @@ A certificate is a set of non-negative numbers. Anyone who has them and the scen
 bound that no plan's J exceeds, regardless of which solver found the numbers and how well it
 converged. This package has two storeys, and neither imports a solver.
 
-The lower storey, about 1,000 lines of code, checks plain certificates and proofs. It contains no
+The lower storey, about 1,150 lines of code, checks plain certificates and proofs. It contains no
 search and no compiled code. A sceptic should read, in this order:
 
 1. `pricing`: three inequalities in its docstring bound J by a constant and one best path per robot,

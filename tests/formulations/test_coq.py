@@ -12,6 +12,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 import staged_hunt
@@ -469,6 +470,12 @@ def test_prices_of_states_that_no_drone_takes_change_nothing(ask: Ask, tmp_path:
 ALIKE = 1e-9  # of 1 + |bound|: by how much the bounds of the checkers may differ
 
 
+def without_state_cuts(staged: Staged) -> Staged:
+    """The same stages after multipliers without state cuts, which this program does not know."""
+    multipliers = msgspec.structs.replace(staged.multipliers, state_cuts=())
+    return msgspec.structs.replace(staged, multipliers=multipliers)
+
+
 @examples(60)
 @given(
     st.one_of(either(drawn_problems()), either(drawn_meetings(2)), drawn_meetings(3),
@@ -489,7 +496,7 @@ def test_checkers_prove_the_same_by_random_stages(
     model, best = some_model(problem, rng), optimum(problem).value
     value = best if math.isfinite(best) else 0.0
     target = value - (1 + abs(value)) * 10.0 ** rng.uniform(-4, 0)
-    staged = random_staged(model, target, rng, moves=True)
+    staged = without_state_cuts(random_staged(model, target, rng, moves=True))
     verified = price_staged(model, staged).bound
     file = CertificateFile(
         scene=problem.name, digest=problem_digest(problem), method="test",

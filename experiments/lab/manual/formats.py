@@ -49,7 +49,8 @@ PAGES: Mapping[str, _Page] = {
     "scene": _Page("scene", last="Limits"),
     "scene_people": _Page("scene", first="Actor"),
     "plan": _Page("plan", beside=("scene",)),
-    "certificate": _Page("certificate", beside=("scene",)),
+    "certificate": _Page("certificate", last="ReferencePixels", beside=("scene",)),
+    "staged": _Page("certificate", first="Staged", beside=("scene",)),
     "proof": _Page("proof", beside=("scene", "certificate")),
     "run": _Page("run"),
 }

@@ -28,10 +28,7 @@ _PARTS = re.split(r"(?m)(?=^\[\[drones\]\]$)", EXAMPLE, maxsplit=1)  # one page 
 _COMMENTED = re.compile(r"(.*?\S) +# (.*)")  # a key, possibly commented out, and its comment
 _CONTINUED = re.compile(r"#? {8,}# ")
 
-_OF_ROOT = (
-    "root", "large_root", "bundle", "ascent", "ruled_ascent", "relaxation", "alike_cuts",
-    "state_cuts",
-)  # fmt: skip
+_OF_ROOT = ("root", "large_root", "bundle", "ascent", "ruled_ascent", "relaxation")
 _OF_ENVELOPES = ("envelopes", "lists", "trials", "middle")
 
 
