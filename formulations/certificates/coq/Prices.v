@@ -5,9 +5,10 @@ Import ListNotations.
 Open Scope Z_scope.
 
 (** Functions of what each drone has.  Curves are given by points (root, value) for each class.  Where
-    states have values, a drone has that of its class and state if it is listed, else its root.  They are
-    listed in sets in each of which one drone can be at most. *)
-Inductive functions := Curves (l : list (nat * list (Z * Z))) | States (l : list (list (nat * state * Z))).
+    states have values, a drone has that of its class and state if it is listed.  They are listed in sets
+    in each of which one drone can be at most.  In other states it has its root, or what its pixels have by
+    the line that touches the root at a knee, whichever is less. *)
+Inductive functions := Curves (l : list (nat * list (Z * Z))) | States (knee : Z) (l : list (list (nat * state * Z))).
 
 (** A share of a root is bounded by a constant and functions of what each drone has: all in 1/scale. *)
 Record cut := Cut { share : Z; constant : Z; phis : functions }.
@@ -60,11 +61,17 @@ Definition root_of (c : Z) : Z :=
   let root := Z.sqrt_up (cdiv square (amount_unit I)) in
   if (0 <=? root) && (square <=? root * root * amount_unit I) then root else scale M * (c + 1).
 
+(** An amount in 1/scale^2, rounded up. *)
+Definition pixels_of (c : Z) : Z := cdiv (c * (scale M * scale M)) (amount_unit I).
+
+(** What an amount has in a state that is not listed. *)
+Definition unlisted (knee c root : Z) : Z := Z.min root (cdiv (pixels_of c) (2 * knee)).
+
 (** The function of a cut at a state from which an amount is seen, and its root. *)
 Definition cut_phi (k : nat) (s : state) (c root : Z) (x : cut) : Z :=
   match phis x with
   | Curves l => phi 0 0 (curve_in l k) root
-  | States l => if c =? 0 then 0 else match value_of k s l with Some v => v | None => root end
+  | States knee l => if c =? 0 then 0 else match value_of k s l with Some v => v | None => unlisted knee c root end
   end.
 
 Definition cut_pay (k : nat) (s : state) (c root : Z) (x : cut) : Z := share x * cut_phi k s c root x.
@@ -121,27 +128,29 @@ Fixpoint all_best_at (x2 : Z) (crowds : list (nat * list (Z * Z))) : Z * Z :=
   end.
 
 (** All that follows has q' <= y'^2 for y' = enough + paid', as 2 x y' - x^2 <= y'^2 for each x.
-    An x that shows it is looked for by bisection. *)
-Fixpoint slope_found (fuel : nat) (enough low high : Z) (crowds : list (nat * list (Z * Z)))
+    An x that shows it is looked for by bisection.  Left of a knee the line that touches the root there
+    takes the root's place; so the x must not be less. *)
+Fixpoint slope_found (fuel : nat) (knee enough low high : Z) (crowds : list (nat * list (Z * Z)))
     (q paid : Z) : bool :=
   let x := (low + high) / 2 in
   let (mosts, values) := all_best_at (2 * x) crowds in
-  ((0 <? x) && (0 <=? q) && (q + mosts <=? 2 * x * (enough + paid) - x * x))
+  ((0 <? x) && (knee <=? x) && (0 <=? q) && (q + mosts <=? 2 * x * (enough + paid) - x * x))
   || match fuel with
      | O => false
      | S fuel' =>
          if x <? enough + paid + values
-         then slope_found fuel' enough x high crowds q paid
-         else slope_found fuel' enough low x crowds q paid
+         then slope_found fuel' knee enough x high crowds q paid
+         else slope_found fuel' knee enough low x crowds q paid
      end.
 
 Definition slopes : nat := 12.
 
-(** No corner with these crowds at their points is too high. *)
-Definition none_higher (enough : Z) (crowds : list (nat * list (Z * Z))) (q paid : Z) : bool :=
-  let (_, values) := all_best_at 0 crowds in
-  let y := enough + paid in
-  slope_found slopes enough y (y + values) crowds q paid.
+(** No corner with these crowds at their points is too high: by the line at the knee, or by another. *)
+Definition none_higher (knee enough : Z) (crowds : list (nat * list (Z * Z))) (q paid : Z) : bool :=
+  ((0 <? knee) && slope_found 0 knee enough knee knee crowds q paid)
+  || let (_, values) := all_best_at 0 crowds in
+     let y := enough + paid in
+     slope_found slopes knee enough (Z.max knee y) (Z.max knee (y + values)) crowds q paid.
 
 (** Ways to place drones, (pixels, paid), without those after one that is no worse. *)
 Fixpoint undominated (last : Z * Z) (ways : list (Z * Z)) : list (Z * Z) :=
@@ -159,32 +168,35 @@ Definition thinned (ways : list (Z * Z)) : list (Z * Z) :=
   end.
 
 (** One more drone stands at one of some points, or at (0, 0); these crowds are left. *)
-Definition one_more (enough : Z) (left : list (nat * list (Z * Z))) (points ways : list (Z * Z)) : list (Z * Z) :=
-  thinned (filter (fun way => negb (none_higher enough left (fst way) (snd way)))
+Definition one_more (knee enough : Z) (left : list (nat * list (Z * Z))) (points ways : list (Z * Z)) : list (Z * Z) :=
+  thinned (filter (fun way => negb (none_higher knee enough left (fst way) (snd way)))
     (flat_map (fun way => way :: map (fun c => (fst way + fst c, snd way + snd c)) points) ways)).
 
-Fixpoint with_crowd (enough : Z) (rest : list (nat * list (Z * Z))) (n : nat)
+Fixpoint with_crowd (knee enough : Z) (rest : list (nat * list (Z * Z))) (n : nat)
     (points ways : list (Z * Z)) : list (Z * Z) :=
   match n with
   | O => ways
-  | S n' => with_crowd enough rest n' points
-              (one_more enough (match n' with O => rest | _ => (n', points) :: rest end) points ways)
+  | S n' => with_crowd knee enough rest n' points
+              (one_more knee enough (match n' with O => rest | _ => (n', points) :: rest end) points ways)
   end.
 
-Fixpoint corners_ok (enough : Z) (crowds : list (nat * list (Z * Z))) (ways : list (Z * Z)) : bool :=
+(** The root of a corner, or the line left of the knee, is none too high. *)
+Definition corner_ok (knee enough : Z) (way : Z * Z) : bool :=
+  let (q, paid) := way in
+  let y := enough + paid in
+  (0 <=? y) && (q <=? y * y) && ((knee * knee <=? q) || (q + knee * knee <=? 2 * knee * y)).
+
+Fixpoint corners_ok (knee enough : Z) (crowds : list (nat * list (Z * Z))) (ways : list (Z * Z)) : bool :=
   match crowds with
-  | [] => forallb (fun way => (0 <=? enough + snd way)
-                              && (fst way <=? (enough + snd way) * (enough + snd way))) ways
-  | (n, points) :: rest => corners_ok enough rest (with_crowd enough rest n points ways)
+  | [] => forallb (corner_ok knee enough) ways
+  | (n, points) :: rest => corners_ok knee enough rest (with_crowd knee enough rest n points ways)
   end.
 
 (** The drones of a class, at the points of its curve. *)
 Definition crowd_of (kp : nat * list (Z * Z)) : nat * list (Z * Z) :=
   (size (fst kp), map (fun p => (fst p * fst p, snd p)) (snd kp)).
 
-(** An amount in 1/scale^2, rounded up, and the points of states that see a group. *)
-Definition pixels_of (c : Z) : Z := cdiv (c * (scale M * scale M)) (amount_unit I).
-
+(** The points of states that see a group. *)
 Definition points_of (g : group) (set : list (nat * state * Z)) : list (Z * Z) :=
   let t := at_step (prices M g) in
   map (fun x => let '(k, s, v) := x in (pixels_of (amount I g k t s), v)) set.
@@ -196,8 +208,10 @@ Definition one_at_most (set : list (nat * state * Z)) : bool :=
 
 Definition phis_ok (g : group) (enough : Z) (f : functions) : bool :=
   match f with
-  | Curves l => forallb (fun kp => rising 0 (snd kp)) l && corners_ok enough (map crowd_of l) [(0, 0)]
-  | States l => forallb one_at_most l && corners_ok enough (map (fun set => (1%nat, points_of g set)) l) [(0, 0)]
+  | Curves l => forallb (fun kp => rising 0 (snd kp)) l && corners_ok 0 enough (map crowd_of l) [(0, 0)]
+  | States knee l =>
+      (0 <? knee) && forallb one_at_most l
+      && corners_ok knee enough (map (fun set => (1%nat, points_of g set)) l) [(0, 0)]
   end.
 
 Definition cut_ok (g : group) (c : cut) : bool :=
@@ -402,33 +416,58 @@ Proof.
   cbn [fst] in *. lia.
 Qed.
 
-(** What a corner must obey, whose drones show q and are paid p. *)
-Definition not_higher (enough q p : Z) : Prop := 0 <= enough + p /\ q <= (enough + p) * (enough + p).
+(** What a corner must obey, whose drones show q and are paid p: its root is at most y = enough + p, as is
+    the line that touches the root at the knee, where q is left of it. *)
+Definition not_higher (knee enough q p : Z) : Prop :=
+  0 <= enough + p /\ q <= (enough + p) * (enough + p)
+  /\ (knee * knee <= q \/ q + knee * knee <= 2 * knee * (enough + p)).
 
-Lemma slope_found_sound enough crowds q p ls : placed crowds ls ->
-  forall fuel low high, slope_found fuel enough low high crowds q p = true ->
-  not_higher enough (q + pixels (concat ls)) (p + values (concat ls)).
+Lemma corner_ok_sound knee enough way : corner_ok knee enough way = true ->
+  not_higher knee enough (fst way) (snd way).
 Proof.
-  intros Hls. induction fuel as [|fuel IH]; intros low high H; cbn [slope_found] in H;
+  destruct way as [q p]. unfold corner_ok, not_higher. cbn [fst snd]. cbv zeta. intros H.
+  apply andb_true_iff in H. destruct H as [H H1]. apply andb_true_iff in H. destruct H as [H2 H3].
+  apply orb_true_iff in H1. rewrite !Z.leb_le in *. auto.
+Qed.
+
+(** Lines that touch the root at the knee or beyond are nowhere below the root, nor the line of the knee. *)
+Lemma below_tangent knee x q y : 0 <= knee -> knee <= x -> 0 < x -> 0 <= q -> q <= 2 * x * y - x * x ->
+  0 <= y /\ q <= y * y /\ (knee * knee <= q \/ q + knee * knee <= 2 * knee * y).
+Proof.
+  intros Hk Hx H0 Hq H. pose proof (Z.square_nonneg (y - x)) as Hs.
+  split; [nia|]. split; [nia|]. destruct (Z.le_gt_cases (knee * knee) q) as [Hl | Hl]; [left; exact Hl | right].
+  apply Z.mul_le_mono_pos_l with x; [exact H0|].
+  assert (H1 : 0 <= (x - knee) * (knee * x - q)) by (apply Z.mul_nonneg_nonneg; nia).
+  assert (H2 : knee * (q + x * x) <= knee * (2 * x * y)) by (apply Z.mul_le_mono_nonneg_l; lia).
+  nia.
+Qed.
+
+Lemma slope_found_sound knee enough crowds q p ls : 0 <= knee -> placed crowds ls ->
+  forall fuel low high, slope_found fuel knee enough low high crowds q p = true ->
+  not_higher knee enough (q + pixels (concat ls)) (p + values (concat ls)).
+Proof.
+  intros Hk Hls. induction fuel as [|fuel IH]; intros low high H; cbn [slope_found] in H;
     set (x := (low + high) / 2) in H;
     pose proof (all_best_at_ok (2 * x) crowds ls Hls) as H1;
     destruct (all_best_at (2 * x) crowds) as [mosts vs];
     cbn [fst] in H1; apply orb_true_iff in H; destruct H as [H | H].
-  1, 3: split_andb; to_Z; unfold not_higher;
-    set (y := enough + (p + values (concat ls)));
-    pose proof (pixels_nonneg _ _ Hls);
-    pose proof (Z.square_nonneg (y - x));
-    assert (Hy : q + pixels (concat ls) <= 2 * x * y - x * x) by (unfold y; lia);
-    split; nia.
+  1, 3: split_andb; to_Z; pose proof (pixels_nonneg _ _ Hls);
+    apply below_tangent with x; [exact Hk | assumption | assumption | lia | lia].
   - discriminate.
   - destruct (x <? _); eapply IH; exact H.
 Qed.
 
 Definition no_worse (y x : Z * Z) : Prop := fst x <= fst y /\ snd y <= snd x.
 
-Lemma no_worse_stays enough y x q p : no_worse y x ->
-  not_higher enough (fst y + q) (snd y + p) -> not_higher enough (fst x + q) (snd x + p).
-Proof. intros [H1 H2] [H3 H4]. split; [lia|]. nia. Qed.
+Lemma no_worse_stays knee enough y x q p : 0 <= knee -> no_worse y x ->
+  not_higher knee enough (fst y + q) (snd y + p) -> not_higher knee enough (fst x + q) (snd x + p).
+Proof.
+  intros Hk [H1 H2] [H3 [H4 H5]]. unfold not_higher.
+  set (a := enough + (snd y + p)) in *. set (b := enough + (snd x + p)) in *.
+  assert (Hab : a <= b) by (unfold a, b; lia). split; [lia|]. split; [nia|].
+  destruct (Z.le_gt_cases (knee * knee) (fst x + q)) as [Hl | Hl]; [left; exact Hl | right].
+  destruct H5 as [H5 | H5]; [assert (knee <= a) by nia|]; nia.
+Qed.
 
 Lemma undominated_ok last ways : forall x, In x ways ->
   exists y, In y (last :: undominated last ways) /\ no_worse y x.
@@ -451,65 +490,66 @@ Proof.
 Qed.
 
 (** Whatever these crowds add to a way. *)
-Definition fine (enough : Z) (crowds : list (nat * list (Z * Z))) (way : Z * Z) : Prop :=
-  forall ls, placed crowds ls -> not_higher enough (fst way + pixels (concat ls)) (snd way + values (concat ls)).
+Definition fine (knee enough : Z) (crowds : list (nat * list (Z * Z))) (way : Z * Z) : Prop :=
+  forall ls, placed crowds ls -> not_higher knee enough (fst way + pixels (concat ls)) (snd way + values (concat ls)).
 
-Lemma one_more_sound enough left points ways x c :
-  (forall y, In y (one_more enough left points ways) -> fine enough left y) ->
-  In x ways -> In c ((0, 0) :: points) -> fine enough left (fst x + fst c, snd x + snd c).
+Lemma one_more_sound knee enough left points ways x c : 0 <= knee ->
+  (forall y, In y (one_more knee enough left points ways) -> fine knee enough left y) ->
+  In x ways -> In c ((0, 0) :: points) -> fine knee enough left (fst x + fst c, snd x + snd c).
 Proof.
-  intros Hy Hx Hc.
+  intros Hk Hy Hx Hc.
   set (e := (fst x + fst c, snd x + snd c)).
   assert (He : In e (flat_map (fun way => way :: map (fun c => (fst way + fst c, snd way + snd c)) points) ways)).
   { apply in_flat_map. exists x. split; [exact Hx|]. destruct Hc as [<- | Hc].
     - left. unfold e. destruct x as [q p]. cbn [fst snd]. f_equal; lia.
     - right. apply in_map_iff. exists c. split; [reflexivity | exact Hc]. }
-  destruct (none_higher enough left (fst e) (snd e)) eqn:E.
-  - intros ls Hls. unfold none_higher in E. destruct (all_best_at 0 left) as [m v].
-    exact (slope_found_sound _ _ _ _ _ Hls _ _ _ E).
-  - destruct (thinned_ok (filter (fun way => negb (none_higher enough left (fst way) (snd way)))
+  destruct (none_higher knee enough left (fst e) (snd e)) eqn:E.
+  - intros ls Hls. unfold none_higher in E. apply orb_true_iff in E. destruct E as [E | E].
+    + apply andb_true_iff in E. exact (slope_found_sound _ _ _ _ _ _ Hk Hls _ _ _ (proj2 E)).
+    + destruct (all_best_at 0 left) as [m v]. exact (slope_found_sound _ _ _ _ _ _ Hk Hls _ _ _ E).
+  - destruct (thinned_ok (filter (fun way => negb (none_higher knee enough left (fst way) (snd way)))
       (flat_map (fun way => way :: map (fun c => (fst way + fst c, snd way + snd c)) points) ways)) e)
       as [y [H1 H2]]; [apply filter_In; split; [exact He | rewrite E; reflexivity]|].
-    intros ls Hls. exact (no_worse_stays _ _ _ _ _ H2 (Hy y H1 ls Hls)).
+    intros ls Hls. exact (no_worse_stays _ _ _ _ _ _ Hk H2 (Hy y H1 ls Hls)).
 Qed.
 
-Lemma with_crowd_sound enough rest points : forall n ways,
-  (forall y, In y (with_crowd enough rest n points ways) -> fine enough rest y) ->
-  forall x, In x ways -> fine enough ((n, points) :: rest) x.
+Lemma with_crowd_sound knee enough rest points : 0 <= knee -> forall n ways,
+  (forall y, In y (with_crowd knee enough rest n points ways) -> fine knee enough rest y) ->
+  forall x, In x ways -> fine knee enough ((n, points) :: rest) x.
 Proof.
-  induction n as [|n IH]; intros ways Hy x Hx ls Hls; inversion Hls as [|crowd l cs ls' [Hn Hl] Hls']; subst;
+  intros Hk. induction n as [|n IH]; intros ways Hy x Hx ls Hls; inversion Hls as [|crowd l cs ls' [Hn Hl] Hls']; subst;
     cbn [fst] in Hn; simpl concat; rewrite pixels_app, values_app; cbn [with_crowd] in Hy.
   - destruct l; [|simpl in Hn; lia]. exact (Hy x Hx ls' Hls').
   - specialize (IH _ Hy).
     set (left := match n with O => rest | _ => (n, points) :: rest end) in *.
-    assert (Hleft : forall y, In y (one_more enough left points ways) -> fine enough left y).
+    assert (Hleft : forall y, In y (one_more knee enough left points ways) -> fine knee enough left y).
     { intros y H. specialize (IH y H). unfold left. destruct n as [|n]; [|exact IH].
       intros ls'' H''. apply (IH ([] :: ls'')). constructor; [|exact H''].
       split; [simpl; lia | intros z []]. }
     assert (Hplaced : forall l', (length l' <= n)%nat -> (forall z, In z l' -> In z ((0, 0) :: points) /\ 0 <= fst z) ->
-      forall way, fine enough left way ->
-      not_higher enough (fst way + (pixels l' + pixels (concat ls'))) (snd way + (values l' + values (concat ls')))).
+      forall way, fine knee enough left way ->
+      not_higher knee enough (fst way + (pixels l' + pixels (concat ls'))) (snd way + (values l' + values (concat ls')))).
     { intros l' H1 H2 way Hw. unfold left in Hw. destruct n as [|n].
       - destruct l'; [|simpl in H1; lia]. exact (Hw ls' Hls').
       - rewrite <- pixels_app, <- values_app. apply (Hw (l' :: ls')). constructor; [split; assumption | exact Hls']. }
     destruct l as [|c l].
-    + pose proof (one_more_sound enough left points ways x (0, 0) Hleft Hx (or_introl eq_refl)) as H.
+    + pose proof (one_more_sound knee enough left points ways x (0, 0) Hk Hleft Hx (or_introl eq_refl)) as H.
       specialize (Hplaced [] ltac:(simpl; lia) ltac:(intros z []) _ H). cbn [fst snd] in Hplaced.
       rewrite !Z.add_0_r in Hplaced. exact Hplaced.
     + simpl in Hn. destruct (Hl c (or_introl eq_refl)) as [Hc _].
-      pose proof (one_more_sound enough left points ways x c Hleft Hx Hc) as H.
+      pose proof (one_more_sound knee enough left points ways x c Hk Hleft Hx Hc) as H.
       specialize (Hplaced l ltac:(lia) (fun z Hz => Hl z (or_intror Hz)) _ H). cbn [fst snd] in Hplaced.
       unfold pixels at 1, values at 1. cbn [map sumZ]. fold (pixels l) (values l).
       rewrite <- !Z.add_assoc in *. exact Hplaced.
 Qed.
 
-Lemma corners_sound enough crowds : forall ways, corners_ok enough crowds ways = true ->
-  forall x, In x ways -> fine enough crowds x.
+Lemma corners_sound knee enough crowds : 0 <= knee -> forall ways, corners_ok knee enough crowds ways = true ->
+  forall x, In x ways -> fine knee enough crowds x.
 Proof.
-  induction crowds as [|[n points] crowds IH]; intros ways H x Hx; cbn [corners_ok] in H.
-  - intros ls Hls. inversion Hls. subst. rewrite forallb_forall in H. specialize (H x Hx). split_andb. to_Z.
-    unfold pixels, values. simpl. rewrite !Z.add_0_r. split; assumption.
-  - apply (with_crowd_sound enough crowds points n ways); [|exact Hx]. intros y Hy. exact (IH _ H y Hy).
+  intros Hk. induction crowds as [|[n points] crowds IH]; intros ways H x Hx; cbn [corners_ok] in H.
+  - intros ls Hls. inversion Hls. subst. rewrite forallb_forall in H. specialize (H x Hx).
+    unfold pixels, values. simpl. rewrite !Z.add_0_r. exact (corner_ok_sound _ _ _ H).
+  - apply (with_crowd_sound knee enough crowds points Hk n ways); [|exact Hx]. intros y Hy. exact (IH _ H y Hy).
 Qed.
 
 (** What a group is seen of by some drones: class, state and amount. *)
@@ -567,15 +607,16 @@ Proof.
   specialize (Hset _ (Hin b (or_intror (or_introl eq_refl)))). unfold separate in Ha. congruence.
 Qed.
 
-Definition phi_of (sets : list (list (nat * state * Z))) (x : nat * state * Z) : Z :=
-  match value_of (class_at x) (state_at x) sets with Some v => v | None => root_of (snd x) end.
+Definition else_of (knee : Z) (x : nat * state * Z) : Z := unlisted knee (snd x) (root_of (snd x)).
+Definition phi_of (knee : Z) (sets : list (list (nat * state * Z))) (x : nat * state * Z) : Z :=
+  match value_of (class_at x) (state_at x) sets with Some v => v | None => else_of knee x end.
 
-(** Drones that stand at listed states are in the sets, one in each; the others have their roots. *)
-Lemma stand_apart g sets : forall vs, forallb one_at_most sets = true -> ForallOrdPairs separate vs ->
+(** Drones that stand at listed states are in the sets, one in each; the others have what such drones have. *)
+Lemma stand_apart knee g sets : forall vs, forallb one_at_most sets = true -> ForallOrdPairs separate vs ->
   all_nonneg vs -> (forall x, In x vs -> snd x = amount I g (class_at x) (at_step (prices M g)) (state_at x)) ->
   exists ls (rest : views), placed (map (fun set => (1%nat, points_of g set)) sets) ls /\ all_nonneg rest
     /\ sumZ (map (fun x => pixels_of (snd x)) vs) = pixels (concat ls) + sumZ (map (fun x => pixels_of (snd x)) rest)
-    /\ sumZ (map (phi_of sets) vs) = values (concat ls) + sumZ (map (fun x => root_of (snd x)) rest).
+    /\ sumZ (map (phi_of knee sets) vs) = values (concat ls) + sumZ (map (else_of knee) rest).
 Proof.
   induction sets as [|set sets IH]; intros vs Hsets Hvs Hn Ha.
   - exists [], vs. split; [constructor|]. split; [exact Hn|]. unfold pixels, values. simpl. split; reflexivity.
@@ -597,42 +638,68 @@ Proof.
       * specialize (Hn x Hx). destruct units as [Zs [_ [Za _]]].
         pose proof (cdiv_ge (snd x * (scale M * scale M)) (amount_unit I) Za) as Hd. fold (pixels_of (snd x)) in Hd. nia.
     + simpl concat. rewrite pixels_app, values_app. unfold pixels at 1, values at 1. rewrite !map_map.
-      rewrite (sumZ_filter (has_value set) (fun x => pixels_of (snd x)) vs), (sumZ_filter (has_value set) (phi_of (set :: sets)) vs).
+      rewrite (sumZ_filter (has_value set) (fun x => pixels_of (snd x)) vs), (sumZ_filter (has_value set) (phi_of knee (set :: sets)) vs).
       fold here others. rewrite H3.
-      replace (sumZ (map (phi_of (set :: sets)) others)) with (sumZ (map (phi_of sets) others)).
+      replace (sumZ (map (phi_of knee (set :: sets)) others)) with (sumZ (map (phi_of knee sets) others)).
       2:{ apply sumZ_ext. intros x Hx. apply filter_In in Hx. destruct Hx as [_ Hx]. unfold has_value in Hx.
           unfold phi_of. cbn [value_of]. destruct (value_in (class_at x) (state_at x) set); [discriminate | reflexivity]. }
-      replace (sumZ (map (phi_of (set :: sets)) here)) with (sumZ (map (fun x => snd (point x)) here)).
+      replace (sumZ (map (phi_of knee (set :: sets)) here)) with (sumZ (map (fun x => snd (point x)) here)).
       2:{ apply sumZ_ext. intros x Hx. apply filter_In in Hx. destruct Hx as [_ Hx]. unfold has_value in Hx.
           unfold phi_of, point. cbn [value_of snd]. destruct (value_in (class_at x) (state_at x) set); [reflexivity | discriminate]. }
       rewrite H4. cbn [point fst]. split; lia.
 Qed.
 
-(** More drones with their roots change nothing. *)
-Lemma roots_more enough rest : all_nonneg rest -> forall q p, not_higher enough q p ->
-  not_higher enough (q + sumZ (map (fun x => pixels_of (snd x)) rest)) (p + sumZ (map (fun x => root_of (snd x)) rest)).
+(** A drone more, at a root or at the price of the line, changes nothing. *)
+Lemma one_stays knee enough q p d v : 0 < knee -> 0 <= q -> 0 <= d -> 0 <= v ->
+  d <= v * v \/ d <= 2 * knee * v -> not_higher knee enough q p -> not_higher knee enough (q + d) (p + v).
 Proof.
-  induction rest as [|x rest IH]; intros Hn q p H; simpl; [rewrite !Z.add_0_r; exact H|].
-  rewrite !Z.add_assoc. apply IH; [intros y Hy; apply Hn; right; exact Hy|].
-  destruct (root_of_square (snd x) (Hn x (or_introl eq_refl))) as [Hr Hs].
-  destruct units as [_ [_ [Za _]]].
+  intros Hk Hq Hd Hv Hdv [H1 [H2 H3]]. unfold not_higher. rewrite Z.add_assoc.
+  set (y := enough + p) in *. split; [lia|]. destruct Hdv as [Hr | Hl].
+  - split; [nia|]. destruct H3 as [H3 | H3]; [left; lia|].
+    destruct (Z.le_gt_cases (knee * knee) (q + d)) as [Hc | Hc]; [left; exact Hc | right].
+    enough (d <= 2 * knee * v) by lia. destruct (Z.le_gt_cases knee v); nia.
+  - destruct H3 as [H3 | H3].
+    + assert (Hy : knee <= y) by nia. split; [nia | left; lia].
+    + assert (H4 : q + d + knee * knee <= 2 * knee * (y + v)) by lia.
+      pose proof (Z.square_nonneg (y + v - knee)). split; [nia | right; exact H4].
+Qed.
+
+Lemma pixels_of_nonneg c : 0 <= c -> 0 <= pixels_of c.
+Proof.
+  intros Hc. destruct units as [_ [_ [Za _]]]. unfold pixels_of.
+  pose proof (cdiv_ge (c * (scale M * scale M)) (amount_unit I) Za). pose proof (Z.square_nonneg (scale M)). nia.
+Qed.
+
+(** More drones that are not listed change nothing. *)
+Lemma others_more knee enough rest : 0 < knee -> all_nonneg rest ->
+  forall q p, 0 <= q -> not_higher knee enough q p ->
+  not_higher knee enough (q + sumZ (map (fun x => pixels_of (snd x)) rest)) (p + sumZ (map (else_of knee) rest)).
+Proof.
+  intros Hk. induction rest as [|x rest IH]; intros Hn q p H0 H; simpl; [rewrite !Z.add_0_r; exact H|].
+  pose proof (Hn x (or_introl eq_refl)) as Hx. pose proof (pixels_of_nonneg _ Hx) as Hd.
+  rewrite !Z.add_assoc. apply IH; [intros y Hy; apply Hn; right; exact Hy | lia|].
+  destruct (root_of_square (snd x) Hx) as [Hr Hs]. destruct units as [_ [_ [Za _]]].
   assert (Hq : pixels_of (snd x) <= root_of (snd x) * root_of (snd x)).
   { unfold pixels_of, cdiv. enough (- (root_of (snd x) * root_of (snd x)) <= - (snd x * (scale M * scale M)) / amount_unit I) by lia.
     apply Z.div_le_lower_bound; [exact Za | lia]. }
-  destruct H as [H1 H2]. split; [lia|]. nia.
+  pose proof (cdiv_ge (pixels_of (snd x)) (2 * knee) ltac:(lia)) as Hl.
+  apply one_stays; try assumption; unfold else_of, unlisted.
+  - apply Z.min_glb; nia.
+  - destruct (Z.min_spec (root_of (snd x)) (cdiv (pixels_of (snd x)) (2 * knee))) as [[_ ->] | [_ ->]]; lia.
 Qed.
 
-Lemma states_bound g enough sets vs : phis_ok g enough (States sets) = true -> all_nonneg vs -> of_team g vs ->
-  not_higher enough (sumZ (map (fun x => pixels_of (snd x)) vs))
-    (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) (Cut 0 0 (States sets))) vs)).
+Lemma states_bound g enough knee sets vs : phis_ok g enough (States knee sets) = true -> all_nonneg vs -> of_team g vs ->
+  not_higher knee enough (sumZ (map (fun x => pixels_of (snd x)) vs))
+    (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) (Cut 0 0 (States knee sets))) vs)).
 Proof.
-  intros H Hn [_ [Hp Ha]]. cbn [phis_ok] in H. apply andb_true_iff in H. destruct H as [Hsets Hc].
+  intros H Hn [_ [Hp Ha]]. cbn [phis_ok] in H. apply andb_true_iff in H. destruct H as [H Hc].
+  apply andb_true_iff in H. destruct H as [Hk Hsets]. apply Z.ltb_lt in Hk.
   set (b := fun x : nat * state * Z => negb (snd x =? 0)).
   assert (Hsub : forall x, In x (filter b vs) -> In x vs) by (intros x Hx; apply filter_In in Hx; apply Hx).
-  destruct (stand_apart g sets (filter b vs) Hsets (filter_pairs _ _ _ Hp) (fun x Hx => Hn x (Hsub x Hx))
+  destruct (stand_apart knee g sets (filter b vs) Hsets (filter_pairs _ _ _ Hp) (fun x Hx => Hn x (Hsub x Hx))
               (fun x Hx => Ha x (Hsub x Hx))) as [ls [rest [H1 [H2 [H3 H4]]]]].
-  pose proof (corners_sound enough _ _ Hc (0, 0) (or_introl eq_refl) ls H1) as H5. cbn [fst snd] in H5.
-  rewrite !Z.add_0_l in H5. pose proof (roots_more enough rest H2 _ _ H5) as H6. rewrite <- H3, <- H4 in H6.
+  pose proof (corners_sound knee enough _ (Z.lt_le_incl _ _ Hk) _ Hc (0, 0) (or_introl eq_refl) ls H1) as H5. cbn [fst snd] in H5.
+  rewrite !Z.add_0_l in H5. pose proof (others_more knee enough rest Hk H2 _ _ (pixels_nonneg _ _ H1) H5) as H6. rewrite <- H3, <- H4 in H6.
   assert (Hz : forall x, In x (filter (fun x => negb (b x)) vs) -> snd x = 0).
   { intros x Hx. apply filter_In in Hx. destruct Hx as [_ Hx]. unfold b in Hx. rewrite negb_involutive in Hx.
     apply Z.eqb_eq. exact Hx. }
@@ -642,8 +709,8 @@ Proof.
   rewrite (sumZ_zero (fun x => cut_phi _ _ _ _ _) (filter (fun x => negb (b x)) vs)).
   2:{ intros x Hx. unfold cut_phi. rewrite (Hz x Hx). reflexivity. }
   rewrite !Z.add_0_r.
-  replace (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) (Cut 0 0 (States sets))) (filter b vs)))
-    with (sumZ (map (phi_of sets) (filter b vs))); [exact H6|].
+  replace (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) (Cut 0 0 (States knee sets))) (filter b vs)))
+    with (sumZ (map (phi_of knee sets) (filter b vs))); [exact H6|].
   apply sumZ_ext. intros x Hx. apply filter_In in Hx. destruct Hx as [_ Hx]. unfold b in Hx. apply negb_true_iff in Hx.
   unfold cut_phi. cbn [phis]. rewrite Hx. reflexivity.
 Qed.
@@ -698,8 +765,8 @@ Proof.
       destruct (Nat.eqb k (fst x)); simpl; congruence. }
     rewrite !E, Efst. reflexivity. }
   destruct (placed_classes l at_ (conj C1 C2)) as [ls [C3 [C4 C5]]].
-  assert (C6 : corners_ok (constant c) (map crowd_of l) [(0, 0)] = true) by assumption.
-  destruct (corners_sound _ _ _ C6 (0, 0) (or_introl eq_refl) ls C3) as [C7 C8].
+  assert (C6 : corners_ok 0 (constant c) (map crowd_of l) [(0, 0)] = true) by assumption.
+  destruct (corners_sound _ _ _ (Z.le_refl 0) _ C6 (0, 0) (or_introl eq_refl) ls C3) as [C7 [C8 _]].
   cbn [fst snd] in C7, C8. rewrite C5 in C7. rewrite C4, C5, Z.add_0_l in C8. rewrite Esnd, Z.add_0_l in *.
   apply IZR_le in C8. rewrite mult_IZR in C8. apply IZR_nonneg in C7.
   assert (HS : (sqrt (0 + IZR (squares cs)) <= IZR (constant c + values cs))%R).
@@ -713,17 +780,17 @@ Lemma cut_bound g c vs : cut_ok g c = true -> all_nonneg vs -> of_team g vs ->
    <= IZR (constant c)
       + IZR (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) c) vs)))%R.
 Proof.
-  intros Hc Hvs Ht. destruct (phis c) as [l | sets] eqn:E.
+  intros Hc Hvs Ht. destruct (phis c) as [l | knee sets] eqn:E.
   - pose proof (curves_bound g c l vs E Hc Hvs (proj1 Ht)) as H.
     replace (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) c) vs))
       with (sumZ (map (fun x => phi 0 0 (curve_in l (class_at x)) (root_of (snd x))) vs)); [exact H|].
     apply sumZ_ext. intros x _. unfold cut_phi. rewrite E. reflexivity.
   - unfold cut_ok in Hc. rewrite E in Hc. apply andb_true_iff in Hc. destruct Hc as [_ Hc].
-    pose proof (states_bound g _ sets vs Hc Hvs Ht) as H.
-    replace (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) (Cut 0 0 (States sets))) vs))
+    pose proof (states_bound g _ knee sets vs Hc Hvs Ht) as H.
+    replace (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) (Cut 0 0 (States knee sets))) vs))
       with (sumZ (map (fun x => cut_phi (class_at x) (state_at x) (snd x) (root_of (snd x)) c) vs)) in H.
     2:{ apply sumZ_ext. intros x _. unfold cut_phi. rewrite E. reflexivity. }
-    destruct H as [H1 H2]. rewrite <- plus_IZR. apply root_below; [exact H1 | apply sumR_nonneg, parts_nonneg, Hvs|].
+    destruct H as [H1 [H2 _]]. rewrite <- plus_IZR. apply root_below; [exact H1 | apply sumR_nonneg, parts_nonneg, Hvs|].
     apply IZR_le in H2. eapply Rle_trans; [|exact H2]. real_units.
     unfold parts. rewrite IZR_sumZ, Rmult_comm, <- sumR_scale. apply sumR_le. intros x _.
     pose proof (cdiv_R (snd x * (scale M * scale M)) (amount_unit I) Za) as H3. fold (pixels_of (snd x)) in H3.

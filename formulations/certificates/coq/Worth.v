@@ -30,9 +30,9 @@ Qed.
 Lemma pay_zero g k s : group_ok I M g = true -> pay I M k s (g, 0) = 0.
 Proof.
   intros Hg. unfold pay. rewrite root_of_0.
-  replace (sumZ (map (cut_pay k s 0 0) (cuts (prices M g)))) with 0; [lia|].
+  replace (sumZ (map (cut_pay I M k s 0 0) (cuts (prices M g)))) with 0; [lia|].
   symmetry. apply sumZ_zero. intros c Hc. unfold cut_pay, cut_phi.
-  destruct (phis c) as [l | sets] eqn:Ep; [|simpl; lia].
+  destruct (phis c) as [l | knee sets] eqn:Ep; [|simpl; lia].
   assert (Hr : rising 0 (curve_in l k) = true).
   { assert (Hok : cut_ok I M g c = true).
     { unfold group_ok in Hg. apply andb_true_iff in Hg; destruct Hg as [_ Hg].

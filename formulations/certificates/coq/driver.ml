@@ -50,10 +50,10 @@ let cut source =
   { share; constant; phis = Curves curves }
 
 let state_cut source =
-  let share = z source in let constant = z source in
+  let share = z source in let constant = z source in let knee = z source in
   let sets = many source (fun s -> many s (fun s ->
       let place = number s in let value = z s in (place, value))) in
-  { share; constant; phis = States sets }
+  { share; constant; phis = States (knee, sets) }
 
 let group source =
   let g = z source in let alpha = z source in let beta = z source in let kappa = z source in
@@ -152,7 +152,7 @@ let checked most seconds instance_file lowered_file =
   watch seconds nodes;
   let lines = instance instance_file in
   let source = { file = open_in lowered_file; left = [] } in
-  if word source <> "cocap-lowered" || n source <> 4 then refuse "must begin with cocap-lowered 4";
+  if word source <> "cocap-lowered" || n source <> 5 then refuse "must begin with cocap-lowered 5";
   let single = is source in
   let numerator = z source in let denominator = z source in
   let holds, by = match word source with

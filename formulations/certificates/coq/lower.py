@@ -14,6 +14,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,14 @@ def root_up(square: int) -> int:
     """Returns the root of a number >= 0, rounded up."""
     root = math.isqrt(square)
     return root + (root * root < square)
+
+
+def rooted(knee: int, square: int) -> int:
+    """Returns the root of a number >= 0, or the line that touches it at the root `knee` if that
+    is further right, rounded up.
+    """
+    below = square < knee * knee
+    return -(-(square + knee * knee) // (2 * knee)) if below else root_up(square)
 
 
 def listed(items: Iterable[Words]) -> Words:
@@ -86,7 +95,7 @@ class Lowering:
     def claim(self) -> Words:
         """Returns the words that precede the tree."""
         bound = Fraction(-1) if self.bound is None else self.bound
-        return ["cocap-lowered", 4, int(self.single), bound.numerator, bound.denominator]
+        return ["cocap-lowered", 5, int(self.single), bound.numerator, bound.denominator]
 
     def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a leaf; `decisions` are those on the way from the root."""
@@ -199,13 +208,17 @@ class Lowering:
         return group
 
     def _state_cut(self, g: int, cut: Spec) -> Lowered:
-        """Returns the share of a state cut, its constant and the words of its states, cell by
-        cell.
+        """Returns the share of a state cut, its constant, and the words of its knee and of its
+        states, cell by cell. The line of its slope touches the root at the knee, which is rounded:
+        both the payments and the constant are those of the rounded knee.
         """
-        check.only(cut, {"t", "face", "share", "payments"})
+        check.only(cut, {"t", "face", "share", "slope", "payments"})
         check.require(self.instance.vertex, "state_cuts: the scene has no vertex rule")
         share = check.number_of(cut["share"])
         check.require(0 <= share <= 1, "state_cuts: share must be 0..1")
+        slope = check.number_of(cut["slope"])
+        check.require(slope > 0, "state_cuts: slope must be > 0")
+        knee = max(round(SCALE / (2 * slope)), 1)
         classes = [check.whole(paid["robot_class"]) for paid in cut["payments"]]
         rising = all(a < b for a, b in itertools.pairwise(classes))
         check.require(rising, "state_cuts: robot_class must be increasing")
@@ -213,10 +226,10 @@ class Lowering:
         for paid in cut["payments"]:
             for cell, words, point in self._payments(cut["t"], g, paid):
                 cells.setdefault(cell, []).append((words, point))
-        most = check.highest_corner(
-            [[p for _, p in of_cell] for of_cell in cells.values()], root_up
-        )
-        words = listed(listed(words for words, _ in of_cell) for of_cell in cells.values())
+        points = [[p for _, p in of_cell] for of_cell in cells.values()]
+        root = partial(rooted, knee)
+        most = max(root(0), check.highest_corner(points, root))  # possibly no drone is listed
+        words = [knee, *listed(listed(words for words, _ in of_cell) for of_cell in cells.values())]
         return int(share * SCALE), most, words
 
     def _payments(
