@@ -320,9 +320,15 @@ def test_cuts_of_many_drones_are_checked(ask: Ask) -> None:
 
 
 # The class, state (x, y, layer, heading, pitch) and value of each state that a state cut lists; and
-# the cut's step, face and share before these.
+# the cut's step, face, share and slope before these.
 Listed = list[tuple[int, tuple[int, ...], float]]
-DrawnCut = tuple[int, int, float, Listed]
+DrawnCut = tuple[int, int, float, float, Listed]
+
+
+def _rooted(slope: float, pixels: float) -> float:
+    """The root, or the line of a slope that touches it, where it touches further right."""
+    touches = 1 / (4 * slope * slope)
+    return 1 / (4 * slope) + slope * pixels if pixels < touches else math.sqrt(pixels)
 
 
 def _seen(
@@ -361,24 +367,28 @@ def _with_state_cuts(
     file: dict[str, Any], instance: cocap_check.Instance, cuts: list[DrawnCut]
 ) -> tuple[dict[str, Any], float]:
     """The same certificate with state cuts, and the bound that it proves by the definition: the
-    constant is the largest of all sets of listed states in different cells."""
+    constant is the largest of all sets of listed states in different cells, and where no state is
+    listed a drone is paid its root or by the slope, whichever is less."""
     kinds = _classes(instance, file)
     bound = cocap_check.Bound(instance, file.get("classes") == "single")
     bound.take(file["certificate"])
     constants, written = 0.0, []
     alpha = [list(row) for row in file["certificate"]["alpha"]]
-    for t, face, share, listed in cuts:
+    for t, face, share, slope, listed in cuts:
         weight = float(instance.weights[t * instance.faces + face])
         seen = _seen(instance, kinds, t, face)
         cells: dict[tuple[int, ...], list[tuple[float, float]]] = {}
-        for number, state, value in listed:
-            cell, pixels = seen[number, state]
-            cells.setdefault(cell, []).append((pixels, value))
+        values_of = {(number, state): value for number, state, value in listed}
+        for (number, state), (cell, pixels) in seen.items():
+            value = min(math.sqrt(pixels), slope * pixels)
+            if (number, state) in values_of:
+                value = values_of[number, state]
+                cells.setdefault(cell, []).append((pixels, value))
             visit = {"type": "visit", "t": t, "state": list(state), "robot_class": number}
             less = weight * share * (math.sqrt(pixels) - value)
             bound._charge(visit, round(less * cocap_check.ONE))
         constants += weight * share * max(
-            math.sqrt(sum(p for p, _ in chosen)) - sum(v for _, v in chosen)
+            _rooted(slope, sum(p for p, _ in chosen)) - sum(v for _, v in chosen)
             for chosen in itertools.product(*([(0.0, 0.0), *of_cell] for of_cell in cells.values()))
         )  # fmt: skip
         alpha[t][face] -= share
@@ -387,7 +397,8 @@ def _with_state_cuts(
             of_class = [(list(state), value) for k, state, value in listed if k == number]
             states, values = zip(*of_class, strict=True)
             payments.append({"robot_class": number, "states": states, "values": values})
-        written.append({"t": t, "face": face, "share": share, "payments": payments})
+        cut = {"t": t, "face": face, "share": share, "slope": slope, "payments": payments}
+        written.append(cut)
     total = sum(bound.constants.values()) + sum(value for _, value in bound.row_constants)
     paths = bound._with_paths(total)
     assert paths is not None
@@ -422,9 +433,11 @@ def test_state_cuts_prove_what_their_definition_says(
                 factor * draw.choice([1.0, draw.random()]) * math.sqrt(seen[g][x][1]) for x in some
             ]
             listed = [(*x, value) for x, value in zip(some, values, strict=True)]
-            cuts.append((*divmod(g, instance.faces), draw.choice([0.25, 0.5]), listed))
+            touches = draw.choice([0.1, 0.5, 1.0, 3.0, 1e-6, 1e3]) * math.sqrt(seen[g][some[0]][1])
+            cut = (draw.choice([0.25, 0.5]), 1 / (2 * touches), listed)
+            cuts.append((*divmod(g, instance.faces), *cut))
     if instance.rows == 1 or not instance.vertex:
-        empty = {"t": 0, "face": 0, "share": 0.5, "payments": []}
+        empty = {"t": 0, "face": 0, "share": 0.5, "slope": 1.0, "payments": []}
         numbers = file["certificate"] | {"state_cuts": [empty]}
         code, words = ask(text, file | {"certificate": numbers})
         assert code == 1 and "state_cuts: " in words
@@ -462,7 +475,8 @@ def _changed_words(at: int, *new: object, instead: int = 1) -> Callable[[str], s
 @pytest.fixture
 def state_cut(tmp_path: Path) -> tuple[str, dict[str, Any], DrawnCut]:
     """An instance, a certificate without state cuts, and one to add: two states of a cell from
-    which a face is seen much alike, and one of another cell, which is paid its root."""
+    which a face is seen much alike, and one of another cell, which is paid its root. The line of
+    its slope is above the root of all their pixels."""
     text, found = exported("corridor", tmp_path)
     instance = cocap_check.Instance(text)
     file, kinds = _plain(found, instance), _classes(instance, found)
@@ -475,17 +489,21 @@ def state_cut(tmp_path: Path) -> tuple[str, dict[str, Any], DrawnCut]:
             a, b, *_ = *sorted(listed, key=lambda x: -x[2]), (0, (), 0.0)
             if len(of_cells) > 1 and a[2] > 0 and b[2] > 0.9 * a[2]:
                 third = next(others[0] for other, others in of_cells.items() if other != cell)
-                two = [(number, state, 0.3 * root) for number, state, root in (a, b)]
-                return text, file, (t, face, 0.5, [*two, third])
+                two = [(number, state, 0.2 * root) for number, state, root in (a, b)]
+                highest = max(a[2], *(root for of in of_cells.values() for *_, root in of))
+                return text, file, (t, face, 0.5, 1 / (4 * highest), [*two, third])
     raise AssertionError("no such face")
 
 
+@pytest.mark.parametrize("steeper", [1.0, 4.0])
 def test_false_state_cuts_are_refused(
-    state_cut: tuple[str, dict[str, Any], DrawnCut], ask: Ask
+    state_cut: tuple[str, dict[str, Any], DrawnCut], steeper: float, ask: Ask
 ) -> None:
     """A value, share or constant that is lowered, and states of different cells in one set, as if
-    one drone at most could be there; states of one cell in two sets need a higher constant."""
-    text, file, cut = state_cut
+    one drone at most could be there; states of one cell in two sets need a higher constant. So it
+    is by the line, and where it touches the root left of the highest corner."""
+    text, file, (t, face, share, slope, drawn) = state_cut
+    cut = (t, face, share, steeper * slope, drawn)
     file, bound = _with_state_cuts(file, cocap_check.Instance(text), [cut])
     file |= {"bound": bound * (1 + ALIKE)}
     kept: list[str] = []
@@ -495,31 +513,61 @@ def test_false_state_cuts_are_refused(
         return words
 
     assert ask(text, file, keep)[0] == 0
-    # Share, constant, number of sets, size of the first; class, state and value of each state.
-    share, constant, *words = map(int, _cut_words(kept[0]))
+    # Share, constant, knee, number of sets, size of the first; class, state, value of each state.
+    part, constant, _, *words = map(int, _cut_words(kept[0]))
     assert words[:2] == [2, 2] and words[8] == 1
     first, second, third = words[2:5], words[5:8], words[9:12]
     low = [int(0.5 * value) for *_, value in (first, second)]
     sets = (2, 2, *first, *second, 1, *third)
-    assert ask(text, file, _changed_words(2, *sets, instead=12))[0] == 0
+    assert ask(text, file, _changed_words(3, *sets, instead=12))[0] == 0
     split = (3, 1, *first, 1, *second, 1, *third)
     joined = (1, 3, *first, *second, *third)
     lower = (2, 2, *first[:2], low[0], *second[:2], low[1], 1, *third)
     for wrong in (split, joined, lower):
-        code, told = ask(text, file, _changed_words(2, *wrong, instead=12))
+        code, told = ask(text, file, _changed_words(3, *wrong, instead=12))
         assert code == 1 and "refused" in told, wrong
-    for at, word in ((0, share - 1), (1, constant - 2), (1, -1)):
+    for at, word in ((0, part - 1), (1, constant - 2), (1, -1)):
         assert ask(text, file, _changed_words(at, word))[0] == 1
     # However high the bound is: the set is none.
     high = file | {"bound": 1e12}
-    assert ask(text, high, _changed_words(2, *joined, instead=12))[0] == 1
+    assert ask(text, high, _changed_words(3, *joined, instead=12))[0] == 1
+
+
+def test_a_slope_that_is_lowered_needs_a_higher_constant(
+    state_cut: tuple[str, dict[str, Any], DrawnCut], ask: Ask
+) -> None:
+    """Drones in other states are paid less by it, but a constant that was enough is not any more,
+    however high the bound is; nor is there a line without a place where it touches the root."""
+    text, plain, (t, face, share, slope, listed) = state_cut
+    instance = cocap_check.Instance(text)
+    kept: list[str] = []
+
+    def keep(words: str) -> str:
+        kept.append(words)
+        return words
+
+    # The highest corner by the line: two drones, and none at all.
+    for states in (listed, []):
+        knees = []
+        for lower in (slope, slope / 2):
+            file, bound = _with_state_cuts(plain, instance, [(t, face, share, lower, states)])
+            assert ask(text, file | {"bound": bound * (1 + ALIKE)}, keep)[0] == 0
+            assert ask(text, file | {"bound": bound * (1 - ALIKE)})[0] == 1
+            knees.append(int(_cut_words(kept[-1])[2]))
+            assert knees[-1] == pytest.approx(cocap_check.ONE / (2 * lower))
+        file, _ = _with_state_cuts(plain, instance, [(t, face, share, slope, states)])
+        high = file | {"bound": 1e12}
+        assert ask(text, high, _changed_words(2, knees[0]))[0] == 0
+        for wrong in (knees[0] + knees[0] // 10**9, knees[1], 0, -1, -knees[0]):
+            code, told = ask(text, high, _changed_words(2, wrong))
+            assert code == 1 and "refused" in told, wrong
 
 
 def _cut_words(text: str) -> list[str]:
-    """The words of the only state cut of what was lowered, from its share on, as many as 14."""
+    """The words of the only state cut of what was lowered, from its share on, as many as 15."""
     marked = _changed_words(0, "here")(text).split()
     place = marked.index("here")
-    return text.split()[place : place + 14]
+    return text.split()[place : place + 15]
 
 
 Change = Callable[[dict[str, Any]], object]
@@ -529,6 +577,9 @@ Change = Callable[[dict[str, Any]], object]
     ("change", "message"),
     [
         (lambda cut: cut.update(share=1.5), "state_cuts: share must be 0..1"),
+        (lambda cut: cut.update(slope=0.0), "state_cuts: slope must be > 0"),
+        (lambda cut: cut.update(slope=-1.0), "state_cuts: slope must be > 0"),
+        (lambda cut: cut.pop("slope"), "must have the field 'slope'"),
         (lambda cut: cut.update(t=-1), "state_cuts: t must be 0.."),
         (lambda cut: cut.update(face=1000), "state_cuts: face must be 0.."),
         (lambda cut: cut.update(constant=0.0), "must have no field ['constant']"),
@@ -563,10 +614,10 @@ def test_states_that_no_drone_takes_pay_nobody(
 ) -> None:
     """A listed state that the instance lacks is skipped, and one that it stands for is not listed:
     the bound is that of the other states."""
-    text, plain, (t, face, share, listed) = state_cut
+    text, plain, (*cut, listed) = state_cut
     instance = cocap_check.Instance(text)
-    file, whole = _with_state_cuts(plain, instance, [(t, face, share, listed)])
-    _, partial = _with_state_cuts(plain, instance, [(t, face, share, listed[1:])])
+    file, whole = _with_state_cuts(plain, instance, [(*cut, listed)])
+    _, partial = _with_state_cuts(plain, instance, [(*cut, listed[1:])])
     file = json.loads(json.dumps(file))
     paid = file["certificate"]["state_cuts"][0]["payments"][0]
     paid["states"].append([99, 0, 0, 0, 0])
