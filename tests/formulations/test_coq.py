@@ -1,5 +1,6 @@
 """The checker that is proved in Coq: its proof has no hole, its program refuses what is false."""
 
+import itertools
 import json
 import math
 import random
@@ -249,6 +250,8 @@ def _groups(ask: Ask, instance: str, file: dict[str, Any]) -> list[list[str]]:
             place += 3
             for _ in range(curves):
                 place += 2 + 2 * int(words[place + 1])
+        assert words[place] == "0"  # state cuts
+        place += 1
     return found
 
 
@@ -315,6 +318,315 @@ def test_cuts_of_many_drones_are_checked(ask: Ask) -> None:
         return " ".join(str(int(w) - 4) if k in high else w for k, w in enumerate(words))
 
     assert ask(text, file, lower)[0] == 1
+
+
+# The class, state (x, y, layer, heading, pitch) and value of each state that a state cut lists; and
+# the cut's step, face, share and slope before these.
+Listed = list[tuple[int, tuple[int, ...], float]]
+DrawnCut = tuple[int, int, float, float, Listed]
+
+
+def _rooted(slope: float, pixels: float) -> float:
+    """The root, or the line of a slope that touches it, where it touches further right."""
+    touches = 1 / (4 * slope * slope)
+    return 1 / (4 * slope) + slope * pixels if pixels < touches else math.sqrt(pixels)
+
+
+def _seen(
+    instance: cocap_check.Instance, kinds: list[int], t: int, face: int
+) -> dict[tuple[int, tuple[int, ...]], tuple[tuple[int, ...], float]]:
+    """Of each class and state that sees a face at a step: its cell and its pixels."""
+    found = {}
+    for number, k in enumerate(kinds):
+        kind = instance.kinds[k]
+        for name, (place, turn) in kind.states.items():
+            views = dict(kind.sees.get((t, place, turn), ()))
+            if t * instance.faces + face in views:
+                cell, pixels = kind.cells[place], views[t * instance.faces + face]
+                found[number, name] = (cell, float(pixels))
+    return found
+
+
+def _classes(instance: cocap_check.Instance, file: dict[str, Any]) -> list[int]:
+    """The kind of each class of a file."""
+    if file.get("classes") != "single":
+        return list(instance.classes)
+    of = {d: k for k, ds in zip(instance.classes, instance.members, strict=True) for d in ds}
+    return [of[d] for d in range(len(of))]
+
+
+def _plain(file: dict[str, Any], instance: cocap_check.Instance) -> dict[str, Any]:
+    """A certificate by the rows of a file's first leaf, each root paid by its drones' roots."""
+    numbers = {k: v for k, v in first_leaf(file).items() if k not in ("cuts", "decisions")}
+    ones = [[1.0] * instance.faces for _ in range(instance.rows)]
+    numbers |= {"alpha": ones, "beta": [[0.0] * instance.faces for _ in ones]}
+    kept = {key: value for key, value in file.items() if key != "nodes"}
+    return kept | {"format": "cocap-opt certificate", "certificate": numbers}
+
+
+def _with_state_cuts(
+    file: dict[str, Any], instance: cocap_check.Instance, cuts: list[DrawnCut]
+) -> tuple[dict[str, Any], float]:
+    """The same certificate with state cuts, and the bound that it proves by the definition: the
+    constant is the largest of all sets of listed states in different cells, and where no state is
+    listed a drone is paid its root or by the slope, whichever is less."""
+    kinds = _classes(instance, file)
+    bound = cocap_check.Bound(instance, file.get("classes") == "single")
+    bound.take(file["certificate"])
+    constants, written = 0.0, []
+    alpha = [list(row) for row in file["certificate"]["alpha"]]
+    for t, face, share, slope, listed in cuts:
+        weight = float(instance.weights[t * instance.faces + face])
+        seen = _seen(instance, kinds, t, face)
+        cells: dict[tuple[int, ...], list[tuple[float, float]]] = {}
+        values_of = {(number, state): value for number, state, value in listed}
+        for (number, state), (cell, pixels) in seen.items():
+            value = min(math.sqrt(pixels), slope * pixels)
+            if (number, state) in values_of:
+                value = values_of[number, state]
+                cells.setdefault(cell, []).append((pixels, value))
+            visit = {"type": "visit", "t": t, "state": list(state), "robot_class": number}
+            less = weight * share * (math.sqrt(pixels) - value)
+            bound._charge(visit, round(less * cocap_check.ONE))
+        constants += weight * share * max(
+            _rooted(slope, sum(p for p, _ in chosen)) - sum(v for _, v in chosen)
+            for chosen in itertools.product(*([(0.0, 0.0), *of_cell] for of_cell in cells.values()))
+        )  # fmt: skip
+        alpha[t][face] -= share
+        payments = []
+        for number in sorted({k for k, _, _ in listed}):
+            of_class = [(list(state), value) for k, state, value in listed if k == number]
+            states, values = zip(*of_class, strict=True)
+            payments.append({"robot_class": number, "states": states, "values": values})
+        cut = {"t": t, "face": face, "share": share, "slope": slope, "payments": payments}
+        written.append(cut)
+    total = sum(bound.constants.values()) + sum(value for _, value in bound.row_constants)
+    paths = bound._with_paths(total)
+    assert paths is not None
+    numbers = file["certificate"] | {"alpha": alpha, "state_cuts": written}
+    return file | {"certificate": numbers}, paths / cocap_check.ONE + constants
+
+
+@examples(40)
+@given(problems, st.integers(0, 10**9))
+def test_state_cuts_prove_what_their_definition_says(
+    ask: Ask, tmp_path_factory: pytest.TempPathFactory, problem: Problem, seed: int
+) -> None:
+    """Whatever is listed, with any values: that bound is accepted, and none below it, so that none
+    is below the best J; without the vertex rule, and over time, there are no state cuts."""
+    best = optimum(problem).value
+    assume(math.isfinite(best))  # there is a plan
+    found = document(searchless(problem).certificate, tmp_path_factory.mktemp("state"))
+    text, draw = instance_of(compiled(problem)), random.Random(seed)
+    instance = cocap_check.Instance(text)
+    found |= {"classes": draw.choice(["alike", "single"])}  # its rows and roots hold for both
+    file, kinds = _plain(found, instance), _classes(instance, found)
+    groups = sorted(g for g in instance.weights if g < instance.n_roots)
+    seen = {g: _seen(instance, kinds, *divmod(g, instance.faces)) for g in groups}
+    seen = {g: of_group for g, of_group in seen.items() if of_group}
+    assume(seen)
+    cuts: list[DrawnCut] = []
+    for g in draw.sample(sorted(seen), min(len(seen), 3)):
+        for _ in range(draw.randint(1, 2)):
+            some = draw.sample(sorted(seen[g]), draw.randint(1, min(len(seen[g]), 7)))
+            factor = draw.choice([0.0, 0.3, 0.7, 0.8, 1.0, 2.0])
+            values = [
+                factor * draw.choice([1.0, draw.random()]) * math.sqrt(seen[g][x][1]) for x in some
+            ]
+            listed = [(*x, value) for x, value in zip(some, values, strict=True)]
+            touches = draw.choice([0.1, 0.5, 1.0, 3.0, 1e-6, 1e3]) * math.sqrt(seen[g][some[0]][1])
+            cut = (draw.choice([0.25, 0.5]), 1 / (2 * touches), listed)
+            cuts.append((*divmod(g, instance.faces), *cut))
+    if instance.rows == 1 or not instance.vertex:
+        empty = {"t": 0, "face": 0, "share": 0.5, "slope": 1.0, "payments": []}
+        numbers = file["certificate"] | {"state_cuts": [empty]}
+        code, words = ask(text, file | {"certificate": numbers})
+        assert code == 1 and "state_cuts: " in words
+        return
+    file, bound = _with_state_cuts(file, instance, cuts)
+    allowance = ALIKE * (1 + abs(bound))
+    assert bound >= best - allowance
+    code, words = ask(text, file | {"bound": bound + allowance})
+    assert code == 0, words
+    assert ask(text, file | {"bound": bound - allowance})[0] == 1
+    if best > 0:
+        for target, expected in ((bound + allowance, 0), (best * (1 - 1e-6), 1)):
+            staged = _staged(file, target=target, stages=[])
+            assert ask(text, staged | {"bound": target})[0] == expected
+
+
+def _changed_words(at: int, *new: object, instead: int = 1) -> Callable[[str], str]:
+    """Puts other words into the only state cut of what was lowered, from its word `at` on."""
+
+    def change(text: str) -> str:
+        words, here = text.split(), 0
+        here = words.index("leaf") + 4
+        n_groups = int(words[here])
+        here += 1
+        for _ in range(n_groups):
+            assert words[here + 5] == "0"  # cuts
+            here += 7
+            if words[here - 1] == "1":
+                break
+        return " ".join([*words[: here + at], *map(str, new), *words[here + at + instead :]])
+
+    return change
+
+
+@pytest.fixture
+def state_cut(tmp_path: Path) -> tuple[str, dict[str, Any], DrawnCut]:
+    """An instance, a certificate without state cuts, and one to add: two states of a cell from
+    which a face is seen much alike, and one of another cell, which is paid its root. The line of
+    its slope is above the root of all their pixels."""
+    text, found = exported("corridor", tmp_path)
+    instance = cocap_check.Instance(text)
+    file, kinds = _plain(found, instance), _classes(instance, found)
+    for g in sorted(instance.weights):
+        t, face = divmod(g, instance.faces)
+        of_cells: dict[tuple[int, ...], Listed] = {}
+        for (number, state), (cell, pixels) in _seen(instance, kinds, t, face).items():
+            of_cells.setdefault(cell, []).append((number, state, math.sqrt(pixels)))
+        for cell, listed in of_cells.items():
+            a, b, *_ = *sorted(listed, key=lambda x: -x[2]), (0, (), 0.0)
+            if len(of_cells) > 1 and a[2] > 0 and b[2] > 0.9 * a[2]:
+                third = next(others[0] for other, others in of_cells.items() if other != cell)
+                two = [(number, state, 0.2 * root) for number, state, root in (a, b)]
+                highest = max(a[2], *(root for of in of_cells.values() for *_, root in of))
+                return text, file, (t, face, 0.5, 1 / (4 * highest), [*two, third])
+    raise AssertionError("no such face")
+
+
+@pytest.mark.parametrize("steeper", [1.0, 4.0])
+def test_false_state_cuts_are_refused(
+    state_cut: tuple[str, dict[str, Any], DrawnCut], steeper: float, ask: Ask
+) -> None:
+    """A value, share or constant that is lowered, and states of different cells in one set, as if
+    one drone at most could be there; states of one cell in two sets need a higher constant. So it
+    is by the line, and where it touches the root left of the highest corner."""
+    text, file, (t, face, share, slope, drawn) = state_cut
+    cut = (t, face, share, steeper * slope, drawn)
+    file, bound = _with_state_cuts(file, cocap_check.Instance(text), [cut])
+    file |= {"bound": bound * (1 + ALIKE)}
+    kept: list[str] = []
+
+    def keep(words: str) -> str:
+        kept.append(words)
+        return words
+
+    assert ask(text, file, keep)[0] == 0
+    # Share, constant, knee, number of sets, size of the first; class, state, value of each state.
+    part, constant, _, *words = map(int, _cut_words(kept[0]))
+    assert words[:2] == [2, 2] and words[8] == 1
+    first, second, third = words[2:5], words[5:8], words[9:12]
+    low = [int(0.5 * value) for *_, value in (first, second)]
+    sets = (2, 2, *first, *second, 1, *third)
+    assert ask(text, file, _changed_words(3, *sets, instead=12))[0] == 0
+    split = (3, 1, *first, 1, *second, 1, *third)
+    joined = (1, 3, *first, *second, *third)
+    lower = (2, 2, *first[:2], low[0], *second[:2], low[1], 1, *third)
+    for wrong in (split, joined, lower):
+        code, told = ask(text, file, _changed_words(3, *wrong, instead=12))
+        assert code == 1 and "refused" in told, wrong
+    for at, word in ((0, part - 1), (1, constant - 2), (1, -1)):
+        assert ask(text, file, _changed_words(at, word))[0] == 1
+    # However high the bound is: the set is none.
+    high = file | {"bound": 1e12}
+    assert ask(text, high, _changed_words(3, *joined, instead=12))[0] == 1
+
+
+def test_a_slope_that_is_lowered_needs_a_higher_constant(
+    state_cut: tuple[str, dict[str, Any], DrawnCut], ask: Ask
+) -> None:
+    """Drones in other states are paid less by it, but a constant that was enough is not any more,
+    however high the bound is; nor is there a line without a place where it touches the root."""
+    text, plain, (t, face, share, slope, listed) = state_cut
+    instance = cocap_check.Instance(text)
+    kept: list[str] = []
+
+    def keep(words: str) -> str:
+        kept.append(words)
+        return words
+
+    # The highest corner by the line: two drones, and none at all.
+    for states in (listed, []):
+        knees = []
+        for lower in (slope, slope / 2):
+            file, bound = _with_state_cuts(plain, instance, [(t, face, share, lower, states)])
+            assert ask(text, file | {"bound": bound * (1 + ALIKE)}, keep)[0] == 0
+            assert ask(text, file | {"bound": bound * (1 - ALIKE)})[0] == 1
+            knees.append(int(_cut_words(kept[-1])[2]))
+            assert knees[-1] == pytest.approx(cocap_check.ONE / (2 * lower))
+        file, _ = _with_state_cuts(plain, instance, [(t, face, share, slope, states)])
+        high = file | {"bound": 1e12}
+        assert ask(text, high, _changed_words(2, knees[0]))[0] == 0
+        for wrong in (knees[0] + knees[0] // 10**9, knees[1], 0, -1, -knees[0]):
+            code, told = ask(text, high, _changed_words(2, wrong))
+            assert code == 1 and "refused" in told, wrong
+
+
+def _cut_words(text: str) -> list[str]:
+    """The words of the only state cut of what was lowered, from its share on, as many as 15."""
+    marked = _changed_words(0, "here")(text).split()
+    place = marked.index("here")
+    return text.split()[place : place + 15]
+
+
+Change = Callable[[dict[str, Any]], object]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda cut: cut.update(share=1.5), "state_cuts: share must be 0..1"),
+        (lambda cut: cut.update(slope=0.0), "state_cuts: slope must be > 0"),
+        (lambda cut: cut.update(slope=-1.0), "state_cuts: slope must be > 0"),
+        (lambda cut: cut.pop("slope"), "must have the field 'slope'"),
+        (lambda cut: cut.update(t=-1), "state_cuts: t must be 0.."),
+        (lambda cut: cut.update(face=1000), "state_cuts: face must be 0.."),
+        (lambda cut: cut.update(constant=0.0), "must have no field ['constant']"),
+        (lambda cut: cut["payments"][0].update(roots=[]), "must have no field ['roots']"),
+        (lambda cut: cut["payments"][0].update(robot_class=99), "robot_class: does not exist"),
+        (lambda cut: cut["payments"].append(cut["payments"][0]), "robot_class must be increasing"),
+        (lambda cut: cut["payments"][0]["values"].append(1.0), "must hold a number for each state"),
+        (lambda cut: cut["payments"][0]["values"].__setitem__(0, -1.0), "values must be >= 0"),
+        (
+            lambda cut: cut["payments"][0]["states"].__setitem__(
+                0, cut["payments"][0]["states"][1]
+            ),
+            "states must be distinct",
+        ),
+    ],
+)
+def test_wrong_fields_of_state_cuts_are_told(
+    state_cut: tuple[str, dict[str, Any], DrawnCut], change: Change, message: str, ask: Ask
+) -> None:
+    """They are refused before the program is asked."""
+    text, file, drawn = state_cut
+    file, _ = _with_state_cuts(file, cocap_check.Instance(text), [drawn])
+    file = json.loads(json.dumps(file))
+    change(file["certificate"]["state_cuts"][0])
+    code, words = ask(text, file)
+    assert code == 1
+    assert message in words
+
+
+def test_states_that_no_drone_takes_pay_nobody(
+    state_cut: tuple[str, dict[str, Any], DrawnCut], ask: Ask
+) -> None:
+    """A listed state that the instance lacks is skipped, and one that it stands for is not listed:
+    the bound is that of the other states."""
+    text, plain, (*cut, listed) = state_cut
+    instance = cocap_check.Instance(text)
+    file, whole = _with_state_cuts(plain, instance, [(*cut, listed)])
+    _, partial = _with_state_cuts(plain, instance, [(*cut, listed[1:])])
+    file = json.loads(json.dumps(file))
+    paid = file["certificate"]["state_cuts"][0]["payments"][0]
+    paid["states"].append([99, 0, 0, 0, 0])
+    paid["values"].append(3.0)
+    for bound in (whole, partial):
+        assert ask(text, file | {"bound": bound * (1 + ALIKE)})[0] == 0
+        assert ask(text, file | {"bound": bound * (1 - ALIKE)})[0] == 1
+        paid["states"][0] = [98, 0, 0, 0, 0]
 
 
 # Step envelopes have several stages here, and paths of all drones prove as much without them.

@@ -308,7 +308,7 @@ Proof.
   { clear - Hteam. induction Hteam as [|d f ds fs [H _] HF IH]; intros f' t Hin Ht; [contradiction|].
     destruct Hin as [<- | Hin]; [apply H, Ht | apply IH; assumption]. }
   unfold J.
-  pose proof (worth_bound I M Hu Hg plan (team_classes plan Hp) Hsights) as HW.
+  pose proof (worth_bound I M Hu Hg plan (team_classes plan Hp) (proj2 Hp) Hsights) as HW.
   pose proof (bonuses_R plan Hok) as HB.
   pose proof (paths_together plan Hok Hp Hd) as HP.
   eapply Rle_trans; [apply Rplus_le_compat; [exact HW | exact HB]|].

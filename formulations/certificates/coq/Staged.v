@@ -304,7 +304,7 @@ Proof.
   split; [|split].
   - intros f Hf. simpl. eexists. apply Hfind, Hf.
   - simpl. intros u [<- | []]. simpl.
-    pose proof (step_bound I M units_fine groups_fine plan classes_of_plan views_fine t Ho Ht) as H.
+    pose proof (step_bound I M units_fine groups_fine plan classes_of_plan (proj2 planned) views_fine t Ho Ht) as H.
     apply (Rmult_le_compat_l (IZR (precision M))) in H; [|apply IZR_nonneg; pose proof precision_pos; lia].
     unfold FR. eapply Rle_trans; [exact H|].
     replace (prices_sum _ t) with (paid_at I M plan t).

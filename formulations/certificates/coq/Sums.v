@@ -228,3 +228,22 @@ Qed.
 Lemma Forall2_weaken {A B} (P Q : A -> B -> Prop) la lb : (forall a b, P a b -> Q a b) ->
   Forall2 P la lb -> Forall2 Q la lb.
 Proof. intros HPQ. induction 1; constructor; auto. Qed.
+
+(** * Pairs of a list *)
+
+Lemma pairs_weaken {A} (P Q : A -> A -> Prop) l : ForallOrdPairs P l -> (forall a b, P a b -> Q a b) ->
+  ForallOrdPairs Q l.
+Proof.
+  intros H HPQ. induction H as [|x l Hx H IH]; constructor; [|exact IH].
+  eapply Forall_impl; [|exact Hx]. intros y. apply HPQ.
+Qed.
+
+Lemma map_pairs {A B} (P : B -> B -> Prop) (f : A -> B) l :
+  ForallOrdPairs (fun a b => P (f a) (f b)) l -> ForallOrdPairs P (map f l).
+Proof. induction 1 as [|x l Hx H IH]; simpl; constructor; [apply Forall_map; exact Hx | exact IH]. Qed.
+
+Lemma filter_pairs {A} (P : A -> A -> Prop) b l : ForallOrdPairs P l -> ForallOrdPairs P (filter b l).
+Proof.
+  induction 1 as [|x l Hx H IH]; [constructor|]. simpl. destruct (b x); [|exact IH]. constructor; [|exact IH].
+  apply Forall_forall. intros y Hy. apply filter_In in Hy. rewrite Forall_forall in Hx. apply Hx, Hy.
+Qed.

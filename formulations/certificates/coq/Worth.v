@@ -27,22 +27,23 @@ Proof.
   destruct (cuts (prices M g)); [|discriminate]. split_andb. to_Z. assumption.
 Qed.
 
-Lemma pay_zero g k : group_ok I M g = true -> pay I M k (g, 0) = 0.
+Lemma pay_zero g k s : group_ok I M g = true -> pay I M k s (g, 0) = 0.
 Proof.
   intros Hg. unfold pay. rewrite root_of_0.
-  replace (sumZ (map (cut_pay k 0) (cuts (prices M g)))) with 0; [lia|].
-  symmetry. apply sumZ_zero. intros c Hc. unfold cut_pay.
-  assert (Hr : rising 0 (curve_in (curves c) k) = true).
-  { assert (Hok : cut_ok I c = true).
+  replace (sumZ (map (cut_pay I M k s 0 0) (cuts (prices M g)))) with 0; [lia|].
+  symmetry. apply sumZ_zero. intros c Hc. unfold cut_pay, cut_phi.
+  destruct (phis c) as [l | knee sets] eqn:Ep; [|simpl; lia].
+  assert (Hr : rising 0 (curve_in l k) = true).
+  { assert (Hok : cut_ok I M g c = true).
     { unfold group_ok in Hg. apply andb_true_iff in Hg; destruct Hg as [_ Hg].
       destruct (return_by I g); [|destruct (cuts (prices M g)); [contradiction | discriminate]].
       apply andb_true_iff in Hg; destruct Hg as [Hg _]. apply andb_true_iff in Hg; destruct Hg as [_ Hg].
       rewrite forallb_forall in Hg. apply Hg, Hc. }
-    unfold cut_ok in Hok. split_andb.
-    match goal with H : forallb _ (curves c) = true |- _ => rename H into HR end.
-    clear - HR. induction (curves c) as [|[k' pts] cs IH]; [reflexivity|].
+    unfold cut_ok in Hok. rewrite Ep in Hok. cbn [phis_ok] in Hok. split_andb.
+    match goal with H : forallb _ l = true |- _ => rename H into HR end.
+    clear - HR. induction l as [|[k' pts] cs IH]; [reflexivity|].
     simpl in HR. split_andb. simpl. destruct (Nat.eqb k k'); auto. }
-  destruct (phi_0 (curve_in (curves c) k)) as [E | E]; [rewrite E; lia | congruence].
+  destruct (phi_0 (curve_in l k)) as [E | E]; [rewrite E; lia | congruence].
 Qed.
 
 (** * One state *)
@@ -74,47 +75,47 @@ Proof.
   - specialize (IHNoDup Ha). lia.
 Qed.
 
-Lemma pays_in k vs : increasing vs = true -> (forall v, In v vs -> 0 <= pay I M k v) ->
-  sumZ (map (fun g => pay I M k (g, amount_in g vs)) (groups I)) <= sumZ (map (pay I M k) vs).
+Lemma pays_in k s vs : increasing vs = true -> (forall v, In v vs -> 0 <= pay I M k s v) ->
+  sumZ (map (fun g => pay I M k s (g, amount_in g vs)) (groups I)) <= sumZ (map (pay I M k s) vs).
 Proof.
   induction vs as [|[a c] vs IH]; intros Hinc Hpay.
   - rewrite sumZ_zero; [simpl; lia|]. intros g Hg. unfold amount_in. simpl. apply pay_zero, group_is_ok, Hg.
   - destruct (increasing_tail _ _ Hinc) as [Hinc' Hlt]. simpl in Hlt.
     specialize (IH Hinc' (fun v Hv => Hpay v (or_intror Hv))).
-    pose proof (pick_le (fun g => pay I M k (g, c)) a (groups I) groups_nodup (Hpay _ (or_introl eq_refl))) as P.
+    pose proof (pick_le (fun g => pay I M k s (g, c)) a (groups I) groups_nodup (Hpay _ (or_introl eq_refl))) as P.
     cbv beta in P.
-    change (sumZ (map (pay I M k) ((a, c) :: vs))) with (pay I M k (a, c) + sumZ (map (pay I M k) vs)).
-    enough (sumZ (map (fun g => pay I M k (g, amount_in g ((a, c) :: vs))) (groups I))
-      = sumZ (map (fun g => if Pos.eqb a g then pay I M k (g, c) else 0) (groups I))
-        + sumZ (map (fun g => pay I M k (g, amount_in g vs)) (groups I))) as E
+    change (sumZ (map (pay I M k s) ((a, c) :: vs))) with (pay I M k s (a, c) + sumZ (map (pay I M k s) vs)).
+    enough (sumZ (map (fun g => pay I M k s (g, amount_in g ((a, c) :: vs))) (groups I))
+      = sumZ (map (fun g => if Pos.eqb a g then pay I M k s (g, c) else 0) (groups I))
+        + sumZ (map (fun g => pay I M k s (g, amount_in g vs)) (groups I))) as E
       by (rewrite E; apply Z.add_le_mono; assumption).
     rewrite <- sumZ_add. apply sumZ_ext. intros g Hg. unfold amount_in at 1. cbn [filter fst].
     destruct (Pos.eqb_spec a g) as [-> | Hne].
     + cbn [map snd sumZ]. fold (amount_in g vs). rewrite (amount_in_none g vs Hlt), Z.add_0_r.
-      rewrite (pay_zero g k (group_is_ok g Hg)). symmetry. apply Z.add_0_r.
+      rewrite (pay_zero g k s (group_is_ok g Hg)). symmetry. apply Z.add_0_r.
     + fold (amount_in g vs). symmetry. apply Z.add_0_l.
 Qed.
 
 Lemma views_ok_parts k t s : views_ok I M k t s = true ->
   (forall g, 0 <= amount I g k t s)
-  /\ sumZ (map (fun g => pay I M k (g, amount I g k t s)) (groups I)) <= sumZ (map (pay I M k) (sees I k t s))
+  /\ sumZ (map (fun g => pay I M k s (g, amount I g k t s)) (groups I)) <= sumZ (map (pay I M k s) (sees I k t s))
   /\ (over_time M = false -> forall g, at_step (prices M g) <> t -> amount I g k t s = 0).
 Proof.
   unfold views_ok. intros H. apply andb_true_iff in H. destruct H as [Hinc H].
   rewrite forallb_forall in H. unfold view_ok in H. split; [|split].
   - intros g. unfold amount. apply sumZ_nonneg. intros v Hv. apply filter_In in Hv. destruct Hv as [Hv _].
     specialize (H v Hv). split_andb. to_Z. assumption.
-  - apply (pays_in k (sees I k t s) Hinc). intros v Hv. specialize (H v Hv). split_andb. to_Z. assumption.
+  - apply (pays_in k s (sees I k t s) Hinc). intros v Hv. specialize (H v Hv). split_andb. to_Z. assumption.
   - intros Ho g Hg. unfold amount. apply sumZ_zero. intros v Hv. apply filter_In in Hv. destruct Hv as [Hv E].
     apply Pos.eqb_eq in E. specialize (H v Hv). apply andb_true_iff in H. destruct H as [_ H].
     rewrite Ho in H. exfalso. apply Hg. rewrite <- E. simpl in H. apply Nat.eqb_eq. exact H.
 Qed.
 
-Lemma paid_R k t s : (IZR (sumZ (map (pay I M k) (sees I k t s))) / IZR (pay_unit I M)
+Lemma paid_R k t s : (IZR (sumZ (map (pay I M k s) (sees I k t s))) / IZR (pay_unit I M)
                       <= IZR (paid I M k t s) / IZR (precision M))%R.
 Proof.
   destruct (units I M positive_units) as [_ [Zu _]]. pose proof (pay_unit_pos I M positive_units) as Zp.
-  unfold paid. pose proof (cdiv_R (precision M * sumZ (map (pay I M k) (sees I k t s))) _ Zp) as H.
+  unfold paid. pose proof (cdiv_R (precision M * sumZ (map (pay I M k s) (sees I k t s))) _ Zp) as H.
   rewrite mult_IZR in H. apply IZR_pos in Zu, Zp.
   apply Rmult_le_reg_r with (IZR (precision M)); [exact Zu|].
   unfold Rdiv at 2. rewrite Rmult_assoc, Rinv_l by lra. rewrite Rmult_1_r. eapply Rle_trans; [|exact H].
@@ -125,6 +126,7 @@ Qed.
 
 Variable plan : list flight.
 Hypothesis of_team : map fst plan = map fst (team I).
+Hypothesis plan_apart : ForallOrdPairs (apart I) plan.
 Hypothesis sights_ok : forall f t, In f plan -> (t <= T)%nat -> views_ok I M (fst f) t (snd f t) = true.
 
 Definition seen_at (t : nat) (g : group) : Z := sumZ (map (fun f => amount I g (fst f) t (snd f t)) plan).
@@ -172,7 +174,7 @@ Lemma sum_fractions a b : (IZR a / IZR (precision M) + IZR b / IZR (precision M)
 Proof. rewrite plus_IZR. unfold Rdiv. ring. Qed.
 
 Lemma paid_sum (l : list (nat * nat * state)) :
-  (IZR (sumZ (map (fun x => let '(k, t, s) := x in sumZ (map (pay I M k) (sees I k t s))) l)) / IZR (pay_unit I M)
+  (IZR (sumZ (map (fun x => let '(k, t, s) := x in sumZ (map (pay I M k s) (sees I k t s))) l)) / IZR (pay_unit I M)
    <= IZR (sumZ (map (fun x => let '(k, t, s) := x in paid I M k t s) l)) / IZR (precision M))%R.
 Proof.
   induction l as [|[[k t] s] l IH]; simpl.
@@ -184,7 +186,11 @@ Qed.
 (** Groups together: views of some stations, each a drone at a step. *)
 Lemma groups_bound (stations : list (nat * nat * state)) (gs : group -> bool) :
   (forall k t s, In (k, t, s) stations -> views_ok I M k t s = true) ->
-  (over_time M = true \/ map (fun x => fst (fst x)) stations = map fst (team I)) ->
+  (over_time M = true
+   \/ map (fun x => fst (fst x)) stations = map fst (team I)
+      /\ ForallOrdPairs (fun x y => let '(k, _, s) := x in let '(k', _, s') := y in
+           meet I (k, place I k s) (k', place I k' s') = false) stations
+      /\ forall g, gs g = true -> forall k t s, In (k, t, s) stations -> t = at_step (prices M g)) ->
   (forall g, In g (groups I) -> gs g = false -> forall k t s, In (k, t, s) stations -> amount I g k t s = 0) ->
   (sumR (map (fun g => worth I g (sumZ (map (fun x => let '(k, t, s) := x in amount I g k t s) stations))) (groups I))
    <= IZR (sumZ (map (fun x => let '(k, t, s) := x in paid I M k t s) stations)
@@ -192,8 +198,8 @@ Lemma groups_bound (stations : list (nat * nat * state)) (gs : group -> bool) :
 Proof.
   intros Hv Ht Hgs. rewrite <- sum_fractions.
   pose proof (pay_unit_pos I M positive_units) as Zp. apply IZR_pos in Zp.
-  set (vs := fun g => map (fun x => let '(k, t, s) := x in (k, amount I g k t s)) stations).
-  apply Rle_trans with (sumR (map (fun g => IZR (sumZ (map (fun x => pay I M (fst x) (g, snd x)) (vs g))) / IZR (pay_unit I M)
+  set (vs := fun g => map (fun x => let '(k, t, s) := x in (k, s, amount I g k t s)) stations).
+  apply Rle_trans with (sumR (map (fun g => IZR (sumZ (map (fun x => pay I M (class_at x) (state_at x) (g, snd x)) (vs g))) / IZR (pay_unit I M)
       + IZR (if gs g then kappa (prices M g) else 0%Z) / IZR (precision M)) (groups I)))%R.
   { apply sumR_le. intros g Hg. pose proof (group_is_ok g Hg) as Hok.
     replace (sumZ (map (fun x => let '(k, t, s) := x in amount I g k t s) stations)) with (sumZ (map snd (vs g))).
@@ -202,8 +208,11 @@ Proof.
     - apply group_bound; try assumption.
       + intros x Hx. unfold vs in Hx. apply in_map_iff in Hx. destruct Hx as [[[k t] s] [<- Hx]]. simpl.
         apply (views_ok_parts k t s (Hv k t s Hx)).
-      + destruct Ht as [Ho | Ht]; [left; exact Ho | right]. rewrite <- Ht. unfold vs. rewrite map_map.
-        apply map_ext. intros [[k t] s]. reflexivity.
+      + destruct Ht as [Ho | [Ht [Hp Hs]]]; [left; exact Ho | right]. unfold vs. split; [|split].
+        * rewrite <- Ht, map_map. apply map_ext. intros [[k t] s]. reflexivity.
+        * apply map_pairs. apply (pairs_weaken _ _ _ Hp). intros [[k t] s] [[k' t'] s'] H. exact H.
+        * intros x Hx. apply in_map_iff in Hx. destruct Hx as [[[k t] s] [<- Hx]].
+          rewrite <- (Hs g Eg k t s Hx). reflexivity.
     - assert (E0 : forall x, In x (vs g) -> snd x = 0).
       { intros x Hx. unfold vs in Hx. apply in_map_iff in Hx. destruct Hx as [[[k t] s] [<- Hx]]. simpl.
         apply (Hgs g Hg Eg k t s Hx). }
@@ -213,14 +222,14 @@ Proof.
       unfold Rdiv. rewrite !Rmult_0_l. lra. }
   rewrite sumR_add. apply Rplus_le_compat.
   - eapply Rle_trans; [|apply paid_sum].
-    replace (sumR (map (fun g => IZR (sumZ (map (fun x => pay I M (fst x) (g, snd x)) (vs g))) / IZR (pay_unit I M))%R (groups I)))
-      with (IZR (sumZ (map (fun g => sumZ (map (fun x => pay I M (fst x) (g, snd x)) (vs g))) (groups I))) / IZR (pay_unit I M))%R.
+    replace (sumR (map (fun g => IZR (sumZ (map (fun x => pay I M (class_at x) (state_at x) (g, snd x)) (vs g))) / IZR (pay_unit I M))%R (groups I)))
+      with (IZR (sumZ (map (fun g => sumZ (map (fun x => pay I M (class_at x) (state_at x) (g, snd x)) (vs g))) (groups I))) / IZR (pay_unit I M))%R.
     2:{ rewrite IZR_sumZ. unfold Rdiv. rewrite Rmult_comm, <- sumR_scale. apply sumR_ext. intros. ring. }
     apply Rmult_le_compat_r; [apply Rlt_le, Rinv_0_lt_compat, Zp|]. apply IZR_le.
     unfold vs.
-    replace (sumZ (map (fun g => sumZ (map (fun x => pay I M (fst x) (g, snd x))
-               (map (fun x => let '(k, t, s) := x in (k, amount I g k t s)) stations))) (groups I)))
-      with (sumZ (map (fun x => sumZ (map (fun g => let '(k, t, s) := x in pay I M k (g, amount I g k t s)) (groups I))) stations)).
+    replace (sumZ (map (fun g => sumZ (map (fun x => pay I M (class_at x) (state_at x) (g, snd x))
+               (map (fun x => let '(k, t, s) := x in (k, s, amount I g k t s)) stations))) (groups I)))
+      with (sumZ (map (fun x => sumZ (map (fun g => let '(k, t, s) := x in pay I M k s (g, amount I g k t s)) (groups I))) stations)).
     2:{ rewrite sumZ_swap. apply sumZ_ext. intros g _. rewrite map_map. apply sumZ_ext. intros [[k t] s] _. reflexivity. }
     apply sumZ_le. intros [[k t] s] Hx. apply (views_ok_parts k t s (Hv k t s Hx)).
   - apply Req_le. rewrite IZR_sumZ. unfold Rdiv. rewrite (Rmult_comm (sumR _)), <- sumR_scale.
@@ -240,7 +249,11 @@ Proof.
   - apply Req_le. apply sumR_ext. intros g _. f_equal. unfold seen_at. rewrite map_map. reflexivity.
   - intros k t' s Hin. apply in_map_iff in Hin. destruct Hin as [f [E Hf]]. injection E as <- <- <-.
     apply sights_ok; assumption.
-  - right. rewrite map_map. simpl. exact of_team.
+  - right. split; [|split].
+    + rewrite map_map. simpl. exact of_team.
+    + apply map_pairs. apply (pairs_weaken _ _ _ plan_apart). intros f g [Hm _]. exact (Hm t Ht).
+    + intros g Eg k t' s Hin. apply in_map_iff in Hin. destruct Hin as [f [E Hf]]. injection E as <- <- <-.
+      apply Nat.eqb_eq in Eg. symmetry. exact Eg.
   - intros g _ Eg k t' s Hin. apply in_map_iff in Hin. destruct Hin as [f [E Hf]]. injection E as <- <- <-.
     apply Nat.eqb_neq in Eg. apply (views_ok_parts _ _ _ (sights_ok f t Hf Ht)); assumption.
 Qed.

@@ -47,11 +47,18 @@ let cut source =
   let share = z source in let constant = z source in
   let curves = many source (fun s -> let k = n s in
     (k, many s (fun s -> let r = z s in let v = z s in (r, v)))) in
-  { share; constant; curves }
+  { share; constant; phis = Curves curves }
+
+let state_cut source =
+  let share = z source in let constant = z source in let knee = z source in
+  let sets = many source (fun s -> many s (fun s ->
+      let place = number s in let value = z s in (place, value))) in
+  { share; constant; phis = States (knee, sets) }
 
 let group source =
   let g = z source in let alpha = z source in let beta = z source in let kappa = z source in
-  let at_step = n source in let cuts = many source cut in
+  let at_step = n source in let curves = many source cut in
+  let cuts = curves @ many source state_cut in
   (g, { alpha; beta; kappa; cuts; at_step })
 
 let certificate source =
@@ -145,7 +152,7 @@ let checked most seconds instance_file lowered_file =
   watch seconds nodes;
   let lines = instance instance_file in
   let source = { file = open_in lowered_file; left = [] } in
-  if word source <> "cocap-lowered" || n source <> 3 then refuse "must begin with cocap-lowered 3";
+  if word source <> "cocap-lowered" || n source <> 5 then refuse "must begin with cocap-lowered 5";
   let single = is source in
   let numerator = z source in let denominator = z source in
   let holds, by = match word source with

@@ -14,6 +14,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ NATIVE_BITS = 60  # so that J in 1/precision is a small whole number of Zarith
 
 Spec = dict[str, Any]
 Words = list[object]
+Lowered = tuple[int, int, Words]  # share and constant of a cut, and the words of its functions
 
 # The fields of each resource, except its type and step.
 RESOURCES = {
@@ -46,6 +48,14 @@ def root_up(square: int) -> int:
     """Returns the root of a number >= 0, rounded up."""
     root = math.isqrt(square)
     return root + (root * root < square)
+
+
+def rooted(knee: int, square: int) -> int:
+    """Returns the root of a number >= 0, or the line that touches it at the root `knee` if that
+    is further right, rounded up.
+    """
+    below = square < knee * knee
+    return -(-(square + knee * knee) // (2 * knee)) if below else root_up(square)
 
 
 def listed(items: Iterable[Words]) -> Words:
@@ -85,7 +95,7 @@ class Lowering:
     def claim(self) -> Words:
         """Returns the words that precede the tree."""
         bound = Fraction(-1) if self.bound is None else self.bound
-        return ["cocap-lowered", 3, int(self.single), bound.numerator, bound.denominator]
+        return ["cocap-lowered", 5, int(self.single), bound.numerator, bound.denominator]
 
     def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a leaf; `decisions` are those on the way from the root."""
@@ -107,7 +117,7 @@ class Lowering:
         """Returns the words of a set of multipliers."""
         kind = numbers.get("type", "multipliers")
         check.require(kind == "multipliers", f"certificate: {kind} is not supported")
-        check.only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
+        check.only(numbers, {"alpha", "beta", "rows", "cuts", "state_cuts", "decisions", "views"})
         for row in numbers.get("rows", ()):
             check.only(row, {"resource", "multiplier"})
         over_time = int(self.instance.rows == 1)
@@ -124,36 +134,47 @@ class Lowering:
     # -- groups -----------------------------------------------------------------------------
 
     def groups(self, numbers: Spec) -> Iterator[Words]:
-        """Yields the words of each visible group: its prices, constant, step and cuts."""
+        """Yields the words of each visible group: its prices, constant and step, and its cuts,
+        those by state last.
+        """
         i = self.instance
         cuts: dict[int, list[Spec]] = {}
         for cut in numbers.get("cuts", ()):
             cuts.setdefault(cut["t"] * i.faces + cut["face"], []).append(cut)
+        by_state: dict[int, list[Lowered]] = {}
+        for cut in numbers.get("state_cuts", ()):
+            g = self._view_sum(cut)
+            by_state.setdefault(g, []).append(self._state_cut(g, cut))
         for g in self.visible:
-            yield [g + 1, *self._group(g, numbers, cuts.get(g, []))]
+            yield [g + 1, *self._group(g, numbers, cuts.get(g, []), by_state.get(g, []))]
 
-    def _group(self, g: int, numbers: Spec, cuts: list[Spec]) -> Words:
+    def _group(self, g: int, numbers: Spec, cuts: list[Spec], by_state: list[Lowered]) -> Words:
         i, weight = self.instance, self.instance.weights.get(g)
         row, column = divmod(g, i.faces) if g < i.n_roots else divmod(g - i.n_roots, i.people)
         if weight is None:
-            return [SCALE, SCALE, 0, row, 0]
+            return [SCALE, SCALE, 0, row, 0, 0]
         if g >= i.n_roots:
             gamma = up(check.number_of(numbers["views"][row][column]) * SCALE)
             left = weight * i.caps[g] * Fraction(max(SCALE - gamma, 0), SCALE)
-            return [0, gamma, up(left * self.precision), row, 0]
+            return [0, gamma, up(left * self.precision), row, 0, 0]
         alpha, beta = (
             up(check.number_of(numbers[name][row][column]) * SCALE) for name in ("alpha", "beta")
         )
         lowered = [self._cut(cut) for cut in cuts]
-        rest = SCALE - sum(share for share, _, _ in lowered)
-        constant = Fraction(sum(share * most for share, most, _ in lowered), SCALE * SCALE)
+        both = [*lowered, *by_state]
+        rest = SCALE - sum(share for share, _, _ in both)
+        constant = Fraction(sum(share * most for share, most, _ in both), SCALE * SCALE)
         if rest > alpha:
             check.require(beta > 0, "certificate: beta must be > 0 if alpha is too small")
             constant += Fraction((rest - alpha) ** 2, 4 * beta * SCALE)
-        words = ([share, most, *curves] for share, most, curves in lowered)
-        return [alpha, beta, up(weight * constant * self.precision), row, *listed(words)]
+        kappa = up(weight * constant * self.precision)
+        words = (
+            listed([share, most, *functions] for share, most, functions in found)
+            for found in (lowered, by_state)
+        )
+        return [alpha, beta, kappa, row, *itertools.chain.from_iterable(words)]
 
-    def _cut(self, cut: Spec) -> tuple[int, int, Words]:
+    def _cut(self, cut: Spec) -> Lowered:
         """Returns the share of a cut, its constant and the words of its curves."""
         check.only(cut, {"t", "face", "curves", "share"})
         for curve in cut["curves"]:
@@ -176,6 +197,62 @@ class Lowering:
             self._constants[key] = check.highest_corner(drones, root_up)
         words = listed([k, *listed([r, v] for r, v in points)] for k, points in curves.items())
         return share, self._constants[key], words
+
+    def _view_sum(self, cut: Spec) -> int:
+        """Returns the group of a state cut."""
+        i, t, face = self.instance, check.whole(cut["t"]), check.whole(cut["face"])
+        check.require(i.rows > 1, "state_cuts: must not be given if pixels add up over time")
+        check.require(0 <= t < i.rows, f"state_cuts: t must be 0..{i.rows - 1}")
+        check.require(0 <= face < i.faces, f"state_cuts: face must be 0..{i.faces - 1}")
+        group: int = t * i.faces + face
+        return group
+
+    def _state_cut(self, g: int, cut: Spec) -> Lowered:
+        """Returns the share of a state cut, its constant, and the words of its knee and of its
+        states, cell by cell. The line of its slope touches the root at the knee, which is rounded:
+        both the payments and the constant are those of the rounded knee.
+        """
+        check.only(cut, {"t", "face", "share", "slope", "payments"})
+        check.require(self.instance.vertex, "state_cuts: the scene has no vertex rule")
+        share = check.number_of(cut["share"])
+        check.require(0 <= share <= 1, "state_cuts: share must be 0..1")
+        slope = check.number_of(cut["slope"])
+        check.require(slope > 0, "state_cuts: slope must be > 0")
+        knee = max(round(SCALE / (2 * slope)), 1)
+        classes = [check.whole(paid["robot_class"]) for paid in cut["payments"]]
+        rising = all(a < b for a, b in itertools.pairwise(classes))
+        check.require(rising, "state_cuts: robot_class must be increasing")
+        cells: dict[tuple[int, ...], list[tuple[Words, tuple[int, int]]]] = {}
+        for paid in cut["payments"]:
+            for cell, words, point in self._payments(cut["t"], g, paid):
+                cells.setdefault(cell, []).append((words, point))
+        points = [[p for _, p in of_cell] for of_cell in cells.values()]
+        root = partial(rooted, knee)
+        most = max(root(0), check.highest_corner(points, root))  # possibly no drone is listed
+        words = [knee, *listed(listed(words for words, _ in of_cell) for of_cell in cells.values())]
+        return int(share * SCALE), most, words
+
+    def _payments(
+        self, t: int, g: int, paid: Spec
+    ) -> Iterator[tuple[tuple[int, ...], Words, tuple[int, int]]]:
+        """Yields, of each listed state of a class, its cell, its words, and its pixels and value.
+        No drone takes a state that the instance lacks.
+        """
+        check.only(paid, {"robot_class", "states", "values"})
+        number = self._class(paid["robot_class"])
+        kind = self.instance.kinds[self.kinds[number]]
+        names = [tuple(map(check.whole, state)) for state in paid["states"]]
+        check.require(len({*names}) == len(names), "state_cuts: states must be distinct")
+        is_whole = len(names) == len(paid["values"])
+        check.require(is_whole, "state_cuts: must hold a number for each state")
+        for name, value in zip(names, map(check.number_of, paid["values"]), strict=True):
+            check.require(value >= 0, "state_cuts: values must be >= 0")
+            if name in kind.states:
+                place, turn = kind.states[name]
+                seen = dict(kind.sees.get((t, place, turn), ())).get(g, Fraction(0))
+                low = math.floor(value * SCALE)
+                words: Words = [number, place * len(kind.turns) + turn + 1, low]
+                yield kind.cells[place], words, (up(seen * SCALE * SCALE), low)
 
     # -- resources --------------------------------------------------------------------------
 
