@@ -13,7 +13,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 import staged_hunt
@@ -782,12 +781,6 @@ def test_prices_of_states_that_no_drone_takes_change_nothing(ask: Ask, tmp_path:
 ALIKE = 1e-9  # of 1 + |bound|: by how much the bounds of the checkers may differ
 
 
-def without_state_cuts(staged: Staged) -> Staged:
-    """The same stages after multipliers without state cuts, which this program does not know."""
-    multipliers = msgspec.structs.replace(staged.multipliers, state_cuts=())
-    return msgspec.structs.replace(staged, multipliers=multipliers)
-
-
 @examples(60)
 @given(
     st.one_of(either(drawn_problems()), either(drawn_meetings(2)), drawn_meetings(3),
@@ -808,7 +801,7 @@ def test_checkers_prove_the_same_by_random_stages(
     model, best = some_model(problem, rng), optimum(problem).value
     value = best if math.isfinite(best) else 0.0
     target = value - (1 + abs(value)) * 10.0 ** rng.uniform(-4, 0)
-    staged = without_state_cuts(random_staged(model, target, rng, moves=True))
+    staged = random_staged(model, target, rng, moves=True)
     verified = price_staged(model, staged).bound
     file = CertificateFile(
         scene=problem.name, digest=problem_digest(problem), method="test",
