@@ -22,7 +22,8 @@ from __future__ import annotations  # networkx graphs take type arguments in stu
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -263,7 +264,7 @@ class _Prices:
             for node, faces in sights[self._sight_of(robot)].seen.items()
             for face, amount in faces
         }
-        terms = [list(self._constants(*leaf, pixels)) for leaf in leaves]
+        terms = [list(self._constants(*leaf, visible, pixels)) for leaf in leaves]
         for constants, (certificate, _) in zip(terms, leaves, strict=True):
             constants += self._kappas(certificate, visible)
             constants += self._count_kappas(certificate, noticed)
@@ -306,13 +307,18 @@ class _Prices:
         return 0 if self._problem.objective.over_time else t
 
     def _constants(
-        self, certificate: Certificate, decisions: Sequence[Decision], pixels: _Pixels
+        self,
+        certificate: Certificate,
+        decisions: Sequence[Decision],
+        visible: Set[tuple[int, int]],
+        pixels: _Pixels,
     ) -> Iterator[float]:
         """Yields the amounts to add for cuts, rows and decisions, which do not depend on the
         plan.
 
         Parameters
         ----------
+        visible : view sums (row, face) that some drone can see; cuts of all others add nothing
         pixels : pixels of a robot of a class at a node and face, where they are not 0
         """
         if isinstance(certificate, ReferencePixels):
@@ -323,8 +329,12 @@ class _Prices:
             return
         sizes = tuple(map(self._classes.count, range(max(self._classes) + 1)))
         for cut in certificate.cuts:
+            if (cut.t, cut.face) not in visible:
+                continue
             yield self._weights[cut.t][cut.face] * cut.share * _highest_corner(cut.curves, sizes)
         for state_cut in certificate.state_cuts:
+            if (state_cut.t, state_cut.face) not in visible:
+                continue
             weight = self._weights[state_cut.t][state_cut.face]
             yield weight * state_cut.share * self._highest_set(state_cut, pixels)
         for row in certificate.rows:
@@ -356,7 +366,7 @@ class _Prices:
             shares.setdefault((cut.t, cut.face), []).append(cut.share)
         for row, face in visible:
             alpha, beta = certificate.alpha[row][face], certificate.beta[row][face]
-            rest = 1 - math.fsum(shares.get((row, face), []))
+            rest = _rounded_up(Fraction(1) - sum(map(Fraction, shares.get((row, face), []))))
             if self._weights[row][face] > 0 and alpha < rest:
                 yield self._weights[row][face] * (rest - alpha) ** 2 / (4 * beta)
 
@@ -439,6 +449,12 @@ def _highest_of(by_cell: Iterable[Sequence[tuple[float, float]]], slope: float) 
         (least + slope * seen if seen < least / slope else math.sqrt(seen)) - value
         for seen, value in sets
     )
+
+
+def _rounded_up(value: Fraction) -> float:
+    """Returns the smallest float that is not less."""
+    nearest = float(value)
+    return math.nextafter(nearest, math.inf) if Fraction(nearest) < value else nearest
 
 
 def _values(cut: StateCut, number: int) -> dict[State, float]:

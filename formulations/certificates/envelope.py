@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.stop import Stop, never
 
 MOST_CORNERS = 20_000  # partial corners that are kept separately while a cut's constant is computed
 STAGE_CHOICES = 1000  # multisets of breakpoints, of all classes, that are enumerated at once
@@ -159,13 +160,18 @@ class Corners:
     sizes : number of robots of each class
     slope : of a line that touches the root, m/px^0.5; left of where they touch, the line takes the
         place of the root |s|; infinity: nowhere
+    stop : checked between two stages; raises LimitReached
     """
 
     def __init__(
-        self, curves: Mapping[int, Curve], sizes: tuple[int, ...], slope: float = math.inf
+        self,
+        curves: Mapping[int, Curve],
+        sizes: tuple[int, ...],
+        slope: float = math.inf,
+        stop: Stop = never,
     ) -> None:
         self._stages = [*_stages(curves, sizes)]
-        self._slope = slope
+        self._slope, self._stop = slope, stop
 
     def highest(self) -> float:
         """Returns the largest |s| - sum phi over all corners, or slightly more."""
@@ -196,6 +202,7 @@ class Corners:
         kept = Partial(np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64), np.zeros(1))
         steps: _Steps = []
         for k, stage in enumerate(self._stages):
+            self._stop.check()
             z = (kept.pixels[:, None] + stage.pixels).ravel()
             v = (kept.values[:, None] - stage.values).ravel()
             placed = (kept.placed[:, None] + stage.placed).ravel()
@@ -266,6 +273,7 @@ class Corners:
         height = 0.0
         while height > best:
             best = height
+            self._stop.check()
             for k, stage in enumerate(self._stages):
                 pixels -= float(stage.pixels[chosen[k]])
                 value += float(stage.values[chosen[k]])

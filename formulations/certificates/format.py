@@ -232,11 +232,11 @@ class StateCut(_Part, frozen=True):
         for k, paid in enumerate(self.payments):
             paid.check(model, self.t, f"{field}.payments[{k}]")
 
-    def valid(self, model: Model) -> CutByStates:
-        """Returns the cut with the constant that makes it valid."""
+    def valid(self, model: Model, stop: Stop = never) -> CutByStates:
+        """Returns the cut with the constant that makes it valid; raises LimitReached."""
         view_sum = self.t * model.n_faces + self.face
         listed = {paid.class_number: paid.valid(model, view_sum) for paid in self.payments}
-        return CutByStates.valid(model, view_sum, self.slope, listed)
+        return CutByStates.valid(model, view_sum, self.slope, listed, stop)
 
 
 class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
@@ -297,7 +297,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
         CertificateError
             If a cut belongs to no view sum, a state does not exist, or the scene allows none.
         LimitReached
-            Between two cuts.
+            If a limit is reached.
         """
         if self.state_cuts and (
             model.problem.objective.over_time or not model.problem.rules.vertex
@@ -310,7 +310,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
         for n, cut in enumerate(self.state_cuts):
             stop.check()
             cut.check(model, f"certificate.state_cuts[{n}]")
-            found.append((cut.valid(model), cut.share))
+            found.append((cut.valid(model, stop), cut.share))
         return found
 
 

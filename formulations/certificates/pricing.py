@@ -235,10 +235,16 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
     cuts: list[tuple[AnyCut, float]] = [*by_roots, *by_states]
     if any(cut.view_sum >= returns.n_roots for cut, _ in cuts):
         raise CertificateError("certificate.cuts: cuts exist only for roots of pixels")
-    rest = _left_by(cuts, len(alpha))
-    needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
+    rest, is_visible = _left_by(cuts, len(alpha)), _visible_view_sums(model) > 0
+    needed = np.flatnonzero(is_visible & (alpha < rest))
     if (beta[needed[needed < returns.n_roots]] == 0).any():
-        raise CertificateError("certificate.beta: must be > 0 if alpha < 1")
+        raise CertificateError(
+            "certificate.beta: must be > 0 if alpha is less than the share of the root that cuts "
+            "leave (1 without cuts)"
+        )
+    by_roots = [(cut, share) for cut, share in by_roots if is_visible[cut.view_sum]]
+    by_states = [(cut, share) for cut, share in by_states if is_visible[cut.view_sum]]
+    cuts = [*by_roots, *by_states]
     kappa = returns.kappas(alpha, beta, rest)[needed]
     with np.errstate(over="ignore"):  # infinite values are rejected later
         terms = (weights[needed] * kappa).tolist()
@@ -249,12 +255,13 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
     # The cuts' constants consist of norms of as many roots as there are robots.
     made_of = [
         float(weights[cut.view_sum])
+        * share
         * len(model.classes[number].robots)
         * float(curve.roots.max(initial=0.0) + curve.values.max(initial=0.0))
-        for cut, _ in by_roots
+        for cut, share in by_roots
         for number, curve in cut.curves.items()
     ]
-    made_of += [float(weights[cut.view_sum]) * cut.magnitude for cut, _ in by_states]
+    made_of += [float(weights[cut.view_sum]) * share * cut.magnitude for cut, share in by_states]
     by_view_sum: dict[int, list[tuple[AnyCut, float]]] = {}
     for cut, share in cuts:
         by_view_sum.setdefault(cut.view_sum, []).append((cut, share))
@@ -276,13 +283,17 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
 
 
 def _left_by(cuts: Sequence[tuple[AnyCut, float]], n_view_sums: int) -> FloatArray:
-    """Returns rho [Z], the share of each root that cuts leave to alpha and beta, rounded up."""
+    """Returns rho [Z], the share of each root that cuts leave to alpha and beta, rounded up where
+    no float is exactly as large.
+    """
     shares: dict[int, list[float]] = {}
     for cut, share in cuts:
         shares.setdefault(cut.view_sum, []).append(-share)
     rest = np.ones(n_view_sums)
     for view_sum, negative in shares.items():
-        rest[view_sum] = math.nextafter(exact_sum([1.0, *negative]), math.inf)
+        left = exact_sum([1.0, *negative])
+        is_less = exact_sum([1.0, *negative, -left]) > 0
+        rest[view_sum] = math.nextafter(left, math.inf) if is_less else left
     return rest
 
 

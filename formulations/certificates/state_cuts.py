@@ -28,6 +28,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Corners, Curve, Cut
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell
+from cocap_opt.stop import Stop, never
 
 
 class ListedStates(NamedTuple):
@@ -69,11 +70,12 @@ class CutByStates:
         view_sum: int,
         slope: float,
         listed: Mapping[int, ListedStates],
+        stop: Stop = never,
     ) -> Self:
         """Returns the cut with the smallest constant that makes it valid, or slightly more.
 
         The scene must have the vertex rule. The constant is >= 0, since possibly no robot sees the
-        view sum.
+        view sum. Raises LimitReached if a limit is reached.
         """
         points: dict[Cell, list[tuple[float, float]]] = {}
         for number, (states, roots, values) in listed.items():
@@ -81,7 +83,8 @@ class CutByStates:
             for k, place in enumerate((states % n_places).tolist()):
                 points.setdefault(cells[place], []).append((float(roots[k]), float(values[k])))
         curves = {k: Curve(*np.array(of_cell).T) for k, of_cell in enumerate(points.values())}
-        constant = Corners(curves, (1,) * len(curves), slope).highest() if curves else 0.0
+        sizes = (1,) * len(curves)
+        constant = Corners(curves, sizes, slope, stop).highest() if curves else 0.0
         return cls(view_sum, slope, listed, max(constant, 0.25 / slope))
 
     def phi(self, number: int, states: IntArray, roots: FloatArray) -> FloatArray:

@@ -52,6 +52,9 @@ FIELDS = {
     "format", "version", "scene", "digest", "method", "classes", "coverage_version", "instance",
     "objective", "bound", "coverage", "certificate", "nodes",
 }  # fmt: skip
+MULTIPLIERS = {"type", "alpha", "beta", "rows", "cuts", "state_cuts", "decisions", "views"}
+STAGED = {"type", "multipliers", "target", "stages", "paths_above", "paths_from"}
+LEAF, BRANCH = {"type", "certificate"}, {"type", "resource", "robots", "at_most", "at_least"}
 PLAN_FIELDS = {
     "format", "version", "scene", "digest", "digest_without_objective", "planner", "limit",
     "reason", "seconds", "time_limit", "work_limit", "cut_short", "coverage_version", "reward",
@@ -67,7 +70,11 @@ DAMAGED = (
     OSError, RecursionError, MemoryError, ArithmeticError, ValueError, TypeError, LookupError,
     AttributeError,
 )  # fmt: skip
-MOST_CORNERS = 1_000_000  # limit on corners of a cut that are examined
+MOST_CORNERS = 1_000_000  # limit on corners of a cut that are examined, and on gains at them
+TOO_MANY = "computing its constant takes too long"
+LARGEST_ROOT = Fraction(1e50)  # limit on roots in cuts, and on what is paid for them
+ALLOWED = "0..1e+50"
+MOST_STATES = 1000  # limit on states of a class in a state cut
 # limit on branches of the searches of a file; tries of prices at a branch
 MOST_BRANCHES, TRIES = 1_000_000, 40
 MOST_FOUND = 3_000_000  # limit on the ways that a search keeps, of some hundred bytes each
@@ -529,7 +536,7 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
         kind = instance.kinds[k]
         states, goal = kind.states, instance.goals[number]
         for drone in instance.members[number]:
-            named, name = [tuple(map(whole, state)) for state in paths[drone]], f"drone {drone}"
+            named, name = [state_of(state) for state in paths[drone]], f"drone {drone}"
             require(len(named) == instance.horizon + 1, f"{name}: wrong number of steps")
             require(states.keys() >= {*named}, f"{name}: is in a state that does not exist")
             path = [states[state] for state in named]
@@ -589,17 +596,25 @@ def highest_corner(drones: list[list[tuple[int, int]]], root: Callable[[int], in
     for number, points in enumerate(drones, 1):
         ways += [(pixels + p, paid + v) for pixels, paid in ways for p, v in points]
         looked_at += len(ways)
-        require(looked_at <= MOST_CORNERS, "computing its constant takes too long")
-        lowest, kept, later = math.inf, [], drones[number:]
+        require(looked_at <= MOST_CORNERS, TOO_MANY)
+        lowest, kept = math.inf, []
+        later = [(points, len([*same])) for points, same in itertools.groupby(drones[number:])]
+        n_later = sum(len(points) for points, _ in later)
         for pixels, paid in sorted(ways, key=lambda way: (-way[0], way[1])):
             if paid < lowest:
                 kept.append((pixels, paid))
                 lowest, best = paid, max(best, root(pixels) - paid)
-        ways = []
-        for pixels, paid in kept:
+        ways, most = [], math.inf  # what later drones can gain at as many pixels, or fewer
+        for pixels, paid in reversed(kept):
             here = root(pixels)
-            gains = [max(root(pixels + p) - here - v + 2 for p, v in points) for points in later]
-            if here - paid + sum(gain for gain in gains if gain > 0) > best:
+            if here - paid + most > best:
+                looked_at += n_later
+                require(looked_at <= MOST_CORNERS, TOO_MANY)
+                most = 0
+                for points, n in later:
+                    gain = max(root(pixels + p) - v for p, v in points) - here + 2
+                    most += n * max(gain, 0)
+            if here - paid + most > best:
                 ways.append((pixels, paid))
     return best
 
@@ -614,7 +629,7 @@ class Cut:
         self.group, self.share = bounded_by(instance, spec)
         self.worth = 0  # of its share, once that is known
         self.curves: dict[int, list[tuple[Fraction, Fraction]]] = {}
-        for position, curve in enumerate(spec["curves"]):
+        for position, curve in enumerate(array(spec["curves"], "curves")):
             with within(f"curves[{position}]"):
                 self._take_curve(curve, len(members))
         self.lines: dict[int, tuple[int, int, list[tuple[int, int]]]] = {}  # in whole numbers
@@ -639,11 +654,12 @@ class Cut:
         require(0 <= number < classes, f"robot_class: must be 0..{classes - 1}")
         require(number not in self.curves, f"robot_class: {number} is given twice")
         rising = all(a < b for a, b in itertools.pairwise([Fraction(0), *roots]))
-        require(rising and roots, "roots: must increase from 0")
+        is_allowed = rising and roots and roots[-1] <= LARGEST_ROOT
+        require(is_allowed, "roots: must be > 0, <= 1e+50 and increasing")
         require(
             len(roots) == len(values), (f"values: must contain {len(roots)} numbers, one per root")
         )
-        require(min(values) >= 0, "values: must be >= 0")
+        require(0 <= min(values) <= max(values) <= LARGEST_ROOT, f"values: must be {ALLOWED}")
         self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
 
     def phi(self, number: int, state: Ints, amount: int, root: int) -> int:
@@ -674,11 +690,12 @@ class StateCut:
         self.worth = 0  # of its share, once that is known
         require(instance.vertex, "must not be given if drones may share a cell")
         self.slope = number_of(spec["slope"], "slope: ")
-        require(self.slope > 0, "slope: must be > 0")
+        is_allowed = 1 <= self.slope * LARGEST_ROOT <= LARGEST_ROOT**2
+        require(is_allowed, "slope: must be 1e-50..1e+50")
         self.t, self.listed = whole(spec["t"]), dict[Ints, Fraction]()  # by class, place, turn
         self.cells: dict[Ints, list[tuple[int, int]]] = {}  # (pixels, value) of their states
         before = -1
-        for position, part in enumerate(spec["payments"]):
+        for position, part in enumerate(array(spec["payments"], "payments")):
             with within(f"payments[{position}]"):
                 only(part, {"robot_class", "states", "values"})
                 number = whole(part["robot_class"], "robot_class: ")
@@ -697,12 +714,14 @@ class StateCut:
 
     def _take_class(self, number: int, kind: Kind, part: Spec) -> None:
         """Reads the states of a class, without those that no drone can reach."""
-        states = [tuple(whole(v, "states: ") for v in state) for state in part["states"]]
-        values = [number_of(v, "values: ") for v in part["values"]]
-        require(len(set(states)) == len(states) > 0, "states: must be given, and distinct")
-        require(all(len(state) == 5 for state in states), "states: must have 5 numbers each")
+        with within("states"):
+            states = [state_of(state) for state in array(part["states"], "states")]
+        values = [number_of(v, "values: ") for v in array(part["values"], "values")]
+        require(0 < len(states) <= MOST_STATES, f"states: must be 1..{MOST_STATES} states")
+        require(len(set(states)) == len(states), "states: must be distinct")
         require(len(values) == len(states), f"values: must contain {len(states)} numbers")
-        require(min(values) >= 0, "values: must be >= 0")
+        is_allowed = 0 <= min(values) <= max(values) <= LARGEST_ROOT
+        require(is_allowed, f"values: must be {ALLOWED}")
         for state, value in zip(states, values, strict=True):
             if state not in kind.states:
                 continue
@@ -737,11 +756,25 @@ def whole(value: object, field: str = "") -> int:
     return value
 
 
+def state_of(value: Any) -> Ints:
+    """Returns a state (x, y, layer, heading, pitch), of which the last three may be left out."""
+    ok = isinstance(value, list) and 2 <= len(value) <= 5
+    require(ok, f"must be a state (x, y, layer, heading, pitch), not {value!r:.40}")
+    return (*map(whole, value), *[0] * (5 - len(value)))
+
+
+def array(value: object, field: str) -> list[Any]:
+    """Returns an array; rejects everything else."""
+    if not isinstance(value, list):
+        raise Refused(f"{field}: must be an array, not {value!r:.40}")
+    return value
+
+
 def only(spec: object, names: set[str]) -> None:
     """Rejects unknown fields."""
     if not isinstance(spec, dict):
         raise Refused(f"must be an object, not {spec!r:.40}")
-    unknown = [name for name in spec if name not in names | {"type"}]
+    unknown = [name for name in spec if name not in names]
     require(not unknown, f"must have no field {unknown[:1]}; allowed: {', '.join(sorted(names))}")
 
 
@@ -779,7 +812,7 @@ class Bound:
             return self._of_reference(numbers)
         self.take(numbers)
         total = sum(self.constants.values()) + sum(value for _, value in self.row_constants)
-        nus = [number_of(nu) for nu in numbers.get("decisions", ())]
+        nus = [number_of(nu) for nu in array(numbers.get("decisions", []), "decisions")]
         require(len(nus) == len(decisions) and all(nu >= 0 for nu in nus), "decisions: wrong")
         for (resource, sign, count), nu in zip(decisions, nus, strict=True):
             if sign > 0 and count <= 0:
@@ -792,16 +825,16 @@ class Bound:
     def take(self, numbers: Spec) -> None:
         """Reads multipliers: credits for views, constants, and charges of rows."""
         instance = self.instance
-        only(numbers, {"alpha", "beta", "rows", "cuts", "state_cuts", "decisions", "views"})
+        only(numbers, MULTIPLIERS)
         require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")
         alpha = self._table(numbers, "alpha")
         beta = self._table(numbers, "beta")
         cuts: list[Cut | StateCut] = []
-        for number, spec in enumerate(numbers.get("cuts", ())):
+        for number, spec in enumerate(array(numbers.get("cuts", []), "cuts")):
             with within(f"cuts[{number}]"):
                 cuts.append(Cut(instance, spec, self.members))
         kinds = [kind for _, kind in self.classes]
-        for number, spec in enumerate(numbers.get("state_cuts", ())):
+        for number, spec in enumerate(array(numbers.get("state_cuts", []), "state_cuts")):
             with within(f"state_cuts[{number}]"):
                 cuts.append(StateCut(instance, spec, kinds))
         rest: dict[int, Fraction] = {}
@@ -826,7 +859,7 @@ class Bound:
             self.constants[group] = constant
             self.prices[group] = up(weight * a), up(weight * b), by_group.get(group, [])
         self.charged, self.row_constants = ({}, {}, {}), []
-        for number, row in enumerate(numbers.get("rows", ())):
+        for number, row in enumerate(array(numbers.get("rows", []), "rows")):
             with within(f"rows[{number}]"):
                 self._take_row(row)
 
@@ -856,7 +889,7 @@ class Bound:
     def _of_reference(self, numbers: Spec) -> int | None:
         """Returns the bound by gains beyond reference pixels; gains shrink as more is seen."""
         i = self.instance
-        only(numbers, {"pixels", "views"})
+        only(numbers, {"type", "pixels", "views"})
         seen = self._table(numbers, "pixels")
         self.prices, self.charged = {}, ({}, {}, {})
         self.gained = {g: (w, up(seen[g]), down(seen[g])) for g, w in i.weights.items()}
@@ -871,7 +904,7 @@ class Bound:
         """
         i = self.instance
         values = self._numbers(numbers[name], f"{name}: ", i.rows, i.faces)
-        people = numbers.get("views", ())
+        people = array(numbers.get("views", []), "views")
         if name == "beta":
             return values + [Fraction(0)] * ((i.horizon + 1) * i.people)
         if i.people or people:
@@ -973,9 +1006,9 @@ class Bound:
             "visit": {"state", "robot_class"},
         }
         require(kind in known, f"resource: unknown type {kind!r}")
-        only(resource, known[kind] | {"t"})
+        only(resource, known[kind] | {"type", "t"})
         if kind == "visit":
-            return t, [tuple(resource["state"])]
+            return t, [state_of(resource["state"])]
         if kind == "moves":
             return t, [(cell_of(a), cell_of(b)) for a, b in resource["moves"]]
         cells = [cell_of(cell) for cell in resource["cells"]]
@@ -1401,7 +1434,7 @@ class Staged:
     def __init__(self, bound: Bound, numbers: Spec, budget: int) -> None:
         self.bound, self.instance, self.left = bound, bound.instance, budget
         i, horizon = self.instance, self.instance.horizon
-        only(numbers, {"multipliers", "target", "stages", "paths_above", "paths_from"})
+        only(numbers, STAGED)
         require(i.rows > 1, "staged: not allowed if pixels add up over time")
         bound.take(numbers["multipliers"])
         self.target = up(number_of(numbers["target"], "target: "))
@@ -1428,7 +1461,7 @@ class Staged:
                 for t, value in enumerate(self.to_go[number])
             ])  # fmt: skip
         self._close()
-        for number, stage in enumerate(numbers["stages"]):
+        for number, stage in enumerate(array(numbers["stages"], "stages")):
             with within(f"stages[{number}]"):
                 self._stage(stage)
         self.value = max(self.target, self.total)
@@ -1542,7 +1575,7 @@ class Staged:
         """Takes new prices and constants after checking them, and closes states."""
         only(stage, {"payments", "constants", "moves"})
         priced: set[int] = set()
-        for step in stage.get("payments", ()):
+        for step in array(stage.get("payments", []), "payments"):
             only(step, {"t", "robot_class", "states", "payments", "others"})
             t, number = whole(step["t"], "t: "), whole(step.get("robot_class", 0), "robot_class: ")
             ok = 0 <= t <= self.instance.horizon and 0 <= number < len(self.prices)
@@ -1561,10 +1594,10 @@ class Staged:
                 prices[s] += others
             names = self.instance.kinds[self.bound.classes[number][1]].states
             for name, payment in zip(step["states"], step["payments"], strict=True):
-                state = names.get(tuple(map(whole, name)))
+                state = names.get(state_of(name))
                 if state in prices:
                     prices[state] = up(number_of(payment, "payments: "))
-        for step in stage.get("constants", ()):
+        for step in array(stage.get("constants", []), "constants"):
             t, claim = _claim(step, self.instance.horizon)
             if t in priced:
                 self.constants[t] = self._highest(t, claim)
@@ -1572,7 +1605,7 @@ class Staged:
                 self.constants[t] = min(self.constants[t], self._highest(t, claim))
             priced.discard(t)
         require(not priced, "a step with payments has no constant")
-        for move in stage.get("moves", ()):
+        for move in array(stage.get("moves", []), "moves"):
             t, claim = _claim(move, self.instance.horizon - 1)
             highest = self._highest_move(t, claim)
             self.pairs[t] = min(highest, self.pairs.get(t, highest))
@@ -1972,12 +2005,12 @@ def bound_of_file(
         node = nodes[number]
         with within(f"nodes[{number}]"):
             if node.get("type") == "leaf":
-                only(node, {"certificate"})
+                only(node, LEAF)
                 found = bound.of(node["certificate"], decisions)
                 worst = found if worst is None else worst if found is None else max(worst, found)
                 continue
             require(node.get("type") == "branch", "type: must be branch or leaf")
-            only(node, {"resource", "robots", "at_most", "at_least"})
+            only(node, BRANCH)
             resource, count = node["resource"], whole(node["robots"], "robots: ")
             require(count >= 0, "robots: must be >= 0")
             todo += [

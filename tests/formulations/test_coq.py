@@ -167,6 +167,20 @@ def exported(name: str, folder: Path) -> tuple[str, dict[str, Any]]:
     return paths[0].read_text(), json.loads(paths[2].read_text())
 
 
+def test_a_full_stack_is_no_refusal(built: tuple[Path, str], ask: Ask, tmp_path: Path) -> None:
+    """It takes the largest stack that is allowed, and says so where that is too small."""
+    text, file = exported("tiny-doorway", tmp_path)
+    sees = next(line for line in text.splitlines() if line.startswith("sees"))
+    deep = text.replace("\nend", "\n" + "\n".join([sees] * 200_000) + "\nend")
+    assert ask(text, file)[0] == 0 and ask(deep, file)[0] == 1
+    files = [tmp_path / name for name in ("deep.instance", "lowered.txt")]
+    files[0].write_text(deep)
+    files[1].write_text("cocap-lowered 5")
+    command = ["sh", "-c", 'ulimit -s 64; exec "$@"', "sh", built[0], *files]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout[:30]) == (3, "not decided: the stack is full")
+
+
 def first_leaf(file: dict[str, Any]) -> dict[str, Any]:
     """The multipliers of a certificate, or of the first leaf of a proof."""
     if "certificate" in file:

@@ -16,16 +16,20 @@ from strategies import examples, tiny
 
 from cocap_opt.formulations.certificates import (
     CertificateError,
+    ClassCurve,
     ClassPayments,
+    EnvelopeCut,
     Multipliers,
     Pricing,
     StateCut,
 )
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF, CertificatePrices
 from cocap_opt.formulations.certificates.state_cuts import CutByStates, pixels_of
-from cocap_opt.formulations.second_opinion import _highest_of
+from cocap_opt.formulations.result import certify
+from cocap_opt.formulations.second_opinion import SecondOpinion, _highest_of
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Objective, Problem, State
+from cocap_opt.stop import LimitReached, WorkLimit
 
 SEEDS = st.integers(0, 1000)
 some_problems = st.one_of(meetings(), meetings(team=3), problems(robots=[1, 2, 3]))
@@ -186,3 +190,43 @@ def test_where_robots_may_share_a_cell_there_are_no_state_cuts() -> None:
     summed = problem.replace(objective=Objective(over_time=True))
     with pytest.raises(CertificateError, match="over time"):
         Pricing.of(compiled(summed), multipliers_with(summed, GOOD))
+
+
+def test_what_cuts_of_no_share_leave_is_all_of_the_root() -> None:
+    """Exactly: alpha of 1 needs no beta. What is less, by however little, does."""
+    problem = tiny()
+    model = compiled(problem)
+    multipliers = multipliers_with(problem, msgspec.structs.replace(GOOD, share=0.0))
+    without = Pricing.of(model, msgspec.structs.replace(multipliers, state_cuts=())).bound
+    assert Pricing.of(model, multipliers).bound == pytest.approx(without, rel=1e-12)
+    less = as_rows(np.full(np.shape(multipliers.alpha), 1 - 1e-16))
+    with pytest.raises(CertificateError, match="less than the share of the root that cuts leave"):
+        Pricing.of(model, msgspec.structs.replace(multipliers, alpha=less))
+
+
+def test_cuts_of_faces_that_nobody_can_see_add_nothing() -> None:
+    """Nor does anybody pay less for them."""
+    problem = tiny()
+    model = compiled(problem)
+    seen = {*model.coverage(model.classes[0]).view_sums.tolist()}
+    unseen = next(z for z in range(len(problem.view_sum_weights)) if z not in seen)
+    t, face = divmod(unseen, model.n_faces)
+    multipliers = multipliers_with(problem, msgspec.structs.replace(GOOD, t=t, face=face))
+    curve = ClassCurve(0, (1.0,), (0.5,))
+    both = msgspec.structs.replace(multipliers, cuts=(EnvelopeCut(t, face, (curve,), 0.5),))
+    without = Pricing.of(model, msgspec.structs.replace(multipliers, state_cuts=())).bound
+    for more in (multipliers, both):
+        pricing = Pricing.of(model, more)
+        assert pricing.bound == pytest.approx(without, rel=1e-12)
+        file = certify(problem, model, "test", more)
+        assert SecondOpinion.of(model, file).agrees(pricing)
+
+
+def test_a_cut_of_many_states_honours_a_limit() -> None:
+    """Its constant may take long."""
+    problem = tiny()
+    limit = WorkLimit(1)
+    limit.count_work()
+    limit.count_work()
+    with pytest.raises(LimitReached):
+        GOOD.valid(compiled(problem), limit)

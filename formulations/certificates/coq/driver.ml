@@ -183,9 +183,20 @@ let checked most seconds instance_file lowered_file =
   watch_no_more ();
   (holds, numerator, denominator, by)
 
+(* Begins again with the largest stack that is allowed: lists of a large instance need a deep one. *)
+let deepen () =
+  if Sys.getenv_opt "COCAP_CHECK_IS_DEEP" = None then begin
+    Unix.putenv "COCAP_CHECK_IS_DEEP" "1";
+    let script = "ulimit -S -s \"$(ulimit -H -s)\" 2>/dev/null; exec \"$@\"" in
+    let given = Array.sub Sys.argv 1 (Array.length Sys.argv - 1) in
+    try Unix.execv "/bin/sh" (Array.append [| "sh"; "-c"; script; "sh"; Sys.executable_name |] given)
+    with Unix.Unix_error _ -> ()
+  end
+
 let usage = "usage: cocap-check-verified [--most-nodes N] [--time-limit SECONDS] INSTANCE LOWERED"
 
 let () =
+  deepen ();
   Gc.set { (Gc.get ()) with Gc.minor_heap_size = 1 lsl 20; space_overhead = 200 };
   let exit_with code message = watch_no_more (); print_endline message; exit code in
   let rec parsed most seconds = function
@@ -207,5 +218,8 @@ let () =
   | exception Too_long message -> exit_with 3 ("not decided: " ^ message)
   | exception Refused message -> exit_with 1 ("refused: " ^ message)
   | exception Sys_error message -> exit_with 2 message
-  | exception (End_of_file | Failure _ | Invalid_argument _ | Not_found | Stack_overflow | Out_of_memory as error) ->
+  | exception Stack_overflow ->
+    exit_with 3 "not decided: the stack is full; allow a larger one with ulimit -s unlimited"
+  | exception Out_of_memory -> exit_with 3 "not decided: the memory is full"
+  | exception (End_of_file | Failure _ | Invalid_argument _ | Not_found as error) ->
     exit_with 1 ("refused: " ^ Printexc.to_string error)

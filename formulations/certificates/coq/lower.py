@@ -117,7 +117,7 @@ class Lowering:
         """Returns the words of a set of multipliers."""
         kind = numbers.get("type", "multipliers")
         check.require(kind == "multipliers", f"certificate: {kind} is not supported")
-        check.only(numbers, {"alpha", "beta", "rows", "cuts", "state_cuts", "decisions", "views"})
+        check.only(numbers, check.MULTIPLIERS)
         for row in numbers.get("rows", ()):
             check.only(row, {"resource", "multiplier"})
         over_time = int(self.instance.rows == 1)
@@ -227,6 +227,7 @@ class Lowering:
             for cell, words, point in self._payments(cut["t"], g, paid):
                 cells.setdefault(cell, []).append((words, point))
         points = [[p for _, p in of_cell] for of_cell in cells.values()]
+        points.sort(key=max, reverse=True)  # which is faster
         root = partial(rooted, knee)
         most = max(root(0), check.highest_corner(points, root))  # possibly no drone is listed
         words = [knee, *listed(listed(words for words, _ in of_cell) for of_cell in cells.values())]
@@ -241,7 +242,7 @@ class Lowering:
         check.only(paid, {"robot_class", "states", "values"})
         number = self._class(paid["robot_class"])
         kind = self.instance.kinds[self.kinds[number]]
-        names = [tuple(map(check.whole, state)) for state in paid["states"]]
+        names = [*map(check.state_of, paid["states"])]
         check.require(len({*names}) == len(names), "state_cuts: states must be distinct")
         is_whole = len(names) == len(paid["values"])
         check.require(is_whole, "state_cuts: must hold a number for each state")
@@ -260,7 +261,7 @@ class Lowering:
         """Returns the words of a resource: places and moves of each class that can use it."""
         kind, t, of = spec["type"], check.whole(spec["t"]), spec.get("robot_class")
         check.require(kind in RESOURCES, f"resource: unknown type {kind!r}")
-        check.only(spec, RESOURCES[kind] | {"t"})
+        check.only(spec, RESOURCES[kind] | {"type", "t"})
         check.require(0 <= t <= self.instance.horizon, "resource: t is not a step of the scene")
         users = [
             (n, self.instance.kinds[k])
@@ -268,7 +269,7 @@ class Lowering:
             if of is None or self.number[of] == n
         ]
         if kind == "visit":
-            name = tuple(spec["state"])
+            name = check.state_of(spec["state"])
             found = ((n, k.states[name], len(k.turns)) for n, k in users if name in k.states)
             return ["visit", t, *listed([n, p * turns + o + 1] for n, (p, o), turns in found)]
         if kind == "cells":
@@ -291,7 +292,7 @@ class Lowering:
 
     def staged(self, numbers: Spec) -> Words:
         """Returns the words of a staged certificate."""
-        check.only(numbers, {"multipliers", "target", "stages", "paths_above", "paths_from"})
+        check.only(numbers, check.STAGED)
         above = numbers.get("paths_above")
         is_higher = above is None or check.number_of(above) >= check.number_of(numbers["target"])
         check.require(is_higher, "paths_above: must not be below the target")
@@ -388,10 +389,10 @@ class Lowering:
         )
         node = nodes[number]
         if node["type"] == "leaf":
-            check.only(node, {"certificate"})
+            check.only(node, check.LEAF)
             return self.leaf(node["certificate"], decisions)
         check.require(node["type"] == "branch", "nodes: must be branches and leaves")
-        check.only(node, {"resource", "robots", "at_most", "at_least"})
+        check.only(node, check.BRANCH)
         resource, n = node["resource"], check.whole(node["robots"])
         most, least = (*decisions, (resource, 1, n)), (*decisions, (resource, -1, n + 1))
         return [
