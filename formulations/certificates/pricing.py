@@ -38,13 +38,14 @@ plain sweep over the time-expanded graph and no solver.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.format import (
     Branch,
     Certificate,
@@ -58,11 +59,12 @@ from cocap_opt.formulations.certificates.format import (
     Table,
 )
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
-from cocap_opt.formulations.certificates.state_cuts import AnyCut
+from cocap_opt.formulations.certificates.state_cuts import AnyCut, CutByStates
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.objective import marginal_gain
+from cocap_opt.returns import Returns
 from cocap_opt.stop import Stop, never
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -213,15 +215,18 @@ class CertificatePrices(NamedTuple):
 # -- prices of pixels --------------------------------------------------------------------------
 
 
+# Given the number of a class, and view sums [n], states [n] and pixels [n], returns their credits
+# before weights [n].
+Payments = Callable[[int, IntArray, IntArray, FloatArray], FloatArray]
+
+
 class _PixelPrices(NamedTuple):
     """The prices at which a robot sells its pixels, and the matching constants."""
 
     constant: float
     constants: FloatArray  # [Z] the constants of view sums
     magnitude: float  # sum of the absolute values of the constant's terms
-    # Given the number of a class, and view sums [n], states [n] and pixels [n], returns their
-    # credits before weights [n].
-    paid: Callable[[int, IntArray, IntArray, FloatArray], FloatArray]
+    paid: Payments
     cuts: int = 0  # number of cuts
     listed: int = 0  # largest number of listed states of a state cut
 
@@ -252,16 +257,34 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
     constants = np.zeros(len(weights))
     owners = np.array([*needed.tolist(), *(cut.view_sum for cut, _ in cuts)], dtype=np.int64)
     np.add.at(constants, owners, terms)
-    # The cuts' constants consist of norms of as many roots as there are robots.
-    made_of = [
-        float(weights[cut.view_sum])
-        * share
-        * len(model.classes[number].robots)
-        * float(curve.roots.max(initial=0.0) + curve.values.max(initial=0.0))
-        for cut, share in by_roots
-        for number, curve in cut.curves.items()
-    ]
-    made_of += [float(weights[cut.view_sum]) * share * cut.magnitude for cut, share in by_states]
+    magnitude = sum(terms) + sum(_sizes_of_cuts(model, by_roots, by_states))
+    listed = max((cut.n_listed for cut, _ in by_states), default=0)
+    paid = _payments(returns, alpha, beta, cuts)
+    return _PixelPrices(sum(terms), constants, magnitude, paid, len(cuts), listed)
+
+
+def _sizes_of_cuts(
+    model: Model,
+    by_roots: Sequence[tuple[Cut, float]],
+    by_states: Sequence[tuple[CutByStates, float]],
+) -> Iterator[float]:
+    """Yields the sums of the absolute values of all numbers of which constants can be made.
+
+    The constant of an envelope cut is made of norms of as many roots as there are robots.
+    """
+    weights = model.problem.view_sum_weights
+    for cut, share in by_roots:
+        for number, curve in cut.curves.items():
+            most = float(curve.roots.max(initial=0.0) + curve.values.max(initial=0.0))
+            yield float(weights[cut.view_sum]) * share * len(model.classes[number].robots) * most
+    for state_cut, share in by_states:
+        yield float(weights[state_cut.view_sum]) * share * state_cut.magnitude
+
+
+def _payments(
+    returns: Returns, alpha: FloatArray, beta: FloatArray, cuts: Sequence[tuple[AnyCut, float]]
+) -> Payments:
+    """Returns the function that credits robots by alpha, beta and the shares of cuts."""
     by_view_sum: dict[int, list[tuple[AnyCut, float]]] = {}
     for cut, share in cuts:
         by_view_sum.setdefault(cut.view_sum, []).append((cut, share))
@@ -277,9 +300,7 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
                 brought[entries] += share * cut.phi(number, states[entries], roots[entries])
         return brought
 
-    magnitude = sum(terms) + sum(made_of)
-    listed = max((cut.n_listed for cut, _ in by_states), default=0)
-    return _PixelPrices(sum(terms), constants, magnitude, paid, len(cuts), listed)
+    return paid
 
 
 def _left_by(cuts: Sequence[tuple[AnyCut, float]], n_view_sums: int) -> FloatArray:

@@ -133,6 +133,7 @@ _BOX = r"(?:bb|bbox|box|boundingbox|rect)?"
 _WIDTH, _HEIGHT = re.compile(rf"{_BOX}(?:w|width)"), re.compile(rf"{_BOX}(?:h|height)")
 _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x1", "y1", "x2",
             "y2", "bbleft", "bbtop", "bboxleft", "bboxtop"}  # fmt: skip
+_POINTS = {"wkt", "geometry", "geom", "thegeom"}  # names of columns of points as WKT
 _NUMBERED = re.compile(r"[xy]_?\d+")  # x1, y1, x2, y2, .. may also be a pair for each person
 _EDGES = 2  # edges of a box that the columns must name to be recognised as corners
 
@@ -532,7 +533,7 @@ def _about_missing(names: Sequence[str], field: str, places: Places) -> str:
     """Returns a message about missing columns, with the columns to set in a recipe."""
     words = (
         f"{field}: must name the columns id, frame or time, and x and y or latitude and "
-        f"longitude, not {', '.join(names)}{_about_corners(names)}"
+        f"longitude, not {', '.join(names)}{_about_corners(names)}{_about_points(names)}"
     )
     axes = _AXES[not places.keys() & {"x", "y"} and bool(places.keys() & _AXES[1])]
     wanted = ["id", *([] if places.keys() & {"frame", "time"} else ["time"]), *sorted(axes)]
@@ -607,6 +608,12 @@ def _about_corners(names: Sequence[str]) -> str:
         f"; {listed} are edges of boxes: write the place where each person stands as x and y, in "
         "metres"
     )
+
+
+def _about_points(names: Sequence[str]) -> str:
+    """Returns advice on a column of points as WKT; empty if there is none."""
+    points = [name for name in names if spelt(_bare(name)) in _POINTS]
+    return f"; write the points in {points[0]} as columns x and y" if points else ""
 
 
 def _bare(name: str) -> str:

@@ -20,6 +20,11 @@ from cocap_opt.scenarios.tables import PER_SECOND
 A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
 A_CLOCK = "a time of day such as 10:00:00.25"
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
+# A date of digits alone, 20260501100000, with the fraction of its second or the milliseconds.
+_DIGITS = re.compile(
+    r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))"
+    r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d)(?:[.,](\d+)|(\d{3}))?"
+)
 _CLOCK = re.compile(r"(\d{1,3}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
 _HALF_A_DAY = 43_200.0  # s
 _SET_BACK = 1_800.0  # s, least time by which a clock goes back that was set or counts to 12
@@ -61,7 +66,7 @@ def since_first(nanoseconds: Sequence[int], is_universal: bool) -> Times:
 
 def is_date(text: str) -> bool:
     """Returns True if a field is a date with a time."""
-    return _DATE.match(text) is not None
+    return _DATE.match(text) is not None or _DIGITS.fullmatch(text) is not None
 
 
 def moment_of(text: str) -> datetime:
@@ -74,6 +79,9 @@ def moment_of(text: str) -> datetime:
     """
     if not is_date(text):
         raise ValueError(text)
+    if found := _DIGITS.fullmatch(text):
+        date, time, fraction, milliseconds = found.groups()
+        text = f"{date}T{time}.{fraction or milliseconds or 0}"
     return datetime.fromisoformat(text)
 
 

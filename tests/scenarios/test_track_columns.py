@@ -137,6 +137,16 @@ def test_times_that_no_clock_shows_are_asked_about(
             "time_unit: must be s, ms, us, ns, not 'min'",
         ),
         (
+            "id,t,x,y\n1,20260501100000,0,0\n",
+            {"time_unit": "us"},
+            "time_unit: must be left out for dates",
+        ),
+        (
+            "id,t,x,y\n1,20260501100000,0,0\n1,20260501100060,0,0\n",
+            {},
+            "line 3, time: must be a date with a time such as 2026-05-01T10:00:00.25, as in the",
+        ),
+        (
             "id,t,x,y\n1,2026-05-01T10:00:00,0,0\n1,2026-05-01,0,0\n",
             {},
             "line 3, time: must be a date with a time such as 2026-05-01T10:00:00.25, as in the",
@@ -447,6 +457,7 @@ def test_a_row_of_units_that_contradicts_is_refused(
         ),
         ("frame,id,left,top,width,height", "write the place where each person stands as x and y"),
         ("frame,id,xmin,ymin,xmax,ymax", "xmin, ymin, xmax, ymax are edges of boxes"),
+        ("frame,id,bb,a,b,the_geom", "write the points in the_geom as columns x and y"),
         (
             "frame,id,x,y,length,height",
             "height: must be the height of heads above the floor, 0.9..2.5 m, "

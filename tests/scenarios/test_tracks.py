@@ -165,11 +165,15 @@ def test_times_of_trackers_are_read(tmp_path: Path) -> None:
         "2026-05-01 10:00:{}",
         "2026-05-01T10:00:{}+02:00",
         "20260501T1000{}Z",
+        "202605011000{}",
     ):
         rows = "".join(f"anna,{date.format(s)},{s},0\n" for s in ("03", "01", "01.250"))
         (track,) = read(tmp_path, "id,timestamp,x,y\n" + rows, unit="m")
         assert track.times == pytest.approx([0.0, 0.25, 2.0])
         assert track.points[:, 0].tolist() == [1, 1.25, 3]
+    rows = "".join(f"anna,202605011000{ms},{ms},0\n" for ms in ("03000", "01000", "01250"))
+    (track,) = read(tmp_path, "id,timestamp,x,y\n" + rows, unit="m")
+    assert track.times == pytest.approx([0.0, 0.25, 2.0])
 
 
 def test_height_is_the_median_of_z(tmp_path: Path) -> None:
