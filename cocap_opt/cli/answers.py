@@ -42,7 +42,7 @@ def check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) 
         if path is None:
             continue
         check_output(path, *inputs)
-        Option(option).ending(path, _ENDINGS.get(option, (".json",)))
+        Option(option).file(path, _ENDINGS.get(option, (".json",)))
         other = used.setdefault(os.path.realpath(path), option)
         if other != option:
             raise UsageError(f"{option}: must differ from the file of {other}, not {path}")

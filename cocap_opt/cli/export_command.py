@@ -114,8 +114,7 @@ def _export(
     """
     if output is not None:
         check_output(output, scene)
-    kind = _Kind.of(output)
-    assert output is not None
+    kind, output = _Kind.of(output)
     if drone is not None and kind.ending != _GRAPH:
         raise UsageError(f"--drone: applies only to files that end in {_GRAPH}")
     if root_error is not None and kind.ending not in LINEAR:
@@ -171,18 +170,17 @@ class _Kind(NamedTuple):
     table: str = ""
 
     @classmethod
-    def of(cls, output: Path | None) -> "_Kind":
-        """Returns the kind of a file, given its name."""
+    def of(cls, output: Path | None) -> tuple["_Kind", Path]:
+        """Returns the kind of a file, given its name, and the file, which must be named."""
         endings = (_SCENE, *LINEAR, CONES, NONLINEAR, _GRAPH, _INSTANCE, _TABLE)
-        ending = Option("-o").ending(output, endings)
+        path, ending = Option("-o").file(output, endings)
         if ending != _TABLE:
-            return cls(ending)
-        assert output is not None
-        table = next((name for name in TABLES if output.stem.lower().endswith(name)), None)
+            return cls(ending), path
+        table = next((name for name in TABLES if path.stem.lower().endswith(name)), None)
         if table is None:
             names = ", ".join(f"{name}{_TABLE}" for name in TABLES)
             raise UsageError(f"-o: name a table: {names}, or a name that ends in one of these")
-        return cls(ending, table)
+        return cls(ending, table), path
 
 
 def _until(problem: Problem, steps: int) -> Problem:

@@ -32,7 +32,7 @@ from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, check_output, save_bytes, save_csv
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import PICTURES, picture
-from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.options import Option, OutputFile, UsageError
 
 app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
 
@@ -54,8 +54,8 @@ def _gaps(
 
     Example: cocap-opt figure gaps results -o gaps.pdf
     """
-    _check(output)
-    return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
+    file = _checked(output)
+    return _save(file, gaps_figure(chosen(load_results(folder), scene, planner)), json)
 
 
 @app.command(name="profiles")
@@ -74,16 +74,15 @@ def _profiles(
 
     Example: cocap-opt figure profiles results -o profiles.pdf
     """
-    ending = Option("-o").ending(output, (*PICTURES, ".csv"))
-    check_output(output)
+    file = Option("-o").file(output, (*PICTURES, ".csv"))
+    check_output(file.path)
     found = profiles(chosen(load_results(folder), scene, planner))
     if not found:
         raise UsageError(f"{folder}: has no scene and seed that all of its planners were run on")
-    if ending != ".csv":
-        return _save(output, profiles_figure(found), json)
-    assert output is not None
-    save_csv(output, profile_records(found))
-    print_result({"file": output}, json)
+    if file.ending != ".csv":
+        return _save(file, profiles_figure(found), json)
+    save_csv(file.path, profile_records(found))
+    print_result({"file": file.path}, json)
     return 0
 
 
@@ -102,10 +101,10 @@ def _teams(
 
     Example: cocap-opt figure teams teams -o teams.pdf
     """
-    _check(output)
+    file = _checked(output)
     if share is not None:
         Option("--share").require_part(share)
-    return _save(output, teams_figure(load_teams(folder), share), json)
+    return _save(file, teams_figure(load_teams(folder), share), json)
 
 
 @app.command(name="progress")
@@ -116,13 +115,13 @@ def _progress(*trace: _Trace, output: Output, json: Json = False) -> int:
 
     Example: cocap-opt figure progress trace.csv -o progress.pdf
     """
-    _check(output)
+    file = _checked(output)
     if not trace:
         raise UsageError("TRACE: name a file written by `solve --trace`")
     paths = [path for given in trace for path in _traces(given)]
     traces = [Trace.load(path) for path in paths]
     return _save(
-        output, progress_figure(dict(zip(PlanReader.titles(paths), traces, strict=True))), json
+        file, progress_figure(dict(zip(PlanReader.titles(paths), traces, strict=True))), json
     )
 
 
@@ -144,27 +143,27 @@ def _conflicts(
 
     Example: cocap-opt figure conflicts bottleneck greedy.json cocap.json -o conflicts.pdf
     """
-    _check(output)
+    file = _checked(output)
     if not plan:
         raise UsageError("PLAN: name a plan, such as plan.json")
     given = PlanReader(scene, load_planned(scene, seed)).plans(plan)
     plans = [given_plan.plan for given_plan in given]
     return _save(
-        output,
+        file,
         conflicts_figure(given[0].problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),
         json,
     )
 
 
-def _check(output: Path | None) -> None:
-    Option("-o").ending(output, PICTURES)
-    check_output(output)
+def _checked(output: Path | None) -> OutputFile:
+    file = Option("-o").file(output, PICTURES)
+    check_output(file.path)
+    return file
 
 
-def _save(output: Path | None, figure: Figure, json: bool) -> int:
-    assert output is not None
-    save_bytes(output, picture(figure, output.suffix.lower()))
-    print_result({"file": output}, json)
+def _save(file: OutputFile, figure: Figure, json: bool) -> int:
+    save_bytes(file.path, picture(figure, file.ending))
+    print_result({"file": file.path}, json)
     return 0
 
 

@@ -102,8 +102,7 @@ def _fly(
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    suffix = Option("-o").ending(output, tuple(FORMATS))
-    assert output is not None
+    output, suffix = Option("-o").file(output, tuple(FORMATS))
     write = _writer(suffix, autopilot, items)
     order = Order(scene, seed, plan, output, suffix, flown, start, every, local, hovering, landed)
     given, flight, mission = order.carried_out(write)

@@ -226,12 +226,11 @@ def _page(
     from cocap_opt.experiments.library.page import page  # matplotlib is slow to import
 
     check_output(output)
-    Option("-o").ending(output, (".html",))
-    assert output is not None
+    path = Option("-o").file(output, (".html",)).path
     known = Library(library or DATA)
     standing = known.standing(name)
-    save_bytes(output, page(known, standing, known.problem(standing.entry, sources)))
-    print_result({"instance": name, "file": output}, json)
+    save_bytes(path, page(known, standing, known.problem(standing.entry, sources)))
+    print_result({"instance": name, "file": path}, json)
     return 0
 
 

@@ -93,8 +93,7 @@ def _show(
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
     plan = plan or plan_with_scene(scene)
-    output = output or _SHOWN
-    suffix = Option("-o").ending(output, SHOWN)
+    output, suffix = Option("-o").file(output or _SHOWN, SHOWN)
     is_film = suffix in FILMS and (suffix != ".gif" or bool(film.given))
     if not plan and (is_film or suffix == ".gif"):
         raise UsageError("PLAN: name a plan, such as plan.json; without a plan nothing moves")

@@ -114,7 +114,7 @@ def _quality(
     assumptions = _assumptions(numbers)
     if csv is not None:
         check_output(csv, scene, plan)
-        Option("--csv").ending(csv, (".csv",))
+        Option("--csv").file(csv, (".csv",))
     for option, value in (("-o", output), ("--cameras", cameras), ("--seconds", seconds)):
         if value is not None and not bound:
             raise UsageError(f"{option}: applies to bounds; add --bound")

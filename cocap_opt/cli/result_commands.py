@@ -77,18 +77,17 @@ def _table(
     Example: cocap-opt table results -o tables.tex
     """
     check_output(output)
-    as_numbers = compare and style is None and output is not None and _is_csv(output)
-    as_document = DOCUMENTS[_PIPED if as_numbers else _format(style, output)]
+    numbers = output if compare and style is None and output and _is_csv(output) else None
+    as_document = DOCUMENTS[_PIPED if numbers else _format(style, output)]
     rows = chosen(load_results(folder), scene, planner)
     with_one = _against(against, rows)
     if compare:
         _require_several(rows)
         if words := too_few_scenes(rows):
             _log.warning("%s: %s", folder, words)
-    if as_numbers:
-        assert output is not None
-        save_csv(output, test_records(paired_tests(rows, against)))
-        print_result({"file": output}, json)
+    if numbers:
+        save_csv(numbers, test_records(paired_tests(rows, against)))
+        print_result({"file": numbers}, json)
         return 0
     tables = comparison_tables(rows, against) if compare else Tables.of(rows, with_one)
     if output is not None:
@@ -121,7 +120,7 @@ def _format(style: str | None, output: Path | None) -> str:
     endings = {
         end: name for name, ends in _ENDINGS.items() for end in ends if style in (None, name)
     }
-    return endings[Option("-o").ending(output, tuple(endings))]
+    return endings[Option("-o").file(output, tuple(endings)).ending]
 
 
 def _report(
@@ -145,15 +144,14 @@ def _report(
         report_page,  # matplotlib and pandas take long to import
     )
 
-    Option("-o").ending(output, (".html",))
-    assert output is not None
+    path = Option("-o").file(output, (".html",)).path
     if players < 0:
         raise UsageError(f"--players: must be at least 0, not {players}")
-    check_output(output)
+    check_output(path)
     rows, run = chosen(load_results(folder), scene, planner), RunFile.load(folder)
     content = report_page(folder, rows, run, _against(against, rows), players)
-    save_bytes(output, content.encode())
-    print_result({"file": output}, json)
+    save_bytes(path, content.encode())
+    print_result({"file": path}, json)
     return 0
 
 

@@ -49,7 +49,7 @@ def _sheet(
     Example: cocap-opt sheet scene.toml plan.json --start 2026-05-01T10:00:00+02:00
     """
     output = plan.with_suffix(_SUFFIX) if output is None else output
-    Option("-o").ending(output, (_SUFFIX,))
+    Option("-o").file(output, (_SUFFIX,))
     order = Order(scene, seed, plan, output, _SUFFIX, flown, start, every, local, hovering, landed)
     given, _, found = order.carried_out(FORMATS[_SUFFIX].writer())
     for warning in notes_of(found.notes, Kind.URGENT):

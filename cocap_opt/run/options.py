@@ -34,6 +34,13 @@ class Allowance(NamedTuple):
         return FirstOf(*criteria)
 
 
+class OutputFile(NamedTuple):
+    """A file to write, and the ending of its name, in lower case."""
+
+    path: Path
+    ending: str
+
+
 class Option(NamedTuple):
     """An option of a command, or a parameter of a function; all methods may raise UsageError.
 
@@ -200,17 +207,17 @@ class Option(NamedTuple):
             found[name] = value
         return found
 
-    def ending(self, path: Path | None, allowed: tuple[str, ...]) -> str:
-        """Returns the ending of an output file, which determines its kind.
+    def file(self, path: Path | None, allowed: tuple[str, ...]) -> OutputFile:
+        """Returns an output file, which must be named, with the ending that determines its kind.
 
         If several endings match, such as .csv and .crazyflie.csv, the longest is returned.
         """
         name = "" if path is None else path.name.lower()
         fitting = [word for word in allowed if name.endswith(word) and name != word]
-        if not fitting:
+        if path is None or not fitting:
             words = " or ".join(filter(None, (", ".join(allowed[:-1]), allowed[-1])))
             raise UsageError(f"{self.name}: name a file that ends in {words}")
-        return max(fitting, key=len)
+        return OutputFile(path, max(fitting, key=len))
 
 
 def _number(value: object) -> float:
