@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.graph.choke_points import MOST_CELLS, ChokePoint
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData, State
+from cocap_opt.problem import Actor, Cell, Motion, Prism, Robot, SceneData, Shape, State
 from cocap_opt.text import pair
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
@@ -32,6 +32,7 @@ _NOTHING = "has no triangle with an area, so it has no effect"
 _WANTED = "cells near people at the last step"
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _LEVEL = math.pi / 2  # deg; tilts that are in radians by mistake are at most that
+_LONG = 0.5  # share of the steps that two people are inside one another
 _FEW = 12  # cells, fewer than a drone needs to choose its view
 _WIDEST = 60  # cells around a start in which pockets without a way out are searched for
 
@@ -70,7 +71,7 @@ def warnings_before_starts(problem: SceneData) -> list[str]:
     for j, actor in _distinct_people(problem):
         about = (*_about(problem, actor), *_misplaced(problem, actor))
         found += [f"{problem.person(j)} {warning}" for warning in about]
-    return [*found, *_about_cameras(problem), *_in_the_way(problem)]
+    return [*found, *_in_each_other(problem), *_about_cameras(problem), *_in_the_way(problem)]
 
 
 def misplaced_people(problem: SceneData) -> Iterator[str]:
@@ -221,6 +222,29 @@ def _below_ground(problem: SceneData, mesh: Mesh) -> bool:
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
+
+
+def _in_each_other(problem: SceneData) -> Iterator[str]:
+    """Yields a warning for each pair of people of a take who share a place for much of the time."""
+    people = [*_distinct_people(problem)]
+    feet = np.array([actor.poses[: problem.horizon + 1, :2] for _, actor in people])
+    for k, (j, actor) in enumerate(people):
+        apart = np.hypot(*(feet[k + 1 :] - feet[k]).transpose(2, 0, 1))
+        for (i, other), distances in zip(people[k + 1 :], apart, strict=True):
+            together = distances < max(_inner(actor.shape), _inner(other.shape))
+            if actor.take == other.take and together.mean() >= _LONG:
+                yield (
+                    f"{problem.person(j)} and {problem.person(i)} are inside one another at "
+                    f"{np.count_nonzero(together)} of {len(together)} steps, and hide one another: "
+                    "are both the same person?"
+                )
+
+
+def _inner(shape: Shape) -> float:
+    """Returns the radius (m) of the largest circle inside a shape, seen from above."""
+    if isinstance(shape, Prism):
+        return shape.apothem
+    return min(shape.length, shape.width) / 2
 
 
 def _in_the_way(problem: SceneData) -> Iterator[str]:

@@ -644,6 +644,22 @@ def test_people_who_outrun_all_drones_are_named(tmp_path: Path) -> None:
         assert [("so drones fall behind" in words) for words in found] == [True] * said
 
 
+def test_people_who_are_inside_one_another_are_named(tmp_path: Path) -> None:
+    """For half of the steps or more, as of a person who was recorded twice; not if they meet."""
+
+    def found(points: str, takes: str = "", first: str = "", second: str = "") -> list[str]:
+        ada = f'[[walk]]\nname = "Ada"\npoints = [[2, 2], [8, 2]]\n{first}\n'
+        other = f"[[walk]]\npoints = {points}\n{second}\n"
+        problem = read(write(tmp_path, FLAT + takes + ada + other + DRONE))
+        return [words for words in warnings(problem) if "inside one another" in words]
+
+    (words,) = found("[[2, 2.1], [8, 2.1]]")
+    assert words.startswith("Ada (1) and person 2 are inside one another at ")
+    assert not found("[[2, 4], [8, 4]]") and not found("[[2, 2], [2, 8]]")
+    takes = "".join(f'[[take]]\nname = "{name}"\nprobability = 0.5\n' for name in ("usual", "late"))
+    assert not found("[[2, 2.1], [8, 2.1]]", takes, 'take = "usual"', 'take = "late"')
+
+
 def test_filmed_people_who_race_are_doubted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
