@@ -44,7 +44,9 @@ class State(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """The place of a robot without its orientation; `layer` is an index into `Problem.layers`."""
+    """The place of a robot without its orientation; `layer` is the number of its height among those
+    of all robots, from the lowest.
+    """
 
     x: int
     y: int

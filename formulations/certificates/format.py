@@ -159,7 +159,9 @@ class ClassPayments(_Part, frozen=True):
     Attributes
     ----------
     robot_class : number of the class, from 0
-    states : [n] distinct states, in any order
+    states : [n] distinct states (x, y, layer, heading, pitch), in any order; the layer is the
+        number of the height among those of the class. States that no robot can reach, or that see
+        nothing of the face, have no effect
     values : [n] phi at them, >= 0, px^0.5/m
     """
 
@@ -253,9 +255,10 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     rows : rows of the scene's rules that have a price
     cuts : envelope cuts; empty if pixels add up over time
     state_cuts : state cuts; empty if pixels add up over time, or if robots may share a cell
-    decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
-        most n" adds nu n to the bound and charges each user nu, "at least n" subtracts nu n from
-        the bound and credits each user with nu; it is ignored for "at most 0"
+    decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf;
+        empty in a certificate. "At most n" adds nu n to the bound and charges each user nu, "at
+        least n" subtracts nu n from the bound and credits each user with nu; it is ignored for "at
+        most 0"
     views : [T+1][A] >= 0, price of a drone that sees a person, before its weight; only in scenes
         that count such drones
     """

@@ -104,7 +104,7 @@ class Cells(_Resource, frozen=True, tag="cells"):
 
 class Swap(_Resource, frozen=True, tag="swap"):
     """The resource that a robot uses by moving between two cells, in either direction, from step t
-    on.
+    to t + 1.
 
     Attributes
     ----------

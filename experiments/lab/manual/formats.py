@@ -174,6 +174,6 @@ FORMATS: Mapping[str, Callable[[], str]] = {
     "three_places_instance": partial(_three_places, "three-places.instance", "text"),
     **{
         f"three_places_{name}": partial(_three_places, f"{name}.json", "json")
-        for name in ("plan", "multipliers", "stages")
+        for name in ("plan", "multipliers", "cuts", "stages")
     },
 }
