@@ -74,8 +74,7 @@ def _profiles(
 
     Example: cocap-opt figure profiles results -o profiles.pdf
     """
-    file = Option("-o").file(output, (*PICTURES, ".csv"))
-    check_output(file.path)
+    file = _checked(output, (*PICTURES, ".csv"))
     found = profiles(chosen(load_results(folder), scene, planner))
     if not found:
         raise UsageError(f"{folder}: has no scene and seed that all of its planners were run on")
@@ -155,8 +154,8 @@ def _conflicts(
     )
 
 
-def _checked(output: Path | None) -> OutputFile:
-    file = Option("-o").file(output, PICTURES)
+def _checked(output: Path | None, endings: tuple[str, ...] = PICTURES) -> OutputFile:
+    file = Option("-o").file(output, endings)
     check_output(file.path)
     return file
 

@@ -235,21 +235,23 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
     alpha = _array(model, certificate.alpha, certificate.views, "certificate.alpha")
     beta = _array(model, certificate.beta, _nothing(certificate.views), "certificate.beta")
     weights, returns = model.problem.view_sum_weights, model.problem.returns
-    by_roots = certificate.usable_cuts(model, stop)
-    by_states = certificate.usable_state_cuts(model, stop)
+    is_visible = _visible_view_sums(model) > 0
+    by_roots = [
+        part for part in certificate.usable_cuts(model, stop) if is_visible[part[0].view_sum]
+    ]
+    by_states = [
+        part for part in certificate.usable_state_cuts(model, stop) if is_visible[part[0].view_sum]
+    ]
     cuts: list[tuple[AnyCut, float]] = [*by_roots, *by_states]
     if any(cut.view_sum >= returns.n_roots for cut, _ in cuts):
         raise CertificateError("certificate.cuts: cuts exist only for roots of pixels")
-    rest, is_visible = _left_by(cuts, len(alpha)), _visible_view_sums(model) > 0
+    rest = _left_by(cuts, len(alpha))
     needed = np.flatnonzero(is_visible & (alpha < rest))
     if (beta[needed[needed < returns.n_roots]] == 0).any():
         raise CertificateError(
             "certificate.beta: must be > 0 if alpha is less than the share of the root that cuts "
             "leave (1 without cuts)"
         )
-    by_roots = [(cut, share) for cut, share in by_roots if is_visible[cut.view_sum]]
-    by_states = [(cut, share) for cut, share in by_states if is_visible[cut.view_sum]]
-    cuts = [*by_roots, *by_states]
     kappa = returns.kappas(alpha, beta, rest)[needed]
     with np.errstate(over="ignore"):  # infinite values are rejected later
         terms = (weights[needed] * kappa).tolist()

@@ -73,7 +73,6 @@ DAMAGED = (
 MOST_CORNERS = 1_000_000  # limit on corners of a cut that are examined, and on gains at them
 TOO_MANY = "computing its constant takes too long"
 LARGEST_ROOT = Fraction(1e50)  # limit on roots in cuts, and on what is paid for them
-ALLOWED = "0..1e+50"
 MOST_STATES = 1000  # limit on states of a class in a state cut
 # limit on branches of the searches of a file; tries of prices at a branch
 MOST_BRANCHES, TRIES = 1_000_000, 40
@@ -647,19 +646,14 @@ class Cut:
     def _take_curve(self, curve: Spec, classes: int) -> None:
         """Reads the breakpoints of a class."""
         only(curve, {"robot_class", "roots", "values"})
-        roots, values = (
-            [number_of(v, f"{name}: ") for v in curve[name]] for name in ("roots", "values")
-        )
+        roots = [number_of(v, "roots: ") for v in array(curve["roots"], "roots")]
         number = whole(curve["robot_class"], "robot_class: ")
         require(0 <= number < classes, f"robot_class: must be 0..{classes - 1}")
         require(number not in self.curves, f"robot_class: {number} is given twice")
         rising = all(a < b for a, b in itertools.pairwise([Fraction(0), *roots]))
         is_allowed = rising and roots and roots[-1] <= LARGEST_ROOT
         require(is_allowed, "roots: must be > 0, <= 1e+50 and increasing")
-        require(
-            len(roots) == len(values), (f"values: must contain {len(roots)} numbers, one per root")
-        )
-        require(0 <= min(values) <= max(values) <= LARGEST_ROOT, f"values: must be {ALLOWED}")
+        values = values_in(curve, len(roots), "root")
         self.curves[number] = [(Fraction(0), Fraction(0)), *zip(roots, values, strict=True)]
 
     def phi(self, number: int, state: Ints, amount: int, root: int) -> int:
@@ -716,12 +710,9 @@ class StateCut:
         """Reads the states of a class, without those that no drone can reach."""
         with within("states"):
             states = [state_of(state) for state in array(part["states"], "states")]
-        values = [number_of(v, "values: ") for v in array(part["values"], "values")]
         require(0 < len(states) <= MOST_STATES, f"states: must be 1..{MOST_STATES} states")
         require(len(set(states)) == len(states), "states: must be distinct")
-        require(len(values) == len(states), f"values: must contain {len(states)} numbers")
-        is_allowed = 0 <= min(values) <= max(values) <= LARGEST_ROOT
-        require(is_allowed, f"values: must be {ALLOWED}")
+        values = values_in(part, len(states), "state")
         for state, value in zip(states, values, strict=True):
             if state not in kind.states:
                 continue
@@ -754,6 +745,14 @@ def whole(value: object, field: str = "") -> int:
     if type(value) is not int:
         raise Refused(f"{field}must be a whole number, not {value!r:.40}")
     return value
+
+
+def values_in(spec: Spec, count: int, noun: str) -> list[Fraction]:
+    """Returns the values of a cut at its roots or states."""
+    values = [number_of(v, "values: ") for v in array(spec["values"], "values")]
+    require(len(values) == count, f"values: must contain {count} numbers, one per {noun}")
+    require(0 <= min(values) <= max(values) <= LARGEST_ROOT, "values: must be 0..1e+50")
+    return values
 
 
 def state_of(value: Any) -> Ints:
