@@ -31,7 +31,7 @@ def code_digest(*modules: str) -> str:
     """
     digest = hashlib.sha256()
     for module in sorted({inner for name in modules for inner in _modules(name)}):
-        digest.update(f"\n# module {module}\n{normal_form(_text(module))}".encode())
+        digest.update(f"\n# module {module}\n{normal_form(text_of(module))}".encode())
     return digest.hexdigest()
 
 
@@ -69,9 +69,14 @@ def files_with_imports(module: str) -> tuple[Path, ...]:
     return tuple(_path(name) for name in (found, *others))
 
 
+def text_of(module: str) -> str:
+    """Returns the text of a module, given by its full name."""
+    return _path(module).read_text(encoding="utf-8")
+
+
 def _imports(module: str) -> set[str]:
     """Returns the project modules that a module imports, and the `__init__` of their packages."""
-    names = [name.split(".") for name in _imported_names(_text(module))]
+    names = [name.split(".") for name in _imported_names(text_of(module))]
     rooms = {".".join(parts[:end]) for parts in names for end in range(2, len(parts) + 1)}
     fronts = {room for room in rooms if _path(room).is_dir()}
     # A name that is neither a package nor a module is defined in a module.
@@ -111,10 +116,6 @@ def _path(name: str) -> Path:
     path = _FOLDER.joinpath(*name.removeprefix(_PACKAGE).split("."))
     # A folder without an `__init__` is left over from a removed package, with compiled files.
     return path if (path / "__init__.py").is_file() else path.with_suffix(".py")
-
-
-def _text(module: str) -> str:
-    return _path(module).read_text(encoding="utf-8")
 
 
 @cache  # the digests of coverage and of results include mostly the same modules

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.files.code import code_digest, with_imports
+from cocap_opt.files.known_digests import digest_with_imports
 from cocap_opt.files.users_folder import users_folder
 from cocap_opt.vision.coverage import CoverageTable
 
@@ -79,7 +79,7 @@ class TableCache(NamedTuple):
 @cache
 def _code(maker: str) -> bytes:
     """Digest of the code that computes coverage, and of the version of the ray caster."""
-    return (version("embreex") + code_digest(*with_imports(maker))).encode()
+    return (version("embreex") + digest_with_imports(maker, users_folder())).encode()
 
 
 def _plain(value: object) -> object:

@@ -59,7 +59,8 @@ Modules that it may import later, when needed:
 - `problem.pictures`, `problem.map_frame`, `problem.start_ground`, `problem.whole_names`,
   `problem.cut_zones`, `problem.apart_numbers`, `problem.labels`; for
   `Problem.plot`. `verify` draws nothing.
-- `vision.cache`, `files.code`; the cache of coverage. `verify` makes a model without it.
+- `vision.cache`, `files.code`, `files.known_digests`; the cache of coverage. `verify` makes a model
+  without it.
 - `compiling.apart`; compiling in another process.
 - `vision.compiled_sight`, `vision.view_kernel`; coverage by compiled code. `verify` makes a model
   without it.

@@ -39,6 +39,11 @@ from cocap_opt.world.workspace import HeightMap
 CODE = "cocap_opt.model.coverage_tables"  # the module that makes tables
 
 
+def stored(folder: Path) -> list[Path]:
+    """The files of a cache but those of digests of code."""
+    return [path for path in folder.iterdir() if path.suffix != ".code"]
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of the test's own."""
@@ -114,9 +119,9 @@ OTHER_CONTENT: dict[str, Callable[[], Problem]] = {
 def test_other_content_is_another_file(what: str, folder: Path) -> None:
     """A change of anything that coverage depends on is computed anew, never found."""
     tables(tiny())
-    assert len(list(folder.iterdir())) == 1
+    assert len(stored(folder)) == 1
     tables(OTHER_CONTENT[what]())
-    assert len(list(folder.iterdir())) == 2
+    assert len(stored(folder)) == 2
 
 
 SAME_CONTENT: dict[str, Callable[[], Problem]] = {
@@ -238,7 +243,7 @@ def test_a_damaged_file_is_noticed_and_made_again(
 ) -> None:
     """A damaged cache file costs a warning that names it, and time, but never a wrong number."""
     expected = tables(tiny())
-    (path,) = folder.iterdir()
+    (path,) = stored(folder)
     good = path.read_bytes()
     path.write_bytes(damage(good, kind))
     with caplog.at_level(logging.WARNING):
@@ -310,7 +315,7 @@ def test_a_file_that_is_no_table_is_made_again(
 ) -> None:
     """What is no table counts as absent, though its digest fits."""
     expected = tables(tiny())
-    (path,) = folder.iterdir()
+    (path,) = stored(folder)
     body = NO_TABLE[kind]()
     path.write_bytes(hashlib.sha256(body).digest() + body)
     assert same(tables(tiny()), expected)
@@ -324,7 +329,7 @@ def test_a_pipe_in_a_files_place_is_not_waited_for(
 ) -> None:
     """A pipe under a table's name is neither read, which would hang, nor replaced."""
     expected = tables(tiny())
-    (path,) = folder.iterdir()
+    (path,) = stored(folder)
     path.unlink()
     os.mkfifo(path)
     code = "from strategies import tiny; from cocap_opt.model import Model; m = Model(tiny());"
@@ -340,7 +345,7 @@ def test_a_pipe_in_a_files_place_is_not_waited_for(
 def test_a_file_that_cannot_be_read_is_made_again(folder: Path) -> None:
     """A folder in a file's place, or one without permission, does not stop the run."""
     expected = tables(tiny())
-    (path,) = folder.iterdir()
+    (path,) = stored(folder)
     path.unlink()
     path.mkdir()
     assert same(tables(tiny()), expected)
@@ -350,20 +355,20 @@ def test_no_temporary_files_are_left(folder: Path) -> None:
     """After writing there is one file per table and nothing else."""
     tables(tiny())
     tables(tiny().replace(horizon=1))
-    assert [path.suffix for path in folder.iterdir()] == [".coverage"] * 2
+    assert [path.suffix for path in stored(folder)] == [".coverage"] * 2
 
 
 def test_plain_coverage_takes_no_table_from_the_cache(folder: Path) -> None:
     """Whoever checks bounds trusts NumPy's way alone: others' tables may be of compiled code."""
     expected = tables(tiny())
-    (path,) = folder.iterdir()
+    (path,) = stored(folder)
     content = path.read_bytes()
     wrong = expected[0]._replace(pixels=2 * expected[0].pixels)
     cache._write(path, (wrong, 1.0))
     assert same(tables(tiny()), [wrong])
     model = Model(tiny(), plain=True)
     assert same([model.coverage(model.classes[0])], expected)
-    assert [*folder.iterdir()] == [path] and path.read_bytes() != content
+    assert [*stored(folder)] == [path] and path.read_bytes() != content
 
 
 @pytest.mark.slow
@@ -388,7 +393,7 @@ def test_what_cannot_be_written_whole_leaves_no_file(
 ) -> None:
     """Wherever memory ends, or Ctrl-C comes."""
     (good,) = tables(tiny())
-    before, savez = set(folder.iterdir()), np.savez
+    before, savez = set(stored(folder)), np.savez
 
     def fails(file: Any, **arrays: Any) -> None:
         savez(file, **arrays)
@@ -397,7 +402,7 @@ def test_what_cannot_be_written_whole_leaves_no_file(
     monkeypatch.setattr(np, "savez", fails)
     with pytest.raises(MemoryError):
         cache._write(folder / "key.coverage", (good, 1.0))
-    assert set(folder.iterdir()) == before
+    assert set(stored(folder)) == before
 
 
 def test_no_pickle_is_ever_loaded(folder: Path) -> None:
@@ -447,7 +452,7 @@ def test_classes_that_see_alike_share_a_table(folder: Path) -> None:
     model = Model(problem)
     assert len(model.classes) == 2
     assert model.coverage(model.classes[0]) is model.coverage(model.classes[1])
-    assert len(list(folder.iterdir())) == 1
+    assert len(stored(folder)) == 1
 
 
 def test_cache_of_the_session_is_not_the_users() -> None:

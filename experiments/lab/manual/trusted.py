@@ -25,7 +25,8 @@ UNUSED = frozenset(
     f"cocap_opt.{name}"
     for name in (
         "problem.pictures", "problem.map_frame", "problem.start_ground", "vision.cache",
-        "files.code", "compiling.apart", "vision.compiled_sight", "vision.view_kernel",
+        "files.code", "files.known_digests", "compiling.apart", "vision.compiled_sight",
+        "vision.view_kernel",
     )
 )  # fmt: skip
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
