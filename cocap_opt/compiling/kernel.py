@@ -2,6 +2,7 @@
 
 import logging
 import math
+from functools import cached_property
 from importlib import import_module
 from threading import Lock
 from typing import Any
@@ -119,6 +120,20 @@ class Kernel:
     def may_be_loaded(self) -> bool:
         """True if numba is installed, and has not failed in this process."""
         return functions.is_there() and not self.has_failed
+
+    def is_ready_within(self, seconds: float) -> bool:
+        """Returns True if the code is stored on disk, or compiling it usually takes less time.
+
+        Parameters
+        ----------
+        seconds : s; loading stored code takes half a second, and no limit counts it
+        """
+        return self.is_loaded or seconds > self._compiling or self._was_kept
+
+    @cached_property
+    def _was_kept(self) -> bool:
+        """True if the code was on disk when that was first asked, as looking takes 2 ms."""
+        return self.is_kept
 
     @property
     def is_kept(self) -> bool:

@@ -250,6 +250,24 @@ def test_what_is_damaged_and_cannot_be_removed_is_not_used(
         Kernel(MODULE, "value iteration", 4.0).load()
 
 
+def test_stored_code_is_ready_at_once_and_other_code_takes_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is stored is looked up once, and only if there is no time to compile."""
+    asked: list[str] = []
+    for is_kept in (True, False):
+        monkeypatch.setattr(
+            marks, "is_marked", lambda module, is_kept=is_kept: asked.append(module) or is_kept
+        )
+        use = Kernel(MODULE, "value iteration", 4.0)
+        assert use.is_ready_within(4.5) and not asked
+        assert use.is_ready_within(0.0) == use.is_ready_within(3.5) == is_kept
+        assert asked == [MODULE]
+        asked.clear()
+    use.is_loaded = True
+    assert use.is_ready_within(0.0) and not asked
+
+
 @pytest.mark.parametrize(
     ("has_numba", "words"),
     [(True, "run `cocap-opt compile` (once"), (False, "run `pip install -e '.[fast]'`, which")],

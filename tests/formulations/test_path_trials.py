@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cocap_opt.compiling import Kernel, marks
 from cocap_opt.formulations.certificates import Staged, verify
 from cocap_opt.formulations.certificates.format import Stage
 from cocap_opt.formulations.certificates.staged import (
@@ -122,13 +123,18 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
 def test_trials_are_short_where_there_is_no_time_to_compile(
     trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Plain searches of as many nodes as compiled ones would take all of a short limit."""
+    """Plain searches of as many nodes as compiled ones would take all of a short limit; stored code
+    is loaded at once.
+    """
     ending = Ending(np.inf)
     replace_trials(monkeypatch, ending)
-    monkeypatch.setattr(compiled_search, "is_loaded", lambda: False)
-    trials.search.stop = TimeLimit(1.0)
-    assert not trials.after_stages(Stages(narrowing), 0)
-    assert ending.allowed == [DEFAULTS.trials.fewest_plain_nodes]
+    monkeypatch.setattr(compiled_search, "is_there", lambda: True)
+    for is_kept in (False, True):
+        monkeypatch.setattr(marks, "is_marked", lambda module, is_kept=is_kept: is_kept)
+        monkeypatch.setattr(compiled_search, "KERNEL", Kernel("any", "a search", compiling=5.0))
+        trials.search.stop = TimeLimit(1.0)
+        assert not trials.after_stages(Stages(narrowing), 0)
+    assert ending.allowed == [DEFAULTS.trials.fewest_plain_nodes, DEFAULTS.trials.fewest_nodes]
 
 
 def test_higher_targets_come_down_until_a_trial_fails(

@@ -8,10 +8,9 @@ the plain search is used.
 from cocap_opt.compiling import Kernel, is_there
 from cocap_opt.stop import Stop
 
-_COMPILING = 5.0  # seconds that the first compilation on a machine may take
 KERNEL = Kernel(
     "cocap_opt.formulations.certificates.staged.search_kernel", "the search of joint states",
-    compiling=_COMPILING,
+    compiling=5.0,
 )  # fmt: skip
 
 
@@ -23,8 +22,8 @@ def is_loaded() -> bool:
 
 
 def may_take_over(stop: Stop) -> bool:
-    """Returns True if numba is installed and the time limit leaves enough time to compile."""
-    return is_there() and not KERNEL.has_failed and stop.seconds_left > _COMPILING
+    """Returns True if numba is installed, and has compiled the search before or has enough time."""
+    return is_there() and not KERNEL.has_failed and KERNEL.is_ready_within(stop.seconds_left)
 
 
 def takes_over(stop: Stop) -> bool:

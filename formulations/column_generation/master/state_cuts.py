@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cocap_opt.compiling import Kernel, is_there
+from cocap_opt.compiling import Kernel
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Curve
 from cocap_opt.formulations.certificates.format import MOST_STATES
@@ -19,10 +19,9 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Cell
 from cocap_opt.stop import LimitReached, Stop
 
-_COMPILING = 6.0  # s
 KERNEL = Kernel(
     "cocap_opt.formulations.column_generation.master.state_cut_kernel", "state cuts",
-    compiling=_COMPILING,
+    compiling=6.0,
 )  # fmt: skip
 _ALIKE = 1e-6  # relative to the largest root: roots in one cell that differ by less are equal
 
@@ -32,7 +31,7 @@ def may_be_compiled(stop: Stop) -> bool:
     ends compilation but is not raised.
     """
     with suppress(LimitReached):
-        may = is_there() and not KERNEL.has_failed and stop.seconds_left > _COMPILING
+        may = KERNEL.may_be_loaded and KERNEL.is_ready_within(stop.seconds_left)
         return may and KERNEL.takes_over(stop)
     return False
 
