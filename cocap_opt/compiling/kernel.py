@@ -2,6 +2,7 @@
 
 import logging
 import math
+from contextlib import suppress
 from functools import cached_property
 from importlib import import_module
 from threading import Lock
@@ -121,14 +122,16 @@ class Kernel:
         """True if numba is installed, and has not failed in this process."""
         return functions.is_there() and not self.has_failed
 
-    def is_ready_within(self, seconds: float) -> bool:
-        """Returns True if the code is stored on disk, or compiling it usually takes less time.
+    def may_take_over(self, stop: Stop) -> bool:
+        """Returns True if `takes_over` is expected to succeed: the code is loaded or stored on
+        disk, or enough time remains to compile it.
 
-        Parameters
-        ----------
-        seconds : s; loading stored code takes half a second, and no limit counts it
+        Loading stored code takes half a second, which no limit counts.
         """
-        return self.is_loaded or seconds > self._compiling or self._was_kept
+        if self.is_loaded:
+            return True
+        has_time = stop.seconds_left > self._compiling
+        return self.may_be_loaded and (has_time or self._was_kept)
 
     @cached_property
     def _was_kept(self) -> bool:
@@ -180,6 +183,14 @@ class Kernel:
             except CompilingError as error:
                 self._fail(str(error))
         return self.is_loaded
+
+    def takes_over_in_time(self, stop: Stop) -> bool:
+        """Does the same as `takes_over`, if that is expected to succeed; does not raise
+        LimitReached.
+        """
+        with suppress(LimitReached):
+            return self.may_take_over(stop) and self.takes_over(stop)
+        return False
 
     def _repays(self, work: float) -> bool:
         """Returns True if compiling saves time for work that takes so long with NumPy (s)."""

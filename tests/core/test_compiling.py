@@ -250,7 +250,8 @@ def test_what_is_damaged_and_cannot_be_removed_is_not_used(
         Kernel(MODULE, "value iteration", 4.0).load()
 
 
-def test_stored_code_is_ready_at_once_and_other_code_takes_time(
+@pytest.mark.skipif(not functions.is_there(), reason="needs the extra [fast]")
+def test_stored_code_takes_over_at_once_and_other_code_takes_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What is stored is looked up once, and only if there is no time to compile."""
@@ -260,12 +261,30 @@ def test_stored_code_is_ready_at_once_and_other_code_takes_time(
             marks, "is_marked", lambda module, is_kept=is_kept: asked.append(module) or is_kept
         )
         use = Kernel(MODULE, "value iteration", 4.0)
-        assert use.is_ready_within(4.5) and not asked
-        assert use.is_ready_within(0.0) == use.is_ready_within(3.5) == is_kept
+        assert use.may_take_over(TimeLimit(4.5)) and not asked
+        for seconds in (0.0, 3.5):
+            assert use.may_take_over(TimeLimit(seconds)) == is_kept
         assert asked == [MODULE]
         asked.clear()
     use.is_loaded = True
-    assert use.is_ready_within(0.0) and not asked
+    assert use.may_take_over(TimeLimit(0.0)) and not asked
+    use.is_loaded, use.has_failed = False, True
+    assert not use.may_take_over(never) and not use.takes_over_in_time(never)
+
+
+def test_a_limit_ends_taking_over_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is not raised, as what asks has another way, which looks at the limit itself."""
+    monkeypatch.setattr(functions, "is_there", lambda: True)
+    monkeypatch.setattr(marks, "is_marked", lambda module: False)
+
+    def stopped(self: Kernel, stop: Stop) -> None:
+        raise LimitReached(Limit.TIME)
+
+    monkeypatch.setattr(Kernel, "load", stopped)
+    use = Kernel(MODULE, "value iteration", 4.0)
+    with pytest.raises(LimitReached):
+        use.takes_over(never)
+    assert not use.takes_over_in_time(never)
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     middle = int(rng.integers(1, model.problem.horizon + 1))
     plain = best_plan_from(narrowing, middle, 10**6, plain=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled_search, "is_loaded", lambda: False)
+        patch.setattr(compiled_search.KERNEL, "is_loaded", False)
         patch.setattr(move_searches, "PLAIN_NODES", -1)
         patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
         assert best_plan_from(narrowing, middle, 10**6) == plain

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cocap_opt.compiling import Kernel, marks
+from cocap_opt.compiling import Kernel, functions, marks
 from cocap_opt.formulations.certificates import Staged, verify
 from cocap_opt.formulations.certificates.format import Stage
 from cocap_opt.formulations.certificates.staged import (
@@ -128,7 +128,7 @@ def test_trials_are_short_where_there_is_no_time_to_compile(
     """
     ending = Ending(np.inf)
     replace_trials(monkeypatch, ending)
-    monkeypatch.setattr(compiled_search, "is_there", lambda: True)
+    monkeypatch.setattr(functions, "is_there", lambda: True)
     for is_kept in (False, True):
         monkeypatch.setattr(marks, "is_marked", lambda module, is_kept=is_kept: is_kept)
         monkeypatch.setattr(compiled_search, "KERNEL", Kernel("any", "a search", compiling=5.0))

@@ -492,7 +492,7 @@ def test_plain_verification_compiles_nothing_and_finds_the_same(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(search_kernel.CompiledSearch, "of", refuse)
         for is_loaded in (False, True):
-            patch.setattr(compiled_search, "is_loaded", lambda loaded=is_loaded: loaded)
+            patch.setattr(compiled_search.KERNEL, "is_loaded", is_loaded)
             patch.setattr(plain_search, "PLAIN_NODES", 0)
             patch.setattr(move_searches, "PLAIN_NODES", -1)
             bound = price_staged(model, staged, plain=True).bound
@@ -503,7 +503,7 @@ def test_plain_verification_compiles_nothing_and_finds_the_same(
 def test_plain_verification_says_so_in_its_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """The face passes it on to each bound, and tells of it."""
     problem, file = staged_result()
-    monkeypatch.setattr(compiled_search, "is_loaded", lambda: True)
+    monkeypatch.setattr(compiled_search.KERNEL, "is_loaded", True)
     asked = list[bool]()
 
     def noted(
@@ -527,7 +527,7 @@ def test_stages_do_not_depend_on_what_is_compiled_already() -> None:
     stages = []
     for is_loaded in (False, True):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(compiled_search, "is_loaded", lambda loaded=is_loaded: loaded)
+            patch.setattr(compiled_search.KERNEL, "is_loaded", is_loaded)
             root = Root.of(Search(compiled(load_scene("bottleneck", 1))), OPTIMALITY)
             root.solve()
         assert root.search.spare is not None
@@ -730,8 +730,8 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     found = []
     for has_numba, plain_nodes in ((False, 0), (True, 20), (True, -1)):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(compiled_search, "is_loaded", lambda: False)
-            patch.setattr(compiled_search, "is_there", lambda there=has_numba: there)
+            patch.setattr(compiled_search.KERNEL, "is_loaded", False)
+            patch.setattr(functions, "is_there", lambda there=has_numba: there)
             patch.setattr(move_searches, "PLAIN_NODES", plain_nodes)
             patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
             found.append(best_plan(narrowing, 10**6))
@@ -783,8 +783,8 @@ def test_a_search_that_finds_too_much_ends_there(
         pytest.skip("needs the extra [fast]")
     for module in (move_searches, plain_search):
         monkeypatch.setattr(module, "MOST_FOUND", 1000)
-    monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
-    monkeypatch.setattr(compiled_search, "is_there", lambda: is_compiled)
+    monkeypatch.setattr(compiled_search.KERNEL, "is_loaded", is_compiled)
+    monkeypatch.setattr(functions, "is_there", lambda: is_compiled)
     monkeypatch.setattr(move_searches, "_NODES_AT_ONCE", 600)
     stop = Calls()
     with pytest.raises(NotEndedError):
@@ -819,7 +819,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     """Compiled or not, a joint state that lacks less than the margin to its floor is found."""
     if is_compiled and not is_there():
         pytest.skip("needs the extra [fast]")
-    monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
+    monkeypatch.setattr(compiled_search.KERNEL, "is_loaded", is_compiled)
     model = compiled(tiny()).disaggregated()
     starts = np.array([[one.starts[0][0] for one in model.classes]])
     heads_of = [partial(one.graph.successors, 0) for one in model.classes]

@@ -302,7 +302,7 @@ def test_stages_of_moves_are_no_longer_than_a_checker_allows(
 ) -> None:
     """Their searches end within a number of nodes; steps with too many states have no moves."""
     problem, most = load_scene("bottleneck", 0).replace(horizon=3), 2_000
-    compiled_search.takes_over(never)  # otherwise only the later searches are compiled
+    compiled_search.KERNEL.takes_over(never)  # otherwise only the later searches are compiled
 
     def nodes(moves: MoveParameters) -> int:
         search = staged_search(problem, moves)

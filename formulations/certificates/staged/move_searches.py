@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.staged import compiled_search
+from cocap_opt.formulations.certificates.staged.compiled_search import KERNEL
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.search import (
     AT_ONCE,
@@ -152,7 +152,7 @@ class MoveSearches:
         """
         self._move_weight = max(math.comb(len(choices.robots), 2) // PAIRS, 1)
         tail = 0
-        while tail < len(floors) and (self.plain or not compiled_search.is_loaded()):
+        while tail < len(floors) and (self.plain or not KERNEL.is_loaded):
             at = choices.of_tail(tail)
             collected = self._plain(joint.part(at, float(floors[tail])), stop)
             if collected is None:
@@ -168,14 +168,14 @@ class MoveSearches:
         compiled.
         """
         stop.check()
-        may_compile = not self.plain and compiled_search.may_take_over(stop)
+        may_compile = not self.plain and KERNEL.may_take_over(stop)
         most = max(PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
         try:
             collected, nodes = all_that_count(joint, min(most, self.nodes_left), stop)
         except NotEndedError:
             if not may_compile:
                 raise
-            return None if compiled_search.takes_over(stop) else self._plain(joint, stop)
+            return None if KERNEL.takes_over(stop) else self._plain(joint, stop)
         self._spend_on_search(nodes, len(collected))
         self._plain_nodes += nodes
         return collected

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.staged import compiled_search
+from cocap_opt.formulations.certificates.staged.compiled_search import KERNEL
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.relaxation import ROBOTS, Conditions, Relaxation
 from cocap_opt.stop import Stop, never
@@ -114,17 +114,17 @@ def _searched(
     Loading the compiled search takes longer than most searches; once it is loaded, all searches use
     it.
     """
-    if not plain and compiled_search.is_loaded():
+    if not plain and KERNEL.is_loaded:
         return _run_compiled(joint, least, most_nodes, stop)
     few = plain_nodes(joint)
-    is_long = not plain and most_nodes > few and compiled_search.may_take_over(stop)
+    is_long = not plain and most_nodes > few and KERNEL.may_take_over(stop)
     search = _PlainSearch(joint, least, few if is_long else most_nodes)
     try:
         search.run(stop)
     except NotEndedError:
         if not is_long:
             raise
-        if compiled_search.takes_over(stop):
+        if KERNEL.takes_over(stop):
             return _run_compiled(joint, least, most_nodes, stop)
         search = _PlainSearch(joint, least, most_nodes)
         search.run(stop)

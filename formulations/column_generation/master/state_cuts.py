@@ -3,7 +3,6 @@
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -17,23 +16,13 @@ from cocap_opt.formulations.column_generation.parameters import StateCutParamete
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell
-from cocap_opt.stop import LimitReached, Stop
 
+# without it there are no state cuts
 KERNEL = Kernel(
     "cocap_opt.formulations.column_generation.master.state_cut_kernel", "state cuts",
     compiling=6.0,
 )  # fmt: skip
 _ALIKE = 1e-6  # relative to the largest root: roots in one cell that differ by less are equal
-
-
-def may_be_compiled(stop: Stop) -> bool:
-    """Returns True if the search for state cuts is compiled, without which there are none; a limit
-    ends compilation but is not raised.
-    """
-    with suppress(LimitReached):
-        may = KERNEL.may_be_loaded and KERNEL.is_ready_within(stop.seconds_left)
-        return may and KERNEL.takes_over(stop)
-    return False
 
 
 def state_cut(

@@ -32,7 +32,7 @@ from cocap_opt.stop import Stop, never
 
 def searches_are_fast(stop: Stop) -> bool:
     """Returns True if searches are compiled, or will be once they take long."""
-    return compiled_search.is_loaded() or compiled_search.may_take_over(stop)
+    return compiled_search.KERNEL.may_take_over(stop)
 
 
 @dataclass

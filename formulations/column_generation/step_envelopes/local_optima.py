@@ -4,28 +4,19 @@ If it is compiled (`ascent_kernel`), it can start from more joint states in less
 """
 
 from collections.abc import Sequence
-from contextlib import suppress
 
 import numpy as np
 
 from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
+from cocap_opt.formulations.certificates.staged import JointStates
 from cocap_opt.formulations.column_generation.parameters import BundleParameters
-from cocap_opt.stop import LimitReached, Stop
 
 KERNEL = Kernel(
     "cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel", "local search",
     compiling=3.0,
 )  # fmt: skip
 _GAIN = 1e-9  # relative; smaller increases do not count
-
-
-def may_be_compiled(stop: Stop) -> bool:
-    """Returns True if local search is compiled; a limit ends compilation but is not raised."""
-    with suppress(LimitReached):
-        return compiled_search.may_take_over(stop) and KERNEL.takes_over(stop)
-    return False
 
 
 def local_optima(

@@ -25,7 +25,7 @@ from cocap_opt.formulations.column_generation.master.master_program import Solut
 from cocap_opt.formulations.column_generation.master.resource_use import roots_seen, violated_rows
 from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
 from cocap_opt.formulations.column_generation.master.state_cuts import (
-    may_be_compiled,
+    KERNEL,
     state_cut,
 )
 from cocap_opt.formulations.column_generation.parameters import (
@@ -158,7 +158,7 @@ class _RuledAscent:
     def _may_cut_by_states(self) -> bool:
         """Returns True if no two robots may share a cell, and the search for cuts is compiled."""
         search = self._search
-        return search.model.problem.rules.vertex and may_be_compiled(search.stop)
+        return search.model.problem.rules.vertex and KERNEL.takes_over_in_time(search.stop)
 
     def _round(self, cut_of: Callable[[LooseViewSum], AnyCut | None], least: float) -> list[AnyCut]:
         """Returns cuts of the view sums that the mixture violates most; raises LimitReached between
