@@ -11,7 +11,9 @@ from cocap_opt.formulations.certificates.staged.search import plain_nodes
 from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.step_envelopes.local_optima import (
-    KERNEL,
+    KERNEL as LOCAL_SEARCH,
+)
+from cocap_opt.formulations.column_generation.step_envelopes.local_optima import (
     heights_of,
     local_optima,
     that_count,
@@ -70,7 +72,7 @@ class Known:
     def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
         """Records how many nodes a search took; does not raise LimitReached."""
         if nodes > plain_nodes(joint):
-            self.is_thorough |= KERNEL.takes_over_in_time(stop)
+            self.is_thorough |= LOCAL_SEARCH.takes_over_in_time(stop)
 
     def at(self, joint: JointStates) -> list[list[int]]:
         """Returns the positions of the known joint states that still count."""

@@ -24,10 +24,8 @@ from cocap_opt.formulations.column_generation.master.arc_users import users_of
 from cocap_opt.formulations.column_generation.master.master_program import Solution
 from cocap_opt.formulations.column_generation.master.resource_use import roots_seen, violated_rows
 from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
-from cocap_opt.formulations.column_generation.master.state_cuts import (
-    KERNEL,
-    state_cut,
-)
+from cocap_opt.formulations.column_generation.master.state_cuts import KERNEL as STATE_CUTS
+from cocap_opt.formulations.column_generation.master.state_cuts import state_cut
 from cocap_opt.formulations.column_generation.parameters import (
     LargeRootParameters,
     RuledAscentParameters,
@@ -158,7 +156,7 @@ class _RuledAscent:
     def _may_cut_by_states(self) -> bool:
         """Returns True if no two robots may share a cell, and the search for cuts is compiled."""
         search = self._search
-        return search.model.problem.rules.vertex and KERNEL.takes_over_in_time(search.stop)
+        return search.model.problem.rules.vertex and STATE_CUTS.takes_over_in_time(search.stop)
 
     def _round(self, cut_of: Callable[[LooseViewSum], AnyCut | None], least: float) -> list[AnyCut]:
         """Returns cuts of the view sums that the mixture violates most; raises LimitReached between
