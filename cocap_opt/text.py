@@ -6,6 +6,7 @@ from decimal import ROUND_CEILING, Decimal
 from difflib import get_close_matches
 
 OTHERWISE = "name the scene and seed that it is for, or plan again if you changed the scene"
+_PLURALS = {"person": "people"}
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
 
 
@@ -59,6 +60,11 @@ def distance(metres: float) -> str:
     if metres >= 10_000:
         return f"{metres / 1000:,.0f} km"
     return f"{metres:,.0f} m" if metres >= 1000 else f"{metres:.4g} m"
+
+
+def counted(number: int, noun: str) -> str:
+    """Returns a number with its noun, e.g. "1 row" or "2,000 rows"."""
+    return f"{number:,} {noun if number == 1 else _PLURALS.get(noun, f'{noun}s')}"
 
 
 def number_in_words(number: int) -> str:

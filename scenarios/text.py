@@ -18,6 +18,7 @@ from cocap_opt.text import span, unread
 UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE  # marks at the beginning of a file
 
 
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 # A field, or a path of several fields: starts[0].height
 _FIELD = re.compile(r"[a-z_]+(\[\w*\])*(\.[a-z_]+(\[\w*\])*)*")
 
@@ -141,6 +142,12 @@ def xml_root(content: bytes, kind: str) -> Element:
     except (ValueError, LookupError) as error:
         raise ProblemError(f"must be {kind} in UTF-8, not in an unknown encoding") from error
     return root
+
+
+def require_no_comma(text: str, field: str) -> None:
+    """Raises a ProblemError that names the field if a number has a decimal comma."""
+    if _DECIMAL_COMMA.fullmatch(text):
+        raise ProblemError(f"{field}: must have a decimal point, not a comma: {text[:40]!r}")
 
 
 def plain_number(text: str) -> float:

@@ -105,9 +105,9 @@ def robustness(
     smooth: bool = False,
     step: float | None = None,
     margin: float | None = None,
-    late: Sequence[float] = (1.0, 2.0),
-    aside: Sequence[float] = (1.0,),
-    lag: Sequence[float] = (0.5, 1.0, 2.0),
+    late: Sequence[float] | None = None,
+    aside: Sequence[float] | None = None,
+    lag: Sequence[float] | None = None,
     lost: Sequence[int] | None = None,
 ) -> "pd.DataFrame":
     """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
@@ -124,10 +124,12 @@ def robustness(
     step : seconds per step, if the problem does not define it
     margin : m by which drones may be closer to people than the problem says, sideways and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
-    late : s by which all people are late, and, in a second change, early
+    late : s by which all people are late, and, in a second change, early. None: 1 and 2 s, unless
+        the flight is shorter
     aside : m by which all people walk to the left of their path, and, in a second change, to the
-        right
-    lag : s by which any one drone is late; the worst drone counts
+        right. None: 1 m
+    lag : s by which any one drone is late; the worst drone counts. None: 0.5, 1 and 2 s, unless the
+        flight is shorter
     lost : steps at which drones are lost, one drone at a time. None: each drone at its worst step,
         the last one at which its loss costs as much as if it had never flown
 
@@ -170,10 +172,11 @@ def robustness(
     flown = plan_for(problem, plan, "flown")
     require_flag(smooth, "smooth")
     flight = _flight_scene(problem, step, margin).without_earth.flight(flown, smooth)
-    changes = Changes(
-        listed_numbers(late, "late", "numbers of seconds"),
-        listed_numbers(aside, "aside", "numbers of metres"),
-        listed_numbers(lag, "lag", "numbers of seconds"),
+    changes = Changes.of(
+        flight,
+        None if late is None else listed_numbers(late, "late", "numbers of seconds"),
+        None if aside is None else listed_numbers(aside, "aside", "numbers of metres"),
+        None if lag is None else listed_numbers(lag, "lag", "numbers of seconds"),
     )
     steps = None if lost is None else listed(lost, "lost", "whole numbers of steps")
     for each in steps or ():

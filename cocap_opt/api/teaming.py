@@ -104,5 +104,5 @@ def team(
     settings = team_settings(time_limit, work_limit, out is not None or workers is not None)
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     folder = None if out is None else require_path(out, "out")
-    rows = compare_teams(problem, 0, asked, settings, folder, hired, quiet=True)
+    rows = compare_teams(problem, 0, asked, settings, folder, hired, quiet=True).rows
     return Teams(tuple(rows), wanted)

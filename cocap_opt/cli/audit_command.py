@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import Json, Scene, Seed, Verbose, load_planned
+from cocap_opt.console.exit_codes import DIFFERS, UNDECIDED
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.independent import instance_of
@@ -29,7 +30,6 @@ from cocap_opt.stop import FirstOf, Interrupt, TimeLimit
 from cocap_opt.text import printable
 
 _SHOWN = 20  # differences that are printed
-_DIFFERS, _UNDECIDED = 1, 3  # exit codes
 _SUM = 1e-9  # relative rounding error of a sum of doubles
 _WIDTHS = ("widest_share", "widest_pixels")
 _NO_FLINT = (
@@ -121,8 +121,8 @@ def _audit(
             more = [f"and {left} more; --json has all"] if left > 0 else []
             print_texts([], [*differences[:_SHOWN], *more])
     if differences:
-        return _DIFFERS
-    return _UNDECIDED if _is_open(audit) else 0
+        return DIFFERS
+    return UNDECIDED if _is_open(audit) else 0
 
 
 def _is_open(audit: Audit) -> bool:

@@ -20,6 +20,7 @@ from cocap_opt.output.printing import (
     print_texts,
     rounded,
 )
+from cocap_opt.text import counted
 
 _MANY, _FEW = 12, 6  # drones above which a table is cut, and rows that it keeps
 
@@ -75,7 +76,7 @@ class FlightAnswer(NamedTuple):
         rules, asked = flown.problem.rules, self.flight.asked or flown.problem.airspace
         yield "file", "\n".join(map(path_text, self.files))
         way = "smooth" if self.flight.is_smooth else "straight"
-        steps = f"{flown.problem.horizon} steps of {flown.step:g} s"
+        steps = f"{counted(flown.problem.horizon, 'step')} of {flown.step:g} s"
         yield "flight", f"{way}, {flown.seconds:g} s: {steps}"
         mean, parts = rounded(found[f"reward_{way}"]), parts_of(flown.problem)
         at_steps = f"{rounded(found['reward'])} at the steps"

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Budget, Json, Scene, Verbose, load, say_why_no_plan
 from cocap_opt.cli.workforce import HERE, Workforce
+from cocap_opt.console.exit_codes import INTERRUPTED
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
@@ -220,7 +221,8 @@ def _gap(
     or two drones.
     Results already in the --out folder are not recomputed; for each scene, seed and
     planner the table has the newest row, with the lowest proved bound.
-    The exit code is 1 if a planner or a bound ended with an error.
+    The exit code is 1 if a planner or a bound ended with an error, and 130 if Ctrl-C ended the
+    command before all scenes and seeds were complete.
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
     """
@@ -251,7 +253,9 @@ def _gap(
     else:
         print_gap_table(rows, verbose)
         print_start_sets(choices.groups, rows)
-    return 1 if any(row.has_error for row in rows) else 0
+    if any(row.has_error for row in rows):
+        return 1
+    return 0 if all(instance.is_finished for instance in instances) else INTERRUPTED
 
 
 def _say_why_without_plan(rows: Sequence[GapRow], problems: Problems) -> None:

@@ -26,6 +26,7 @@ from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, make_folder, save_bytes, save_files
 from cocap_opt.output.printing import Listing, print_texts
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.text import counted
 
 app = App(
     name="library",
@@ -88,7 +89,8 @@ def _status(
             print_result({**rows[0], "records": records}, json)
         else:
             drones, people, steps = (rows[0].pop(key) for key in ("drones", "people", "steps"))
-            size = f"{drones} drones, {people} people, {steps} steps"
+            counts = {"drone": drones, "person": people, "step": steps}
+            size = ", ".join(counted(number, noun) for noun, number in counts.items())
             made = found[0].entry.recipe
             print_result({**rows[0], "size": size, "made of": made}, json)
             Listing("records", records).print()

@@ -3,7 +3,8 @@
 Results go to standard output, as a table or with --json as a single JSON object; progress and
 messages go to standard error. Exit codes: 0 done (even if there is no plan: that is a result), 1 a
 claim does not hold (verify) or differs (audit), 2 wrong input, 3 some of it is undecided (audit),
-130 interrupted before any result was available, or before a second opinion was (verify).
+130 interrupted before any result was available, before all scenes and seeds were complete (gap,
+team), or before a second opinion was available (verify).
 """
 
 import os
@@ -15,10 +16,9 @@ from contextlib import contextmanager
 from io import TextIOWrapper
 from types import FrameType
 
+from cocap_opt.console.exit_codes import INTERRUPTED, WRONG_INPUT
 from cocap_opt.console.streams import discard, say
 from cocap_opt.console.threads import ONE_THREAD
-
-_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -43,11 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             say(f"standard output: cannot be written: {error.strerror}")
         else:  # a system file, e.g. in /proc if it is not mounted
             say(f"{error.filename}: {error.strerror}")
-        code = 2
+        code = WRONG_INPUT
     # a second Ctrl-C, or one before any result was available
     except KeyboardInterrupt as interrupt:
         say(", ".join(["interrupted", *map(str, interrupt.args)]))
-        code = _INTERRUPTED
+        code = INTERRUPTED
     sys.exit(code)
 
 
@@ -95,7 +95,7 @@ def _leave_at_once() -> Iterator[None]:
 
     def leave(number: int, frame: FrameType | None) -> None:
         say("interrupted")
-        os._exit(_INTERRUPTED)
+        os._exit(INTERRUPTED)
 
     signal.signal(signal.SIGINT, leave)
     try:

@@ -12,6 +12,9 @@ from cocap_opt.cli.options import Json, PlanPath, Scene, Seed, Whole, load_plann
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.flight.changes import (
+    USUAL_ASIDE,
+    USUAL_LAG,
+    USUAL_LATE,
     ChangeRow,
     Changes,
     people_and_delay,
@@ -29,7 +32,6 @@ from cocap_opt.run.options import UsageError
 _log = logging.getLogger(__name__)
 
 _MANY = 12  # drones whose losses are listed
-_USUAL = Changes()
 
 
 def _listed(numbers: Sequence[float]) -> str:
@@ -49,7 +51,8 @@ def _robustness(
         Parameter(
             negative="",
             consume_multiple=True,
-            help=f"seconds by which people are late or early (default: {_listed(_USUAL.late)})",
+            help=f"seconds by which people are late or early (default: {_listed(USUAL_LATE)}, "
+            "without those longer than the flight)",
         ),
     ] = None,
     aside: Annotated[
@@ -58,7 +61,7 @@ def _robustness(
             negative="",
             consume_multiple=True,
             help="metres by which people walk to the left or right of their walks (default: "
-            f"{_listed(_USUAL.aside)})",
+            f"{_listed(USUAL_ASIDE)})",
         ),
     ] = None,
     lag: Annotated[
@@ -66,7 +69,8 @@ def _robustness(
         Parameter(
             negative="",
             consume_multiple=True,
-            help=f"seconds by which one of the drones is late (default: {_listed(_USUAL.lag)})",
+            help=f"seconds by which one of the drones is late (default: {_listed(USUAL_LAG)}, "
+            "without those longer than the flight)",
         ),
     ] = None,
     lost: Annotated[
@@ -91,18 +95,13 @@ def _robustness(
     problem = given.problem
     if cut_short := given.cut_short:
         _log.warning("%s: %s", plan, cut_short)
-    changes = Changes(
-        _USUAL.late if late is None else late,
-        _USUAL.aside if aside is None else aside,
-        _USUAL.lag if lag is None else lag,
-    )
     try:
         # its place on the Earth does not matter
         flight = flown.flight(problem, given.plan, is_local=True)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
-        found = what_if(flight, changes, lost)
+        found = what_if(flight, Changes.of(flight, late, aside, lag), lost)
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)

@@ -36,7 +36,7 @@ from cocap_opt.output.files import (
     save_bytes,
 )
 from cocap_opt.output.nearness import nearness
-from cocap_opt.output.printing import Record, counted
+from cocap_opt.output.printing import Record
 from cocap_opt.output.trace import Trace
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
@@ -51,7 +51,7 @@ from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt, Stop
-from cocap_opt.text import pair
+from cocap_opt.text import counted, pair
 
 AT_THE_ROOT = "column-generation"  # a bound that also gives a plan
 _WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)

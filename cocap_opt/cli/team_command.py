@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Scene, Seed, Whole, Work, load
 from cocap_opt.cli.workforce import HERE, Workforce
+from cocap_opt.console.exit_codes import INTERRUPTED
 from cocap_opt.experiments.sweeps.teams import Asked, compare_teams, team_settings
 from cocap_opt.experiments.tables.teams import records, sentences, teams_table
 from cocap_opt.output.answer import print_result
@@ -90,7 +91,7 @@ def _team(
     defines, or anywhere. Each team is planned twice, for J and for the number of drones that see
     each person, and bounds are computed for both as far as time allows. Results
     already in the --out folder are not recomputed. The exit code is 1 if a computation ended
-    with an error.
+    with an error, and 130 if Ctrl-C ended the command before all teams were complete.
 
     Example: cocap-opt team bottleneck --drones 1-4 --out teams
     """  # fmt: skip
@@ -104,7 +105,7 @@ def _team(
     settings = team_settings(seconds, work, out is not None or workforce.is_elsewhere)
     hired = workforce.hired(settings)
     problem = load(scene, seed)
-    rows = compare_teams(problem, seed, asked, settings, out, hired, retry)
+    rows, is_complete = compare_teams(problem, seed, asked, settings, out, hired, retry)
     words = list(sentences(rows, required.share))
     if json:
         print_result({"rows": records(rows), "words": words, "output": out}, json)
@@ -114,7 +115,9 @@ def _team(
         listing._replace(notes=[*listing.notes, *_of_starts(problem, out)]).print()
         for sentence in words:
             sys.stdout.write(f"{textwrap.fill(sentence, line_width())}\n")
-    return 1 if any(row.failed for row in rows) else 0
+    if any(row.failed for row in rows):
+        return 1
+    return 0 if is_complete else INTERRUPTED
 
 
 def _of_starts(problem: Problem, out: Path | None) -> Iterator[str]:

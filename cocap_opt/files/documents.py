@@ -72,7 +72,7 @@ class _Header(msgspec.Struct):
     """The fields that identify the kind of a document; others are ignored."""
 
     format: str
-    version: int = 1
+    version: int | None = None
 
 
 class SceneFile(Document, frozen=True, kw_only=True):
@@ -214,6 +214,8 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
     versions = get_args(get_type_hints(kind)["version"])
     if header.version not in versions:
         known = ", ".join(map(str, sorted(versions)))
+        if header.version is None:
+            raise FileError(f"{name}: version: is missing; must be {known}")
         newer = "it is from a newer cocap-opt" if header.version > max(versions) else kind.older
         why = f": {newer}" if newer else ""
         raise FileError(f"{name}: version: must be {known}, not {header.version}{why}")

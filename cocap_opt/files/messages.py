@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
+from cocap_opt.files.strict_json import without_mark
 from cocap_opt.text import meant, shortened
 
 _MALFORMED = re.compile(r"malformed.*\(byte (\d+)\)")
@@ -57,6 +58,7 @@ def in_words(error: Exception, content: bytes | str, kind: object, value: object
         return "must not be nested so deeply"
     if isinstance(error, UnicodeDecodeError):
         return no_text(error)
+    content = without_mark(content)
     if isinstance(content, bytes):
         try:
             content.decode()
@@ -186,8 +188,8 @@ def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
         )
         kinds = _kinds_at(inspect.type_info(kind), path)
         numbers = {_within(part, value) for part in kinds} - {""}
-        if types in (["float"], ["int"]) and len(numbers) == 1:
-            (limits,) = numbers
+        if types in (["float"], ["int"]) and len(numbers) < 2:
+            limits = "".join(numbers)
         given = _quoted(value) or ("a number with decimals" if found == "float" else "")
         if not given and found:
             given = _TYPES.get(found, found)

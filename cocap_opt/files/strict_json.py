@@ -3,6 +3,7 @@
 Decoders silently take the last of repeated values, whichever was meant.
 """
 
+import codecs
 import json
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -17,7 +18,7 @@ T = TypeVar("T")
 def decode_json(
     content: bytes | str, kind: type[T], hook: Callable[[type, Any], Any] | None = None
 ) -> T:
-    """Returns the value of JSON.
+    """Returns the value of JSON, after a byte order mark if there is one.
 
     Parameters
     ----------
@@ -31,11 +32,21 @@ def decode_json(
     ProblemError
         If an object has a key twice.
     """
+    content = without_mark(content)
     value = msgspec.json.decode(content, type=kind, dec_hook=hook)
     text = content if isinstance(content, str) else content.decode(errors="replace")
     # Numbers are not converted, as unused ones may have thousands of digits.
     json.loads(text, object_pairs_hook=_require_distinct, parse_int=str, parse_float=str)
     return value
+
+
+def without_mark(content: bytes | str) -> bytes | str:
+    """Returns the content of a file in UTF-8 without a byte order mark, which some programs write
+    first.
+    """
+    if isinstance(content, bytes):
+        return content.removeprefix(codecs.BOM_UTF8)
+    return content.removeprefix("\ufeff")
 
 
 def _require_distinct(pairs: list[tuple[str, Any]]) -> None:

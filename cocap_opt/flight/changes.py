@@ -16,6 +16,8 @@ KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
 TIGHT = 1.0  # s; a crew's clock shows whole seconds, so smaller delays go unnoticed
 MOST_ASIDE = 100.0  # m
+USUAL_LATE, USUAL_LAG = (1.0, 2.0), (0.5, 1.0, 2.0)  # s
+USUAL_ASIDE = (1.0,)  # m
 _TOUCH = 1e-6  # cm; smaller values are rounding errors
 
 
@@ -82,9 +84,27 @@ class Changes(NamedTuple):
     lag : time in s by which any one drone is late
     """
 
-    late: Sequence[float] = (1.0, 2.0)
-    aside: Sequence[float] = (1.0,)
-    lag: Sequence[float] = (0.5, 1.0, 2.0)
+    late: Sequence[float]
+    aside: Sequence[float]
+    lag: Sequence[float]
+
+    @classmethod
+    def of(
+        cls,
+        flight: Flight,
+        late: Sequence[float] | None = None,
+        aside: Sequence[float] | None = None,
+        lag: Sequence[float] | None = None,
+    ) -> "Changes":
+        """Returns the deviations to look at; None: the usual ones that are no longer than the
+        flight.
+        """
+        lasts = flight.flown.seconds
+        return cls(
+            [time for time in USUAL_LATE if time <= lasts] if late is None else late,
+            USUAL_ASIDE if aside is None else aside,
+            [time for time in USUAL_LAG if time <= lasts] if lag is None else lag,
+        )
 
     def rows(self, flight: Flight) -> list[ChangeRow]:
         """Returns a row per deviation, the flight as planned first; for lagging drones, the worst.

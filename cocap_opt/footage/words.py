@@ -11,6 +11,7 @@ from cocap_opt.footage.assumptions import Assumptions
 from cocap_opt.footage.moments import APART
 from cocap_opt.footage.summary import Summary, share, whole_percent
 from cocap_opt.letters import folded
+from cocap_opt.text import counted
 
 USUAL_WIDTH = 80  # characters per line
 _LABEL = 24  # characters before a number
@@ -41,9 +42,9 @@ def quality_words(
         return "Quality of the plan: no person has a weight, so no person-step counts"
     line = partial(_line, width=min(width, USUAL_WIDTH))
     lines = [
-        f"Quality of the plan: {_counted(found.person_steps, 'person-step')} that "
+        f"Quality of the plan: {counted(found.person_steps, 'person-step')} that "
         f"{'counts' if found.person_steps == 1 else 'count'}, "
-        f"{_counted(len(has_pictures), 'drone')}",
+        f"{counted(len(has_pictures), 'drone')}",
         line("seen by two or more", whole_percent(found.by_two)),
         line("seen by three or more", whole_percent(found.by_three)),
         line(f"two, {APART:g} degrees apart", whole_percent(found.apart)),
@@ -124,10 +125,6 @@ def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterato
 def _line(label: str, words: str, width: int) -> str:
     """Returns a label and its value, in lines folded below each other."""
     return folded(words, width, f"{label:{_LABEL}}", " " * _LABEL)
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _told_seconds(exposure: float) -> str:

@@ -18,7 +18,6 @@ from cocap_opt.output.conflicts import are_conflicts, grouped_conflicts
 from cocap_opt.output.printing import (
     Record,
     cell_text,
-    counted,
     path_text,
     print_line,
     rounded,
@@ -26,6 +25,7 @@ from cocap_opt.output.printing import (
 )
 from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.stop import NO_LIMIT
+from cocap_opt.text import counted
 
 _BREAK = "\n"
 # Labels of keys, short enough to be beside their values in 60 columns; JSON uses the keys.
@@ -130,10 +130,7 @@ _VALUES = {
     "people_distance": "{} m at least, at any moment, seen from above",
     "delay_tolerance": "less than {} s between drones",
     "delay_tolerance_to_people": "less than {} s",
-    "items": "{} items",
     "late": "{} s at most: some legs cannot be flown in time",
-    "slowed": "at {} steps, to be safe",
-    "shortened": "at {} steps, to be safe",
     "reward_straight": "{}, also between steps",
     "reward_smooth": "{}, also between steps",
 }
@@ -260,6 +257,10 @@ def _shown(row: Record, key: str) -> str:
         return "yes" if value else "not proved"
     if key == "smoothing_cost":  # negative if smoothness gains
         return f"{-100 * value:+.3f} % of J"
+    if key == "items":
+        return counted(value, "item")
+    if key in ("slowed", "shortened"):
+        return f"at {counted(value, 'step')}, to be safe"
     if key == "takes":
         return told_takes(value)
     if key == "violations":
@@ -308,8 +309,10 @@ def _told_gap(row: Record) -> str:
         or row.get("state") == "solved"
     ):
         return "proved, no plan is better"
-    if row["gap"] < 0 or row.get("valid") is False:
+    if row.get("conflicts") or row["gap"] < 0:
         return "J of a plan that breaks rules may exceed the bound"
+    if row.get("valid") is False:
+        return "between J and the bound as verified, not as claimed"
     return "J is at most this far below the best possible"
 
 

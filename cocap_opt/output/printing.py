@@ -78,11 +78,6 @@ def terminal(least: int = 0) -> Console:
     return console
 
 
-def counted(number: int, noun: str) -> str:
-    """Returns a number with its noun, e.g. "1 row" or "2,000 rows"."""
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
 def rounded(amount: float) -> str:
     """Returns an amount with two decimals; amounts near 0 have no sign."""
     return f"{round(amount, 2) + 0.0:,.2f}"

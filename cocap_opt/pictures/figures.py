@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.text import Text
 
-from cocap_opt.output.printing import counted
 from cocap_opt.pictures.gif import gif
 from cocap_opt.pictures.style import (
     BLUE,
@@ -35,7 +34,7 @@ from cocap_opt.problem.apart_numbers import ApartNumbers
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.pictures import TopView
 from cocap_opt.referee import Verdict, check
-from cocap_opt.text import printable
+from cocap_opt.text import counted, printable
 
 _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # length of drawn view cones, relative to the map; cameras see farther

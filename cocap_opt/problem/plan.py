@@ -12,6 +12,7 @@ from cocap_opt.problem.motion import Cell, State
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.starts import StartSet
 from cocap_opt.stop import Limit, Reason
+from cocap_opt.text import counted
 
 NO_PLAN = "no plan"  # first words of the message for a plan in which nobody moves for lack of time
 
@@ -152,7 +153,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     def __repr__(self) -> str:
         steps = max(map(len, self.paths), default=1) - 1
-        return f"Plan of {len(self.paths)} drones over {steps} steps"
+        return f"Plan of {counted(len(self.paths), 'drone')} over {counted(steps, 'step')}"
 
     @property
     def stays(self) -> bool:

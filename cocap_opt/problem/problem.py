@@ -24,7 +24,7 @@ from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.takes import in_all_takes, of_people, told_take
 from cocap_opt.returns import Returns
-from cocap_opt.text import printable
+from cocap_opt.text import counted, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,9 +71,10 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     def __repr__(self) -> str:
         (x, y), views = self.height_map.shape, self.objective.views
+        drones = counted(len(self.robots), "drone")
         return (
-            f"Problem {self.name!r}: {len(self.robots)} drones film {self.told_people} over "
-            f"{self.horizon} steps\n"
+            f"Problem {self.name!r}: {drones} {'film' if len(self.robots) > 1 else 'films'} "
+            f"{self.told_people} over {counted(self.horizon, 'step')}\n"
             f"on {x} x {y} cells of {self.height_map.resolution:g} m; collision rules: {self.rules}"
             f"{f'; airspace: {self.airspace}' if str(self.airspace) else ''}"
             f"{'' if views is None else f'; up to {views.cameras} drones that see a person count'}"
@@ -82,8 +83,8 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     @property
     def told_people(self) -> str:
         """The number of people in words; with takes, the number in all of them."""
-        people = f"{len(self.actors)} people"
-        return f"{people} of {len(self.takes)} takes" if self.takes else people
+        people = counted(len(self.actors), "person")
+        return f"{people} of {counted(len(self.takes), 'take')}" if self.takes else people
 
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""

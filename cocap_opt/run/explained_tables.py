@@ -9,8 +9,9 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.explanation import Term
 from cocap_opt.letters import columns_of
-from cocap_opt.output.printing import counted, rounded
+from cocap_opt.output.printing import rounded
 from cocap_opt.run.explained import SHOWN, Explained
+from cocap_opt.text import counted
 
 _LINES = 20  # rows of a table
 _WIDTH = 5  # characters of a number

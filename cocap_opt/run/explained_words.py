@@ -8,9 +8,10 @@ from cocap_opt.formulations.explanation import Term
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.graph.choke_points import ChokePoint
 from cocap_opt.output.conflicts import told_conflict
-from cocap_opt.output.printing import counted, rounded
+from cocap_opt.output.printing import rounded
 from cocap_opt.problem import Cell
 from cocap_opt.run.explained import SHOWN, Explained
+from cocap_opt.text import counted
 
 _TOLD = 6  # sentences on single terms
 _OVER = "the bound overestimates"

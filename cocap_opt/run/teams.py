@@ -19,6 +19,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.run.view_share import views_alone, views_asked
 from cocap_opt.scenarios.hardware import camera_called
+from cocap_opt.text import counted
 
 MOST_DRONES = 1000
 
@@ -48,10 +49,9 @@ class TeamChoice(NamedTuple):
     @property
     def words(self) -> str:
         """The choice in words, e.g. "3 drones, skydio-2, at 9 m"."""
-        words = "1 drone" if self.drones == 1 else f"{self.drones} drones"
         camera = "" if self.camera is None else f", {self.camera}"
         height = "" if self.height is None else f", at {self.height:g} m"
-        return f"{words}{camera}{height}"
+        return f"{counted(self.drones, 'drone')}{camera}{height}"
 
     def scene(self, problem: Problem) -> Problem:
         """Returns the scene with these drones instead of its own; they start where it is best.

@@ -21,6 +21,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.start_sets import with_free_starts
 from cocap_opt.scenarios import load_scene, variants
 from cocap_opt.scenarios.built_in.field import field
+from cocap_opt.text import counted
 
 DATA = Path(__file__).parent / "data"
 LIST = "instances.toml"
@@ -137,10 +138,10 @@ class Entry(msgspec.Struct, frozen=True):
         size = made.field
         words = [f"scene {made.scene}" if size is None else "scene field", f"seed {self.seed}"]
         if size is not None:
-            words.append(f"{size.robots} drones, {size.actors} people, {size.cells} cells")
-            words.append(f"{size.steps} steps")
+            words += [counted(size.robots, "drone"), counted(size.actors, "person")]
+            words += [f"{size.cells} cells", counted(size.steps, "step")]
         words += [f"option {name}={value}" for name, value in made.options.items()]
-        words += [] if made.steps is None else [f"{made.steps} steps"]
+        words += [] if made.steps is None else [counted(made.steps, "step")]
         words += ["free starts"] if made.free_starts else []
         words += ["pixels add up over time"] if made.over_time else []
         words += [] if made.views is None else [f"views by {made.views} drones"]

@@ -15,7 +15,6 @@ from cocap_opt.experiments.tables.tables import html_table
 from cocap_opt.files.documents import PlanFile, decode_document
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
-from cocap_opt.output.printing import counted
 from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.pictures.figures import picture
 from cocap_opt.pictures.style import BLUE, RED, SMALL, add_legend, new_figure, set_frame
@@ -23,7 +22,7 @@ from cocap_opt.player.pages import page_text
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.text import rounded_up
+from cocap_opt.text import counted, rounded_up
 
 _STATES = {
     "solved": "solved: no plan is better than the best one here",

@@ -16,7 +16,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
-from cocap_opt.output.printing import counted
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import robot_colour
 from cocap_opt.pictures.style import (
@@ -36,6 +35,7 @@ from cocap_opt.pictures.style import (
     set_frame,
 )  # fmt: skip
 from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
+from cocap_opt.text import counted
 
 _LOSSES = "Reds"
 _WRITTEN_ROBOTS, _WRITTEN_STEPS = 12, 20  # larger plans have colours without numbers

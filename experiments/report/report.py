@@ -34,7 +34,6 @@ from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.tables import Tables
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import PlanReader
-from cocap_opt.output.printing import counted
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import picture
 from cocap_opt.player.pages import page_text
@@ -44,7 +43,7 @@ from cocap_opt.referee import check
 from cocap_opt.run.explained import SHOWN, Explained, is_too_large
 from cocap_opt.run.explained_words import costliest
 from cocap_opt.scenarios import load_scene
-from cocap_opt.text import printable
+from cocap_opt.text import counted, printable
 
 _TOO_LARGE = (
     "The scene has too many states to explain its gaps on a page; run "

@@ -47,11 +47,12 @@ from cocap_opt.files.documents import (
 )
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.output.files import make_folder, save_bytes, save_csv
-from cocap_opt.output.printing import Record, counted
+from cocap_opt.output.printing import Record
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.judged import ROUNDING
+from cocap_opt.text import counted
 
 if sys.platform != "win32":
     import fcntl
@@ -279,7 +280,7 @@ class Output:
         """Writes instances that are newly complete, except any that Ctrl-C cut short."""
         if self._folder is None:
             return
-        new = [i for i in self._instances if i.is_whole and not i.is_cut and i not in self._kept]
+        new = [i for i in self._instances if i.is_finished and i not in self._kept]
         if not new:
             return
         is_first = not self._kept

@@ -214,6 +214,11 @@ class Instance:
         """All cells have been computed."""
         return self.bound is not None
 
+    @property
+    def is_finished(self) -> bool:
+        """All cells have been computed, and Ctrl-C cut none of them short."""
+        return self.is_whole and not self.is_cut
+
     # -- rows ---------------------------------------------------------------------------------
 
     def rows(self) -> list[GapRow]:

@@ -122,7 +122,7 @@ def _sweep(
     if interrupt.pressed and not rows:  # there is nothing to give
         raise KeyboardInterrupt
     if interrupt.pressed:
-        whole = sum(instance.is_whole and not instance.is_cut for instance in instances)
+        whole = sum(instance.is_finished for instance in instances)
         again = "; to continue, run the same command" if folder is not None else ""
         tell(f"interrupted: {whole} of {len(instances)} scenes and seeds are complete{again}")
     return rows

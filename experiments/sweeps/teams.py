@@ -124,6 +124,13 @@ class TeamCells(NamedTuple):
         return [instance for instance in (self.reward, self.views) if instance is not None]
 
 
+class ComparedTeams(NamedTuple):
+    """A row for each team, in order, and whether all of them were computed before any Ctrl-C."""
+
+    rows: list[TeamRow]
+    is_complete: bool
+
+
 def team_settings(time_limit: float, work_limit: int | None, kept: bool) -> Settings:
     """Returns settings with the limits of each of a team's two problems, excluding coverage."""
     return Settings(
@@ -141,8 +148,8 @@ def compare_teams(
     hired: Hired = NOBODY,
     retry: bool = False,
     quiet: bool = False,
-) -> list[TeamRow]:
-    """Solves all teams and returns a row for each, in order; with a folder writes teams.csv.
+) -> ComparedTeams:
+    """Solves all teams; with a folder writes teams.csv.
 
     Parameters
     ----------
@@ -167,7 +174,7 @@ def compare_teams(
     rows = _with_gains([_row(problem, seed, each, asked, published, folder) for each in cells])
     if folder is not None:
         save_csv(folder / TEAMS, records(rows))
-    return rows
+    return ComparedTeams(rows, all(instance.is_finished for instance in instances))
 
 
 def _row(

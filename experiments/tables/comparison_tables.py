@@ -14,7 +14,8 @@ from cocap_opt.experiments.tables.comparison import (
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import Table, Tables
-from cocap_opt.output.printing import Record, counted
+from cocap_opt.output.printing import Record
+from cocap_opt.text import counted
 
 _SHOWN = {J: (1.0, 1.001, 1.01, 1.05, 1.1), SECONDS: (1.0, 2.0, 5.0, 10.0, 100.0)}
 _LEAST = 1e-4  # smaller p are shown as less than this

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from msgspec import UNSET
 
 from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, GapRow
-from cocap_opt.output.printing import Listing, Marked, Record, counted
+from cocap_opt.output.printing import Listing, Marked, Record
 from cocap_opt.problem.plan import NO_PLAN
 from cocap_opt.result import Reason
 from cocap_opt.stop import NO_LIMIT
-from cocap_opt.text import shortened
+from cocap_opt.text import counted, shortened
 
 _CUT = "!"  # marks a planner whose plan is cut short by a limit
 _OPEN = "*"  # marks a bound whose search was stopped by a limit

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from cocap_opt.experiments.tables.columns import TableColumn, read_rows
 from cocap_opt.experiments.tables.rows import ERROR
-from cocap_opt.output.printing import Listing, Record, counted
-from cocap_opt.text import in_ranges, number_in_words, rounded_up
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.text import counted, in_ranges, number_in_words, rounded_up
 
 TEAMS = "teams.csv"  # in a sweep's folder
 _REWARD = {"unit": "px^0.5/m", "least": -(2**63 - 1)}

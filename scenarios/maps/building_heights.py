@@ -48,6 +48,7 @@ _UNKNOWN = -1, "-1", "-1.0"  # as a height
 
 _LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 _FEET_AND_INCHES = re.compile(r"(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?")
+_LONGEST = 40  # letters of a value that a message quotes
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")  # thousands or a decimal comma; ambiguous
 # the form in which GDAL writes all other tags of OpenStreetMap
 _HSTORE = re.compile(r'"([^"]+)"=>"([^"]*)"')
@@ -154,6 +155,12 @@ def may_be_underground(properties: Mapping[str, Any]) -> bool:
     return "building" in tags and bool(re.fullmatch(r"\s*-\d+(\.0*)?\s*", tags.get("layer", "")))
 
 
+def _quoted(value: object) -> str:
+    """Returns the beginning of a value of JSON as messages quote it; words are as in the file."""
+    said = repr(value) if isinstance(value, str) else msgspec.json.encode(value).decode()
+    return said[:_LONGEST]
+
+
 def _require_metres(given: Mapping[str, _Given], field: str) -> None:
     """Raises a ProblemError if a property of its own states that heights are not in metres."""
     for key in (*_UNIT, *_MAYBE_UNIT):
@@ -161,7 +168,7 @@ def _require_metres(given: Mapping[str, _Given], field: str) -> None:
         unit = stated_length(str(value))
         if (unit is None and key in _UNIT) or (unit is not None and unit.metres != 1):
             raise ProblemError(
-                f"{field}.{name}: must be m, as plain heights are in metres, not {value!r:.40}; "
+                f"{field}.{name}: must be m, as plain heights are in metres, not {_quoted(value)}; "
                 'write the unit with each height, such as "40 ft"'
             )
 
@@ -176,7 +183,8 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
         if key in found and not _is_same(found[key][1], value):
             first, other = found[key]
             raise ProblemError(
-                f"{field}: {first} and {name} must agree, but are {other!r:.40} and {value!r:.40}"
+                f"{field}: {first} and {name} must agree, but are {_quoted(other)} and "
+                f"{_quoted(value)}"
             )
         found[key] = name, value
     return found
@@ -203,7 +211,7 @@ def _refuse_likely(properties: Mapping[str, Any], field: str, top: float | None)
         raise ProblemError(
             f"{field}.{name}: must be called height or min_height, with its unit if it is not m, "
             'such as "40 ft", or be left out, as properties of this name are not read: '
-            f"{value!r:.40}"
+            f"{_quoted(value)}"
         )
 
 
@@ -236,7 +244,7 @@ def _pair(tag: Mapping[str, Any], field: str) -> tuple[str, Any]:
     for name, value in (("k", "v"), ("key", "value")):
         if isinstance(tag.get(name), str) and value in tag:
             return tag[name], tag[value]
-    raise ProblemError(f'{field}: must be an object such as {{"height": "12"}}, not {tag!r:.40}')
+    raise ProblemError(f'{field}: must be an object such as {{"height": "12"}}, not {_quoted(tag)}')
 
 
 def _tags(text: str, field: str) -> dict[str, Any]:
@@ -258,8 +266,8 @@ def _first(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> _
     for name, value in others[1:]:
         if not _is_same(value, others[0][1]):
             raise ProblemError(
-                f"{field}: {others[0][0]} and {name} must agree, but are {others[0][1]!r:.40} and "
-                f"{value!r:.40}"
+                f"{field}: {others[0][0]} and {name} must agree, but are "
+                f"{_quoted(others[0][1])} and {_quoted(value)}"
             )
     return found[0] if found else None
 
@@ -280,13 +288,14 @@ def _length(
     metres = _metres(value)
     if metres > TALLEST:
         raise ProblemError(
-            f"{field}.{name}: must be at most {TALLEST:g} m, not {value!r:.40}; is it in cm or mm?"
+            f"{field}.{name}: must be at most {TALLEST:g} m, not {_quoted(value)}; is it in cm or "
+            "mm?"
         )
     if not (metres > 0 if least is None else metres >= least):  # true for nan, too
         above = "above" if least is None else ">="
         raise ProblemError(
             f"{field}.{name}: must be a number of metres {above} 0, or a length such as "
-            f'"12.5 m" or "40 ft", or left out, not {value!r:.40}'
+            f'"12.5 m" or "40 ft", or left out, not {_quoted(value)}'
         )
     return metres
 
@@ -305,7 +314,7 @@ def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> 
     if not 0 <= count <= most:
         raise ProblemError(
             f"{field}.{name}: must be a number of storeys from 0 to {most:g}, or left out, not "
-            f"{value!r:.40}"
+            f"{_quoted(value)}"
         )
     return count
 

@@ -37,7 +37,7 @@ from cocap_opt.scenarios.recipe.landing import ground_to_land_on
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
 from cocap_opt.scenarios.text import naming, rectangle
-from cocap_opt.text import meant, pair
+from cocap_opt.text import meant, pair, span
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
@@ -186,6 +186,7 @@ class DronesTable(Table):
         if (self.count is None) if chosen else (self.starts is None) == (self.count is None):
             words = "a count with the area of starts" if chosen else "either starts or a count"
             raise ProblemError(f"must have {words}")
+        self._require_free_cell(around.workspace)
         parts: dict[str, Any] = {
             "motion": self.motion,
             "camera": camera_of(self.camera, self.tilts),
@@ -219,6 +220,24 @@ class DronesTable(Table):
                 raise ProblemError(f"count: must be at most {k} here; {self._room(around)}")
             team.append(Robot(start=state_apart, home=homes[k], **parts))
         return team
+
+    def _require_free_cell(self, workspace: Workspace) -> None:
+        """Raises ProblemError if the drones can be nowhere, which would make all else wrong."""
+        if self.motion.free_places(workspace).any():
+            return
+        low = workspace._replace(ceiling=None)
+        if workspace.ceiling is not None and self.motion.free_places(low).any():
+            why = f"the ceiling is at {workspace.ceiling:g} m"
+        elif self.motion.free_places(low._replace(no_fly=())).any():
+            why = "no-fly zones cover all cells that are open"
+        else:
+            heights = workspace.height_map.heights
+            on_it = ", and obstacles are on it" if workspace.meshes else ""
+            why = f"the surface is at {span(heights.min(), heights.max())} m{on_it}"
+        layers = ", ".join(f"{layer:g}" for layer in self.motion.layers)
+        raise ProblemError(
+            f"motion.layers: must be heights at which a cell is free; at {layers} m none is: {why}"
+        )
 
     def _goal(self, around: Surroundings) -> AnyGoal | None:
         """Returns the cells in which the drones must end; None if they may end anywhere."""

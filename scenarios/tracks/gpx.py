@@ -18,7 +18,7 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
-from cocap_opt.scenarios.text import plain_number, xml_root
+from cocap_opt.scenarios.text import plain_number, require_no_comma, xml_root
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, settled
 from cocap_opt.scenarios.tracks.times import moment_of, nanoseconds_of, since_first
 from cocap_opt.text import unread
@@ -148,13 +148,19 @@ def _moment(point: Element, place: str) -> int:
 
 
 def _degrees(point: Element, name: str, most: float, place: str) -> float:
-    text = point.get(name, "")
+    field = f"{place}, {name}"
+    text = point.get(name)
+    if text is None:
+        raise ProblemError(f"{field}: must be given")
+    require_no_comma(text, field)
     try:
         value = plain_number(text)
     except ValueError:
         value = math.nan
-    if not abs(value) <= most:  # true for nan, too
-        raise ProblemError(f"{place}, {name}: must be within +-{most:g} degrees, not {text[:40]!r}")
+    if math.isnan(value):
+        raise ProblemError(f"{field}: must be a number of degrees, not {text[:40]!r}")
+    if abs(value) > most:
+        raise ProblemError(f"{field}: must be within +-{most:g} degrees, not {text[:40]!r}")
     return value
 
 

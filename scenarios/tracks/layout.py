@@ -14,6 +14,7 @@ from typing import NamedTuple
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.earth.lengths import unit_of_length
 from cocap_opt.scenarios.tables import PER_METRE, PER_SECOND
+from cocap_opt.scenarios.text import require_no_comma
 from cocap_opt.scenarios.tracks.table import settled_rate
 
 _ORDER = ("id", "frame", "x", "y", "z")  # if nothing names the columns; z may be missing
@@ -53,7 +54,6 @@ _TIME_UNIT_OF_COMMENT = re.compile(
     re.IGNORECASE,
 )
 _PER_SECOND = r"(?:fps|hz|frames?\s*(?:per|/)\s*s(?:ec(?:onds?)?)?)\b"
-DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 _DATE_AND_CLOCK = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d? \d\d?:\d\d(:\S+)?")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#")
 _EXCEL = re.compile(r"sep=.", re.IGNORECASE)  # tells Excel the separator
@@ -283,8 +283,7 @@ def _rates(words: Iterable[str]) -> set[float]:
     """Returns the numbers of frames per second that words are."""
     rates = [*words]
     for rate in rates:
-        if DECIMAL_COMMA.fullmatch(rate):
-            raise ProblemError(f"fps: must have a decimal point, not a comma: {rate[:40]!r}")
+        require_no_comma(rate, "fps")
         if not is_number(rate):
             raise ProblemError(
                 f"fps: must be a number of frames per second, but a comment states "

@@ -27,9 +27,8 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.earth import same_system, short_name
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
-from cocap_opt.scenarios.text import read_text
+from cocap_opt.scenarios.text import read_text, require_no_comma
 from cocap_opt.scenarios.tracks.layout import (
-    DECIMAL_COMMA,
     Name,
     Places,
     TextLayout,
@@ -422,10 +421,7 @@ def _number(text: str, line: int, role: str) -> float:
         return float(text)
     if role in _AXES and text.lower() in _MISSING:
         return math.nan
-    if DECIMAL_COMMA.fullmatch(text):
-        raise ProblemError(
-            f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
-        )
+    require_no_comma(text, f"line {line}, {role}")
     allowed = f"seconds, {A_CLOCK}, or {A_DATE}" if role == "time" else "a number"
     raise ProblemError(f"line {line}, {role}: must be {allowed}, not {text[:40]!r}")
 

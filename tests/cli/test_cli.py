@@ -909,6 +909,19 @@ def split_leaf(proof: dict) -> None:
     proof["bound"] *= 1 + 1e-12  # one more number in the sums: a little more rounding
 
 
+def test_a_false_claim_breaks_no_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The gap is that of what `verify` computed, whatever the file claims."""
+    plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
+    Run(capsys, "solve", "tiny-share", "-o", plan, "--certificate", bound)
+    claim = json.loads(plan.read_text())
+    for factor in 0.5, 2.0:
+        plan.write_text(json.dumps(claim | {"reward": factor * claim["reward"]}))
+        run = Run(capsys, "verify", "tiny-share", plan, bound)
+        assert run.code == 1 and "reward: the plan claims" in run.out
+        words = "0.000 %: between J and the bound as verified, not as claimed"
+        assert words in " ".join(run.out.split())
+
+
 @pytest.mark.slow
 def test_altered_proofs_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -1363,13 +1376,13 @@ def test_the_same_plan_file_in_any_process(
 
 @pytest.mark.long
 def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
-    """An interrupted gap table is printed as far as it got, with exit code 0."""
+    """An interrupted gap table is printed as far as it got; scripts learn that it is not whole."""
     words = "gap", "corridor", "--seeds", "0-9", "--planner", "greedy", "--planner", "sequential"
     process = start_command(*words, "--json", "--out", tmp_path)
     wait_for(process, tmp_path, "results.csv")
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=60)
-    assert process.returncode == 0
+    assert process.returncode == 130
     assert 0 < len(json.loads(out)["rows"]) < 20
     assert (tmp_path / "results.csv").is_file()
 

@@ -82,7 +82,9 @@ def test_rows_hold_against_brute_force(problem: Problem, drones: int, cameras: i
         assume(False)
     assume(number_of_plans(scene) <= MOST_PLANS)
     asked = Asked([drones], seen_by=cameras)
-    (found,) = compare_teams(problem, 0, asked, team_settings(60.0, None, kept=False), quiet=True)
+    (found,), _ = compare_teams(
+        problem, 0, asked, team_settings(60.0, None, kept=False), quiet=True
+    )
     best = brute_force.search(scene)
     if best.plan is None:
         assert found.reward is None

@@ -1,3 +1,4 @@
+import codecs
 import json
 import math
 import subprocess
@@ -708,8 +709,9 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
         return decode_document(read_bytes(path), str(path), CertificateFile, ProofFile)
 
     for content in (file, proof):
-        (tmp_path / "file.json").write_bytes(encode(content))
-        assert read(tmp_path / "file.json") == content
+        for mark in (b"", codecs.BOM_UTF8):  # which some programs write first
+            (tmp_path / "file.json").write_bytes(mark + encode(content))
+            assert read(tmp_path / "file.json") == content
     plain = json.loads(encode(file))
     for change, words in (
         ({"format": "cocap-opt plan"}, "format: must be 'cocap-opt certificate' or"),
@@ -726,6 +728,10 @@ def test_one_reader_takes_certificates_and_proofs(tmp_path: Path) -> None:
         with pytest.raises(FileError, match=r"^\S*file\.json: ") as error:
             read(tmp_path / "file.json")
         assert words in str(error.value) and "\n" not in str(error.value)
+    del plain["version"]
+    (tmp_path / "file.json").write_text(json.dumps(plain))
+    with pytest.raises(FileError, match="version: is missing; must be 4, 5, 6, 7, 8"):
+        read(tmp_path / "file.json")
 
 
 @pytest.mark.parametrize(

@@ -562,6 +562,21 @@ def test_a_plan_that_is_not_flown_as_planned(
     assert max(map(len, run.out.splitlines())) <= 200 and "any drone 0.7 s late" in run.out
 
 
+def test_usual_changes_are_no_longer_than_the_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A flight may be shorter than the usual delays: nobody asked for these."""
+    scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
+    for step, times in ((0.1, set()), (0.25, {"0.5", "1"}), (0.5, {"0.5", "1", "2"})):
+        scene.write_text(RECIPE.format(step=f"step = {step}", limits=""))
+        co.save(plan, co.plan(co.load(scene), "sequential"))
+        run = Run(capsys, "robustness", scene, plan, "--json")
+        changes = [row["change"].split() for row in run.json["changes"]]
+        assert {words[2] for words in changes if words[1] == "drone"} == times
+        assert {words[1] for words in changes if "early" in words} == times - {"0.5"}
+        assert ["people", "1", "m", "left"] in changes
+
+
 def test_changes_that_are_none_are_refused(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

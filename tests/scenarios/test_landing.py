@@ -113,6 +113,10 @@ def test_nothing_but_ground_is_landed_on(tmp_path: Path) -> None:
     [
         (LAND, "lowest = 3\n[[no_fly]]\npolygon = [[0, 0], [18, 0], [18, 14], [0, 14]]\nbottom = 9",
          r"drones\[0\].land: must be left out here: none of .* is above free ground"),
+        (LAND, "[airspace]\nceiling = 2",
+         r"drones\[0\].motion.layers: must be .*: the ceiling is at 2 m"),
+        (LAND, "[[no_fly]]\npolygon = [[0, 0], [18, 0], [18, 14], [0, 14]]",
+         r"drones\[0\].motion.layers: must be .*: no-fly zones cover all cells that are open"),
         (f"{LAND}\nhomes = [[3, 3]]", "", r"drones\[0\].land: must be left out beside homes"),
         ('land = "roof"', "", r"""land: must be "ground", not 'roof'"""),
     ],

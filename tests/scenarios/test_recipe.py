@@ -314,7 +314,7 @@ starts = [{ x = 15, y = 15 }]
         ),
         ("[[no_fly]]\npolygon = [[0, 0], [2, 0], [2, 2]]\ntop = 1\nbottom = 2", "top: must be ab"),
         ("[airspace]\nover_people = 3", "airspace: over_people: must be left out if people is"),
-        ("[airspace]\nceiling = 1", r"drones.0..starts.0.: cell .* above the ceiling"),
+        ("[airspace]\nceiling = 1", r"drones.0..motion.layers: .*: the ceiling is at 1 m"),
         (
             "[airspace]\npeople = 4",
             r"drones.0..starts.0.: is 2.55 m from person 0 .*, must be 4 m",
@@ -379,7 +379,8 @@ starts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]
     write_tif(tmp_path / "dtm.tif", ground)
     write_tif(tmp_path / "dsm.tif", surface)
     above_sea = text.replace("steps = 3", 'steps = 3\nflight = "above-sea"')
-    with pytest.raises(ProblemError, match="is blocked"):
+    words = r"layers: must be .*; at 5 m none is: the surface is at \S*\.\.\S* m"
+    with pytest.raises(ProblemError, match=words):
         read(write(tmp_path, above_sea))
     above_sea = above_sea.replace("[[drones]]", "[[drones]]\nmotion = { layers = [120] }")
     assert read(write(tmp_path, above_sea)).height_map.datum is None
@@ -920,8 +921,12 @@ def test_cameras_that_look_up_are_asked_about(tmp_path: Path) -> None:
 def test_heights_above_the_ceiling_are_named(tmp_path: Path) -> None:
     """So that nobody looks for walls."""
     drones = '[[drones]]\ncount = 1\nstarts = { area = "anywhere" }\nmotion = { layers = [40] }\n'
+    low = "[airspace]\nceiling = 30\n"
+    with pytest.raises(ProblemError, match=r"at 40 m none is: the ceiling is at 30 m"):
+        read(write(tmp_path, FLAT + low + drones))
+    problem = read(write(tmp_path, FLAT + low.replace("30", "50") + drones))
     with pytest.raises(ProblemError, match=r"all its heights, 40 m and more, are above the ceil"):
-        read(write(tmp_path, FLAT + "[airspace]\nceiling = 30\n" + drones))
+        problem.replace(airspace=problem.airspace.replace(ceiling=30.0))
     heights = drones.replace("layers", "heights")
     with pytest.raises(ProblemError, match=r"unknown field `heights`; did you mean layers\?"):
         read(write(tmp_path, FLAT + heights))

@@ -26,6 +26,7 @@ from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Problem
+from cocap_opt.text import counted
 
 _CHECKS = (
     "batteries are charged; radio links and satellite reception are good",
@@ -142,9 +143,9 @@ def _places_and_heights(flight: Flight) -> Iterator[Block]:
     problem, flown = flight.flown.problem, flight.flown
     drones, people = len(problem.robots), len(problem.actors)
     yield (
-        f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "
-        f"{'person' if people == 1 else 'people'}; {flown.seconds:g} s, in {problem.horizon} steps "
-        f"of {flown.step:g} s; {'smooth' if flight.is_smooth else 'straight from step to step'}."
+        f"{counted(drones, 'drone')}, {counted(people, 'person')}; {flown.seconds:g} s, in "
+        f"{counted(problem.horizon, 'step')} of {flown.step:g} s; "
+        f"{'smooth' if flight.is_smooth else 'straight from step to step'}."
     )
     yield from _tracks(problem)
     if flight.is_smooth:

@@ -12,10 +12,11 @@ from cocap_opt.experiments.lab.studies.runs import processor_seconds
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.formulations.independent.audit import NARROW
 from cocap_opt.model import compiled
-from cocap_opt.output.printing import Listing, counted
+from cocap_opt.output.printing import Listing
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.run.audited import audited
 from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.text import counted
 
 _TABLE = "audit.csv"
 _SEED = 0

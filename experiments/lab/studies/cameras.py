@@ -16,7 +16,7 @@ from cocap_opt.experiments.lab.studies.options import Out, Scenes, Seconds, Seed
 from cocap_opt.experiments.lab.studies.runs import ProcessorLimit
 from cocap_opt.footage.quality import Quality
 from cocap_opt.model import compiled
-from cocap_opt.output.printing import Listing, Record, counted
+from cocap_opt.output.printing import Listing, Record
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, relative_gap
@@ -24,6 +24,7 @@ from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.front import Front
 from cocap_opt.run.options import Option
 from cocap_opt.scenarios import load_scene
+from cocap_opt.text import counted
 from cocap_opt.vision.default_weights import FIRST, with_views
 
 _TABLE = "cameras.csv"

@@ -63,8 +63,9 @@ from cocap_opt.experiments.lab.studies.which import (
 from cocap_opt.experiments.library.tables import library_in_markdown, library_in_words
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
-from cocap_opt.output.printing import counted, markdown_table, print_texts
+from cocap_opt.output.printing import markdown_table, print_texts
 from cocap_opt.planners import RECOMMENDED
+from cocap_opt.text import counted
 
 
 @cache

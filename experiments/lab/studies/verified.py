@@ -19,10 +19,11 @@ from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.formulations.independent.machine_checked import checking
 from cocap_opt.model import compiled
-from cocap_opt.output.printing import Listing, counted
+from cocap_opt.output.printing import Listing
 from cocap_opt.problem import Problem
 from cocap_opt.run.options import UsageError
 from cocap_opt.scenarios import load_scene
+from cocap_opt.text import counted
 
 _TABLE = "verified.csv"
 _PROOF, _MULTIPLIERS = "proof without a search", "multipliers of a staged certificate"

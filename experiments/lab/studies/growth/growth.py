@@ -29,9 +29,10 @@ from cocap_opt.experiments.lab.studies.options import Out, Seconds
 from cocap_opt.experiments.lab.studies.runs import Run
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation
 from cocap_opt.formulations.column_generation.tree.root import Root
-from cocap_opt.output.printing import Listing, counted
+from cocap_opt.output.printing import Listing
 from cocap_opt.run.options import Option
 from cocap_opt.scenarios.built_in.field import field
+from cocap_opt.text import counted
 
 _TABLE = "growth.csv"
 _PROSE = {"robots": "drones"}

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from cocap_opt.console.exit_codes import INTERRUPTED
 from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.results import STORED, Results, in_percent, markdown, stored_rows
 from cocap_opt.experiments.lab.studies.options import Out, Workers, positive_seconds
@@ -35,7 +36,6 @@ from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.options import Option, UsageError
 
 _PLANNERS = (RECOMMENDED, "cocap-lns", "cocap")
-_INTERRUPTED = 130  # exit code after Ctrl-C
 _JUDGED = {PLAN: "the plan", BETWEEN: "between cells", WORD: "their word"}
 _NOTES = """\
 The same referee evaluates all plans, theirs and ours; bounds are certified. `gap`: distance to the
@@ -92,10 +92,10 @@ def others(
     whole = [
         (case, instance)
         for case, instance in zip(cases, instances, strict=True)
-        if instance.is_whole and not instance.is_cut
+        if instance.is_finished
     ]
     _publish(whole, rows, limit, out)
-    return 0 if len(whole) == len(instances) else _INTERRUPTED
+    return 0 if len(whole) == len(instances) else INTERRUPTED
 
 
 def start_sets_in_markdown() -> str:

@@ -18,12 +18,12 @@ from cocap_opt.experiments.lab.results import read_csv
 from cocap_opt.experiments.lab.studies.paper.answers import ClaimAnswer
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.model import compiled
-from cocap_opt.output.printing import counted
 from cocap_opt.planners.constraint_tree import FELL_BACK
 from cocap_opt.problem import Motion, Problem
 from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.scenarios.built_in import SIZE, Room, drones, walker
 from cocap_opt.stop import NO_LIMIT, Limit, TimeLimit, WorkLimit
+from cocap_opt.text import counted
 
 PUBLISHED = 13.0  # %, CoCap's gain over sequential planning on the paper's corridor
 _MOUTH, _MIDDLE = 9, 15  # x of the cell where the corridor begins, y of its middle cell
@@ -119,7 +119,7 @@ class Corridor(NamedTuple):
         return (
             f"{self.width} m wide and {self.length} m long, {self.drones} drones at "
             f"{self.height:g} m that start {_STARTS[self.starts]}, "
-            f"{counted(self.people, 'person').replace('persons', 'people')}, {self.steps} steps"
+            f"{counted(self.people, 'person')}, {counted(self.steps, 'step')}"
         )
 
 

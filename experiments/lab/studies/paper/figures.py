@@ -19,7 +19,6 @@ from cocap_opt.experiments.lab.studies.paper.conditions import (
 )
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.tables.statistics import Mean
-from cocap_opt.output.printing import counted
 from cocap_opt.pictures.figures import draw_plan
 from cocap_opt.pictures.style import (
     AMBER,
@@ -42,6 +41,7 @@ from cocap_opt.pictures.style import (
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.referee import check
+from cocap_opt.text import counted
 
 CURVES = "curves.csv"
 _HEADING, _MARK_ROW = 1.9, 0.125  # rows of a heading among marks, and inches of a row

@@ -12,7 +12,8 @@ from cocap_opt.experiments.lab.results import markdown
 from cocap_opt.experiments.lab.studies.quality.plans import is_good
 from cocap_opt.experiments.lab.studies.quality.rows import PersonStep, PlanRow
 from cocap_opt.experiments.tables.statistics import NONE
-from cocap_opt.output.printing import Record, counted
+from cocap_opt.output.printing import Record
+from cocap_opt.text import counted
 
 _NEAR = 0.1  # largest difference of the median of measured over predicted from 1
 _ANGLES = (0, 10, 30, 90)  # degrees

@@ -6,9 +6,10 @@ from statistics import fmean, median
 
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint, between
 from cocap_opt.experiments.tables.statistics import NONE
-from cocap_opt.output.printing import counted, markdown_table
+from cocap_opt.output.printing import markdown_table
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
+from cocap_opt.text import counted
 
 _MUCH = 2  # in multiples of the time without a separation
 _PLANNERS = ("cocap", "cocap-lns")
