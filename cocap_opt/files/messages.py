@@ -1,7 +1,7 @@
 """Errors of msgspec's decoders in the words of this project: what was found, what is allowed."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -164,52 +164,79 @@ def _limit(number: float) -> str:
 
 def _allowed_words(said: str, kind: object, path: str, value: object) -> str:
     """Rewords msgspec's message on the value at a path, to name the values allowed there."""
+    whole = inspect.type_info(kind)
     if unknown := _UNKNOWN_WORD.fullmatch(said):
-        words = _allowed(inspect.type_info(kind), path)
-        if not words:
-            return said
-        question = meant(unknown[1].strip("'"), words)
-        others = _other_types(inspect.type_info(kind), path)
-        any_of_them = f'"{words[0]}"' if len(words) == 1 else f"one of {', '.join(words)}"
-        either = " or ".join([*others, *words]) if others else any_of_them
-        return f"must be {either}, not {unknown[1]}{question}"
+        return _of_unknown_word(unknown[1], whole, path) or said
     if wrong := _WRONG.fullmatch(said):
         expected, limits, found = wrong.groups()
         # If null is one of several types, the field may be left out.
         types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
-        words = _allowed(inspect.type_info(kind), path)  # otherwise any text is allowed
-        fields = _fields(inspect.type_info(kind), path) if "object" in types else []
-        of_fields = f" ({', '.join(fields)})" if 0 < len(fields) <= _FEW_FIELDS else ""
-        either = " or ".join(
-            f'"{words[0]}"'
-            if word == "str" and len(words) == 1
-            else _TYPES.get(word, word) + of_fields * (word == "object")
-            for word in types
-        )
-        kinds = _kinds_at(inspect.type_info(kind), path)
-        numbers = {_within(part, value) for part in kinds} - {""}
+        allowed = f"must be {_types_in_words(types, whole, path)}"
+        numbers = {_within(part, value) for part in _kinds_at(whole, path)} - {""}
         if types in (["float"], ["int"]) and len(numbers) < 2:
             limits = "".join(numbers)
-        given = _quoted(value) or ("a number with decimals" if found == "float" else "")
-        if not given and found:
-            given = _TYPES.get(found, found)
-        if not given and "length" in limits and isinstance(value, (list, tuple, str)):
-            given = str(len(value))
-        return f"must be {either}{limits}" + (f", not {given}" if given else "")
+        given = _given(value, found, "length" in limits)
+        return f"{allowed}{limits}" + (f", not {given}" if given else "")
     if said == "Number out of range":
         return "must be a number within +-1.8e308"
     if field := _UNKNOWN_FIELD.fullmatch(said):
-        known = _fields(inspect.type_info(kind), path)
-        other = _OTHER_NAMES.get(field[1], "")
-        question = f"; did you mean {other}?" if other in known else meant(field[1], known)
-        if "focal" in known:
-            question = _LEFT_OUT.get(field[1], question)
-        return f"must have no unknown field `{field[1]}`" + (
-            f"{question}; known are {', '.join(known)}" if known else ""
-        )
+        return _of_unknown_field(field[1], _fields(whole, path))
     if field := _MISSING_FIELD.fullmatch(said):
         return f"must have the field `{field[1]}`"
     return said
+
+
+def _of_unknown_word(word: str, whole: inspect.Type, path: str) -> str:
+    """Returns the message on a word that is not allowed at a path; empty if no word is."""
+    words = _allowed(whole, path)
+    if not words:
+        return ""
+    others = _other_types(whole, path)
+    any_of_them = f'"{words[0]}"' if len(words) == 1 else f"one of {', '.join(words)}"
+    either = " or ".join([*others, *words]) if others else any_of_them
+    question = meant(word.strip("'"), words)
+    return f"must be {either}, not {word}{question}"
+
+
+def _types_in_words(types: Sequence[str], whole: inspect.Type, path: str) -> str:
+    """Returns the types that are allowed at a path in words, from msgspec's names for them."""
+    words = _allowed(whole, path)  # otherwise any text is allowed
+    fields = _fields(whole, path) if "object" in types else []
+    of_fields = f" ({', '.join(fields)})" if 0 < len(fields) <= _FEW_FIELDS else ""
+    return " or ".join(
+        f'"{words[0]}"'
+        if word == "str" and len(words) == 1
+        else _TYPES.get(word, word) + of_fields * (word == "object")
+        for word in types
+    )
+
+
+def _given(value: object, found: str | None, counts: bool) -> str:
+    """Returns what was found in place of an allowed value, in words; empty if that is unknown.
+
+    Parameters
+    ----------
+    found : msgspec's name for its type
+    counts : True if the length of a list or a text is limited
+    """
+    if given := _quoted(value):
+        return given
+    if found == "float":
+        return "a number with decimals"
+    if found:
+        return _TYPES.get(found, found)
+    return str(len(value)) if counts and isinstance(value, (list, tuple, str)) else ""
+
+
+def _of_unknown_field(name: str, known: Sequence[str]) -> str:
+    """Returns the message on a field that an object must not have, given those that it may have."""
+    if not known:
+        return f"must have no unknown field `{name}`"
+    other = _OTHER_NAMES.get(name, "")
+    question = f"; did you mean {other}?" if other in known else meant(name, known)
+    if "focal" in known:
+        question = _LEFT_OUT.get(name, question)
+    return f"must have no unknown field `{name}`{question}; known are {', '.join(known)}"
 
 
 def _allowed(kind: inspect.Type, path: str) -> list[str]:
