@@ -95,14 +95,11 @@ def _show(
     plan = plan or plan_with_scene(scene)
     output, suffix = Option("-o").file(output or _SHOWN, SHOWN)
     is_film = suffix in FILMS and (suffix != ".gif" or bool(film.given))
-    if not plan and (is_film or suffix == ".gif"):
-        raise UsageError("PLAN: name a plan, such as plan.json; without a plan nothing moves")
+    _require_shown(plan, suffix, is_film)
     if film.given and not is_film:
         raise UsageError(
             f"{', '.join(film.given)}: must be left out for {suffix}, as it is not a film"
         )
-    if suffix != ".html" and not is_film and len(plan) > 1:
-        raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
     if certificate and not (plan and (suffix == ".html" or is_film)):
         raise UsageError("--certificate: needs a plan, and a film or a file that ends in .html")
     if steps is not None and (suffix == ".html" or is_film or not plan):
@@ -132,10 +129,11 @@ def _show(
             gaps = _gaps(problem, plans, certificate)
             proof = _proof(certificate, scene, seed, loaded, plan, given)
         player = _player(problem, given, plan, gaps, proof)
-        content, told = (
-            film.film(seed, player, filming) if filming else (player.page().encode(), {})
-        )
-        answer |= told
+        if filming:
+            content, told = film.film(seed, player, filming)
+            answer |= told
+        else:
+            content = player.page().encode()
     else:
         chosen = () if steps is None else _steps(problem, steps)
         content = _picture(problem, plans, suffix, chosen)
@@ -143,6 +141,16 @@ def _show(
     answer |= {"digest": problem_digest(problem), "file": output}
     print_result(answer, json)
     return 0
+
+
+def _require_shown(plans: Sequence[Path], suffix: str, is_film: bool) -> None:
+    """Raises a UsageError if a file with this ending cannot show so many plans."""
+    if not plans and (is_film or suffix == ".gif"):
+        raise UsageError("PLAN: name a plan, such as plan.json; without a plan nothing moves")
+    if suffix != ".html" and not is_film and len(plans) > 1:
+        raise UsageError(
+            f"PLAN: a {suffix} file shows one plan, not {len(plans)}; .html takes more"
+        )
 
 
 def _loaded(scene: str, seed: int, site: Site | None) -> Problem:

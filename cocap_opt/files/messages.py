@@ -212,7 +212,7 @@ def _types_in_words(types: Sequence[str], whole: inspect.Type, path: str) -> str
 
 
 def _given(value: object, found: str | None, counts: bool) -> str:
-    """Returns what was found in place of an allowed value, in words; empty if that is unknown.
+    """Returns the value that was found, in words; empty if it is unknown.
 
     Parameters
     ----------
