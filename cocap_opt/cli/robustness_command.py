@@ -164,7 +164,7 @@ def _shown(row: ChangeRow) -> Record:
     ways_out = [
         f"{name}: plan with {metres:.2f} m" for name, metres in asked.items() if metres is not None
     ]
-    return {**columns, "rules": "\n".join(ways_out) or row.rules}
+    return {**columns, "rules": "; ".join(ways_out) or row.rules}
 
 
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:

@@ -26,6 +26,7 @@ _EVEN = ", even with the quickest changes of speed; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # computed in rad/s
+STRONG = 5.0  # m/s2; drones that tilt by up to 25 or 35 degrees reach 4.6 or 6.9
 
 
 class LimitError(ProblemError):
@@ -184,7 +185,7 @@ class Flight(NamedTuple):
         """Returns the most demanding moment of each drone."""
         rows = []
         for demand in Demand.tightest(self.demands):
-            scale = 180 / math.pi if demand.kind in _ANGLES else 1.0
+            scale = _scale(demand)
             limit = None if demand.limit is None else demand.limit * scale
             rows.append({
                 "drone": demand.drone, "tightest": demand.kind.replace("_", " "),
@@ -238,15 +239,42 @@ class Flight(NamedTuple):
                 "the scene lets drones cut corners: walls were checked only at the steps",
                 Kind.UNCHECKED,
             )
-        if all(robot.limits is None for robot in problem.robots):
-            most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
-            asked = f"; the flight requires {most:.3g} m/s2" if self.is_smooth else ""
-            yield Note(
-                f"the limits of these drones are unknown and were not checked{asked}",
-                Kind.UNCHECKED,
-            )
+        yield from self._unknown_limits()
         if problem.earth is not None and problem.earth.heights is None:
             yield Note("height datum unknown", remedy="set `heights` under [earth] of a recipe")
+
+    def _unknown_limits(self) -> Iterator[Note]:
+        """Yields a note on the limits that drones do not have, with the most that the flight
+        demands of such drones.
+        """
+        unknown = [demand for demand in self.demands if demand.limit is None and demand.most > 0]
+        most: dict[str, Demand] = {}
+        for demand in sorted(unknown, key=lambda demand: -demand.most):
+            most.setdefault(demand.kind, demand)
+        if all(robot.limits is None for robot in self.flown.problem.robots):
+            which, told = "the limits of these drones", [most.get("acceleration")]
+        elif most:
+            which, told = "some limits of the drones", [*most.values()]
+        else:
+            return
+        asked = ", ".join(_told_demand(demand) for demand in told if demand is not None)
+        required = f"; the flight requires {asked}" if asked else ""
+        yield Note(f"{which} are unknown and were not checked{required}", Kind.UNCHECKED)
+
+    def strong_accelerations(self) -> Iterator[Note]:
+        """Yields a note on the strongest acceleration of a drone whose limit is unknown, if few
+        drones can do it.
+        """
+        unknown = (d for d in self.demands if d.kind == "acceleration" and d.limit is None)
+        strongest = max(unknown, key=lambda demand: demand.most, default=None)
+        if strongest is not None and strongest.most > STRONG:
+            yield Note(
+                f"drone {strongest.drone} has to accelerate by {strongest.most:.1f} m/s2 at "
+                f"{strongest.t:.1f} s, and its limit is unknown: at {STRONG:g} m/s2 a drone "
+                "already tilts by 27 degrees",
+                Kind.URGENT,
+                "set `limits = { acceleration = 4 }` or the like under [[drones]], and plan again",
+            )
 
     def near_without_rule(self) -> Iterator[Note]:
         """Yields a note on how close drones come to each other, if no rule requires a distance.
@@ -313,6 +341,17 @@ class Flight(NamedTuple):
         """Returns the times (s) of rows."""
         usual = self.flown.step / (PER_STEP if self.is_smooth else 1)
         return _moments(self.flown, usual if every is None else every)
+
+
+def _scale(demand: Demand) -> float:
+    """Returns the factor from a demand's unit to the unit in which people read it."""
+    return 180 / math.pi if demand.kind in _ANGLES else 1.0
+
+
+def _told_demand(demand: Demand) -> str:
+    """Returns a demand in words, e.g. "acceleration 12.1 m/s2 (drone 2)"."""
+    value = f"{demand.most * _scale(demand):.3g} {_UNITS[demand.kind]}"
+    return f"{demand.kind.replace('_', ' ')} {value} (drone {demand.drone})"
 
 
 def _moments(flown: Trajectory, every: float) -> FloatArray:

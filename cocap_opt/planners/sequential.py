@@ -79,7 +79,12 @@ def _result(team: PlannedTeam, limit: Limit | None) -> Result:
     """Returns the result of a team that is planned as far as a limit or the other robots allow."""
     if not team.is_whole and limit is None:
         robot = team.found.index(None)
-        words = f"the drones planned before leave drone {robot} no path"
+        is_first = not any(team.found)
+        words = (
+            f"drone {robot} has no path, even alone"
+            if is_first
+            else f"the drones planned before leave drone {robot} no path"
+        )
         return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
     whole = hovering(team)
     if limit is not None and not whole.is_whole:

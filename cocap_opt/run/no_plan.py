@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.graph.value_iteration import leads_to_goal
-from cocap_opt.model import Model, compiled
+from cocap_opt.model import compiled
 from cocap_opt.plausibility import narrow_way
 from cocap_opt.problem import AnyGoal, Problem, goal_cells
-from cocap_opt.text import in_ranges
+from cocap_opt.text import counted, in_ranges
 
 
 def why_no_plan(problem: Problem) -> Iterator[str]:
@@ -20,31 +20,49 @@ def why_no_plan(problem: Problem) -> Iterator[str]:
     A goal that a drone cannot reach even alone, and a goal with fewer free places than drones that
     must end there, each prove that no plan exists. No coverage is computed.
     """
-    if stuck := _out_of_reach(compiled(problem)):
-        several, steps = len(stuck) > 1, problem.horizon
-        numbers = [problem.robots[i].number for i in stuck]
-        told = [n for n in numbers if n is not None] or stuck
-        of_mission = "" if told == stuck else " of the mission"
-        yield (
-            f"drone{'s' if several else ''} {in_ranges(told)}{of_mission} cannot reach "
-            f"{'their goals' if several else 'its goal'} in {steps} step{'s' if steps > 1 else ''},"
-            " even alone: allow more steps, a nearer start or another goal (in a recipe `steps`, "
-            "`starts` or `land`)"
-        )
+    if stuck := _without_path(problem):
+        yield from _told(problem, stuck)
     yield from _too_many(problem)
     if words := narrow_way(problem):
         yield words
 
 
-def _out_of_reach(model: Model) -> list[int]:
-    """Returns the drones that cannot reach their goal by the last step, even alone."""
-    found, horizon = [], model.problem.horizon
+def _without_path(problem: Problem) -> list[int]:
+    """Returns the drones that have no path to the last step, or to a goal there, even alone."""
+    model, found = compiled(problem), []
     for i, robot_class in enumerate(model.class_of):
-        if robot_class.goal is not None:
-            leads = leads_to_goal(robot_class.graph, horizon, robot_class.goal)
-            if not leads[0, model.starts(i)].any():
-                found.append(i)
+        leads = leads_to_goal(robot_class.graph, problem.horizon, robot_class.goal)
+        if not leads[0, model.starts(i)].any():
+            found.append(i)
     return found
+
+
+def _told(problem: Problem, stuck: list[int]) -> Iterator[str]:
+    """Yields messages on drones without a path: those that people leave none, and others."""
+    airspace = problem.airspace
+    nearer = airspace.replace(people_aside=0.0, people_above=None, people_stray=0.0)
+    far = _without_path(problem.replace(airspace=nearer)) if airspace.people_aside else stuck
+    horizon = counted(problem.horizon, "step")
+    for numbers in (far, [i for i in stuck if i not in far]):
+        if not numbers:
+            continue
+        several, at_goals = len(numbers) > 1, any(problem.robots[i].goal for i in numbers)
+        told = [n for i in numbers if (n := problem.robots[i].number) is not None] or numbers
+        of_mission = "" if told == numbers else " of the mission"
+        drones = f"drone{'s' if several else ''} {in_ranges(told)}{of_mission}"
+        goals = f"reach {'their goals' if several else 'its goal'} in" if at_goals else "fly for"
+        if numbers is far:
+            way_out = (
+                "allow more steps, a nearer start or another goal (in a recipe `steps`, `starts` "
+                "or `land`)"
+            )
+        else:
+            keep = "they have" if several else "it has"
+            way_out = (
+                f"{keep} to keep {airspace.told_people}; allow a smaller distance (in a recipe "
+                "`people` under [airspace]), or start elsewhere"
+            )
+        yield f"{drones} cannot {goals} {horizon}, even alone: {way_out}"
 
 
 def _too_many(problem: Problem) -> Iterator[str]:

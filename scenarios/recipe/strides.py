@@ -11,6 +11,7 @@ ground than stated.
 import logging
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -251,4 +252,20 @@ def _changed(
             f"drones[{k}]{f' ({table.airframe})' if table.airframe else ''}: so that any plan can "
             f"be flown smoothly in steps of {step:g} s, {', '.join(words)}; "
             'flown = "straight" keeps the moves of the recipe'
+        )
+        yield from _apart(k, motion, after.height_map, step)
+
+
+def _apart(k: int, motion: Motion, height_map: HeightMap, step: float) -> Iterator[str]:
+    """Yields the layers between which drones cannot change, in words."""
+    if motion.stride is None or height_map.is_uneven:
+        return
+    bounds = motion.stride.upright, motion.stride.space
+    most = min((bound for bound in bounds if bound is not None), default=math.inf)
+    pairs = [(low, high) for low, high in pairwise(motion.layers) if high - low > most]
+    if pairs:
+        told = ", ".join(f"{low:g} and {high:g} m" for low, high in pairs)
+        yield (
+            f"drones[{k}]: cannot change between the layers {told}: in a step of {step:g} s they "
+            f"climb at most {most:.3g} m; place layers closer together, or make steps longer"
         )

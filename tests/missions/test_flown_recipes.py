@@ -57,6 +57,18 @@ def scene_of(tmp_path: Path, top: str = "", drones: str = 'airframe = "px4"') ->
     return path
 
 
+def test_layers_too_far_apart_for_a_step_are_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Otherwise a flight height that nobody can reach would drop out in silence."""
+    words = "cannot change between the layers 9 and 14 m: in a step of 2 s they climb at most "
+    for layers, is_told in (("[5, 6, 7]", False), ("[8, 9, 14]", True)):
+        caplog.clear()
+        drones = f'airframe = "px4"\nmotion = {{ layers = {layers} }}'
+        co.load(scene_of(tmp_path, "step = 2", drones))
+        assert (words in caplog.text) == is_told
+
+
 def test_cells_are_divided_where_no_move_fits_a_step(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -114,7 +126,7 @@ def test_headings_are_divided_where_a_turn_takes_longer_than_a_step(tmp_path: Pa
 def test_drones_in_one_team_keep_their_cells(tmp_path: Path) -> None:
     """Where cells are divided for one, others go from cell to cell as the recipe has it."""
     drones = 'airframe = "px4"\n[[drones]]\nstarts = [{ x = 7.5, y = 9.5 }]\nairframe = "skydio-2"'
-    problem = co.load(scene_of(tmp_path, drones=drones))
+    problem = co.load(scene_of(tmp_path, "step = 2", drones))
     other = problem.robots[2].motion
     assert (other.radius, other.spacing, len(other.moves)) == (2, 2, 9)
 

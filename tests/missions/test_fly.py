@@ -213,6 +213,28 @@ def test_drones_and_people_that_meet_without_a_rule_are_told_first(
     assert (words in " ".join(short.split())) and "person 0" not in "".join(told)
 
 
+@pytest.mark.parametrize("known", ["", "speed = 16", "speed = 16, acceleration = 40"])
+def test_accelerations_that_few_drones_can_do_are_told(
+    known: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Makers of drones state speeds, but often no accelerations."""
+    monkeypatch.setenv("COLUMNS", "400")
+    scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
+    limits = f"limits = {{ {known} }}" if known else ""
+    scene.write_text(STRAIGHT + RECIPE.format(step="step = 0.5", limits=limits))
+    problem = co.load(scene)
+    first, second = problem.first_starts
+    moves = tuple(second._replace(x=x) for x in (2, 3, 3, 2, 2))
+    co.save(plan, co.Plan(paths=((first,) * 5, moves)), problem)
+    words = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv").out
+    is_unknown = "acceleration" not in known
+    assert ("ATTENTION: drone 1 has to accelerate by " in words) == is_unknown
+    which = "some limits of the drones" if known else "the limits of these drones"
+    required = r" are unknown and were not checked; the flight requires .*acceleration [\d.]+ m/s2"
+    assert bool(re.search(which + required + r" \(drone 1\)", words)) == is_unknown
+
+
 @pytest.mark.parametrize("ending", [".csv", ".plan", ".kml", ".skyc", ".opencv.json"])
 def test_warnings_come_before_a_few_lines_of_answer(
     ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],

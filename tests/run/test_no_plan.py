@@ -3,6 +3,7 @@
 import logging
 from pathlib import Path
 
+import numpy as np
 import pytest
 from brute_force import all_paths, optimum
 from goals import with_areas
@@ -46,6 +47,25 @@ def test_goals_out_of_reach_are_named_with_a_remedy() -> None:
     )
     assert not any(FAR in words for words in why_no_plan(goals((0, 0), (2, 0))))
     assert [*why_no_plan(tiny())] == []
+
+
+def test_people_who_leave_drones_no_room_are_named() -> None:
+    """The goal is not to blame, and without a goal there is still a reason."""
+    problem = tiny()
+    middle = [[200.0, 200.0, 0.0, 0.0], *([[8.0, 6.0, 0.0, 0.0]] * problem.horizon)]
+    actors = (problem.actors[0].replace(poses=np.array(middle)),)
+    airspace = problem.airspace.replace(people_aside=100.0)
+    for goal in None, GoalArea(cells=((0, 0), (3, 2))):
+        robots = tuple(robot.replace(goal=goal) for robot in problem.robots)
+        crowded = problem.replace(actors=actors, robots=robots)
+        assert [*why_no_plan(crowded)] == []
+        crowded = crowded.replace(airspace=airspace)
+        (words,) = why_no_plan(crowded)
+        done = "fly for" if goal is None else "reach their goals in"
+        assert words.startswith(f"drones 0-1 cannot {done} 2 steps, even alone: they have to keep")
+        assert "keep 100 m from people; allow a smaller distance" in words
+        result = co.plan(crowded, "sequential")
+        assert result.plan is None and result.message == "drone 0 has no path, even alone"
 
 
 def test_goals_with_less_room_than_drones_are_named() -> None:
