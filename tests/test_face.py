@@ -616,10 +616,12 @@ def test_a_plan_that_was_read_is_for_the_problem_of_its_file(tmp_path: Path) -> 
 def test_the_planner_of_the_pages_is_one() -> None:
     """The example of a planner works, obeys a stop and is as good as it says."""
     page = (ROOT / "docs" / "extend" / "planner.md").read_text(encoding="utf-8")
-    block = page.split("```python\n")[1].split("```")[0]
+    blocks = [part.split("```")[0] for part in page.split("```python\n")[1:3]]
     names: dict[str, Any] = {}
-    exec(block, names)
+    for block in blocks:
+        exec(block, names)
     problem = co.load("tiny-queue")
+    assert co.plan(problem, names["still"]).plan == co.plan(problem, "greedy", time_limit=0).plan
     result = co.plan(problem, names["alone"])
     assert result.method == "alone" and co.check(problem, result).reward == result.value > 0
     assert co.plan(problem, names["alone"], time_limit=0).reason == "stopped"
@@ -635,6 +637,21 @@ def test_a_planner_that_returns_nothing_is_refused() -> None:
 
 def nothing(problem: co.Problem, stop: co.Stop) -> None:
     """A planner that forgets its result."""
+
+
+@pytest.mark.parametrize(
+    ("use", "method", "words"),
+    [
+        (co.bound, lambda *given: None, "returned nothing (None); a bound must return a Certif"),
+        (co.bound, lambda *given: co.plan(given[0]), "returned a Result; a bound must return a C"),
+        (co.bound, lambda problem, stop: None, "must be a function of a problem, a stopping crite"),
+        (co.solve, lambda *given: None, "a function to report to, and of `gap` by keyword: got an"),
+    ],
+)
+def test_a_bound_that_is_none_is_refused(use: Any, method: Any, words: str) -> None:
+    """What a bound must take and return is not what a planner must."""
+    with pytest.raises(ValueError, match=f"^<lambda> .*{re.escape(words)}"):
+        use(co.load("tiny-queue"), method)
 
 
 @pytest.mark.parametrize(

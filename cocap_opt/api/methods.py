@@ -27,7 +27,7 @@ from cocap_opt.run.judged import Judged
 from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.named_planners import planner_named
 from cocap_opt.run.options import Allowance, Option
-from cocap_opt.run.own_planners import OwnPlanner, guarded
+from cocap_opt.run.own_planners import OwnPlanner, bounding
 from cocap_opt.run.replanning import BOUND_SECONDS, Replanned, Replanning
 from cocap_opt.stop import Stop, never
 
@@ -273,7 +273,7 @@ def _bounding(
     _require_callable("method", given, known)
     if isinstance(given, Method):
         return _recorded(given)
-    return Method(guarded(given, name_of(given)), takes=takes, bounds=True, foreign=True)
+    return bounding(given, name_of(given), takes)
 
 
 def _recorded(given: Method[R]) -> Method[R]:

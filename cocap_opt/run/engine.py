@@ -97,7 +97,7 @@ def run(
 
     @timed
     def search(problem: Problem) -> Any:
-        return usable_result(name, known(problem, allowed, *placed, **named))
+        return usable_result(name, known(problem, allowed, *placed, **named), bounds=known.bounds)
 
     result = search(problem)
     if known.bounds and result.limit is not None:

@@ -5,7 +5,7 @@ import importlib
 import inspect
 import platform
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from numbers import Real
@@ -19,7 +19,8 @@ import msgspec
 import numpy as np
 
 from cocap_opt.files.messages import in_words
-from cocap_opt.method import Method
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.run.own_code import OwnCode, counted
@@ -196,16 +197,25 @@ def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {error} ({file}, line {where.lineno}, in {where.name})"
 
 
-def usable_result(name: str, result: object) -> Result:
-    """Returns a planner's result with a plan of built-in types.
+def usable_result(name: str, result: object, bounds: bool = False) -> Result:
+    """Returns a method's result with a plan of built-in types.
+
+    Parameters
+    ----------
+    bounds : True for bounds and exact methods, False for planners
 
     Raises
     ------
     OwnPlannerError
         If it is not a result, or contains invalid values; the message describes them.
     """
-    makes = "a planner must return a Result, such as Result(plan, J, Reason.FINISHED)"
-    if not isinstance(result, Result):
+    if bounds:
+        of_kind: type[Result] = CertifiedResult
+        makes = "a bound must return a CertifiedResult, as CertifiedResult.bounded makes it"
+    else:
+        of_kind = Result
+        makes = "a planner must return a Result, such as co.Result(plan, J, co.Reason.FINISHED)"
+    if not isinstance(result, of_kind):
         what = "nothing (None)" if result is None else with_article(type(result).__name__)
         raise OwnPlannerError(f"{name} returned {what}; {makes}")
     for field_name, value, kind, allowed in (
@@ -285,19 +295,46 @@ def _module(name: str) -> Any:
 
 def _checked(call: _Call, name: str) -> _Call:
     """Returns a planner that takes a problem and a stopping criterion, and possibly a seed."""
+    words = "a problem and a stopping criterion, and of a seed if it takes one"
+    _require_takes(call, f"{name} must be a function of {words}", 2, [_SEED] * _takes_seed(call))
+    return call
+
+
+def bounding(call: _Call, name: str, takes: frozenset[str]) -> Method[Any]:
+    """Returns the record of a third-party bound or exact method.
+
+    Parameters
+    ----------
+    takes : its arguments besides a problem and a stopping criterion, as in `Method.takes`
+
+    Raises
+    ------
+    OwnPlannerError
+        If it does not take these arguments.
+    """
+    words = "a problem, a stopping criterion, a start and a function to report to"
+    keywords = sorted(takes - START_AND_REPORT)
+    more = "".join(f", and of `{keyword}` by keyword" for keyword in keywords)
+    _require_takes(call, f"{name} must be a function of {words}{more}", 4, keywords)
+    return Method(guarded(call, name), takes=takes, bounds=True, foreign=True)
+
+
+def _require_takes(call: _Call, must: str, placed: int, keywords: Iterable[str]) -> None:
+    """Raises OwnPlannerError if a function does not take so many arguments by position, and these
+    by keyword.
+
+    Parameters
+    ----------
+    must : the beginning of the message
+    """
     try:
         signature = inspect.signature(call)
     except (TypeError, ValueError):  # the signature is not available
-        return call
+        return
     try:
-        signature.bind(None, None, **({_SEED: 0} if _takes_seed(call) else {}))
+        signature.bind(*[None] * placed, **dict.fromkeys(keywords))
     except TypeError as error:
-        words = (
-            "must be a function of a problem and a stopping criterion, and of a seed if it "
-            f"takes one: {error}"
-        )
-        raise OwnPlannerError(f"{name} {words}") from error
-    return call
+        raise OwnPlannerError(f"{must}: {error}") from error
 
 
 def _takes_seed(call: _Call) -> bool:
