@@ -181,6 +181,8 @@ class WorkLimit(Stop):
 
     def __init__(self, units: int) -> None:
         _require_number("units", units)
+        if units < 0 or units % 1:
+            raise ValueError(f"units: must be a whole number >= 0, not {units!r}")
         self._units = self._left = units
 
     def reached(self) -> Limit | None:

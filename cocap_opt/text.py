@@ -100,6 +100,11 @@ def shortened(name: str, most: int = 60) -> str:
     return name if len(name) <= most else f"{name[: most - half - 1]}…{name[-half:]}"
 
 
+def on_a_line(value: object, most: int = 80) -> str:
+    """Returns the `repr` of a value on one line, with an ellipsis if it is long."""
+    return shortened(" ".join(repr(value).split()), most)
+
+
 def meant(word: str, known: Iterable[str]) -> str:
     """Returns a question that suggests the most similar known word; empty if none is similar."""
     close = get_close_matches(word, list(known), n=1)

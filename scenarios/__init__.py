@@ -274,6 +274,8 @@ def _starts(problem: Problem) -> list[State]:
 
 def _find_file(name_or_path: str) -> tuple[Path, _Format]:
     """Returns the scene file with this name, or in the folder with this name, and its format."""
+    if not name_or_path:
+        raise FileError("scene: must be a name or a file, not empty")
     path = Path(name_or_path)
     if os.path.isdir(path):
         if not os.path.exists(path / "seq.yaml"):

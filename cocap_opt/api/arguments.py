@@ -15,7 +15,7 @@ from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Result
 from cocap_opt.run.own_planners import plain_plan
 from cocap_opt.run.rest import Rest
-from cocap_opt.text import other_scene
+from cocap_opt.text import on_a_line, other_scene
 
 Bound = CertificateFile | ProofFile
 
@@ -23,7 +23,7 @@ Bound = CertificateFile | ProofFile
 def require(value: object, name: str, allowed: str, *kinds: type) -> None:
     """Raises TypeError, with a readable message, if a value is of none of these types."""
     if not isinstance(value, kinds) or isinstance(value, bool):
-        raise TypeError(f"{name}: must be {allowed}, not {value!r}")
+        raise TypeError(f"{name}: must be {allowed}, not {on_a_line(value)}")
 
 
 def require_number(value: object, name: str) -> None:
@@ -40,14 +40,22 @@ def require_path(value: object, name: str) -> Path:
     """Returns a path; raises TypeError, with a readable message, if the value is not one."""
     require(value, name, "the name of a file or folder", str, Path)
     if "\0" in str(value):
-        raise ValueError(f"{name}: must be a name in which no character is NUL, not {value!r}")
+        raise ValueError(
+            f"{name}: must be a name in which no character is NUL, not {on_a_line(value)}"
+        )
     return Path(str(value))
+
+
+def require_callable(value: object, name: str) -> None:
+    """Raises TypeError, with a readable message, unless the value can be called."""
+    if not callable(value):
+        raise TypeError(f"{name}: must be a function, not {on_a_line(value)}")
 
 
 def require_flag(value: object, name: str) -> None:
     """Raises TypeError, with a readable message, unless the value is True or False."""
     if not isinstance(value, bool | np.bool_):
-        raise TypeError(f"{name}: must be True or False, not {value!r}")
+        raise TypeError(f"{name}: must be True or False, not {on_a_line(value)}")
 
 
 def listed(value: object, name: str, allowed: str) -> list[Any]:
@@ -58,7 +66,7 @@ def listed(value: object, name: str, allowed: str) -> list[Any]:
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-        raise TypeError(f"{name}: must be {allowed}, not {value!r}")
+        raise TypeError(f"{name}: must be {allowed}, not {on_a_line(value)}")
     return list(value)
 
 

@@ -15,6 +15,7 @@ from cocap_opt.api.arguments import (
 )
 from cocap_opt.files.documents import (
     Document,
+    FileError,
     PlanFile,
     SceneFile,
     decode_document,
@@ -28,6 +29,12 @@ from cocap_opt.run.judged import finite
 from cocap_opt.scenarios import load_scene
 
 T = TypeVar("T", Problem, Plan, CertificateFile, ProofFile)
+
+_ELSEWHERE = {  # kinds of files, by their ending, that other functions read
+    ".toml": "is a recipe; `load` reads it",
+    ".sol": "is a solver's solution; `plan_of_solution` of "
+    "`cocap_opt.formulations.model_files.solutions` makes a plan of its text",
+}
 
 
 def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
@@ -154,6 +161,8 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
             words = ", ".join(known.__name__ for known in _DOCUMENTS)
             raise TypeError(f"kind: must be one of {words}, not {kind!r}")
         kinds = [_DOCUMENTS[kind]]
+    if words := _ELSEWHERE.get(name.suffix.lower()):
+        raise FileError(f"{name}: {words}")
     found = decode_document(read_bytes(name), str(name), *kinds)
     if isinstance(found, SceneFile):
         return found.problem

@@ -68,6 +68,14 @@ def quality(
     >>> co.quality(problem, result, at_least=0.5, position_error=0.05).table
     """
     filmed = plan_for(problem, plan, "measured")
+    given = {
+        "at_least": at_least, "pixel_error": pixel_error, "position_error": position_error,
+        "attitude_error": attitude_error, "exposure": exposure, "drone_size": drone_size,
+        "drone_pixels": drone_pixels,
+    }  # fmt: skip
+    for name, value in given.items():
+        if value is not None or name != "at_least":
+            require_number(value, name)
     assumptions = Assumptions(
         at_least=Assumptions.of(problem).at_least if at_least is None else at_least,
         pixel_error=pixel_error,
@@ -131,8 +139,10 @@ def quality_bound(
         require_whole(cameras, "cameras")
     if at_least is not None:
         require_number(at_least, "at_least")
+    require_number(seconds, "seconds")
     limit = never
     if time_limit is not None:
+        require_number(time_limit, "time_limit")
         limit = TimeLimit(Option("time_limit").require_limit(time_limit))
     return QualityBound.of(problem, cameras, at_least).proved(
         FirstOf(stop, limit), Option("seconds").require_limit(seconds), start_for(problem, start)

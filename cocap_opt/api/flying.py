@@ -193,6 +193,8 @@ def _flight_scene(problem: Problem, step: float | None, margin: float | None) ->
     """Returns the scene in which plans of a problem are flown."""
     from cocap_opt.flight.flight_scene import FlightScene
 
+    if step is not None:
+        require_number(step, "step")
     if margin is not None:
         require(margin, "margin", "a number of metres >= 0", int, float, np.number)
     return FlightScene.of(problem, step, margin)

@@ -69,7 +69,7 @@ def front(
         if value is not None:
             require_number(value, name)
     require_whole(directions, "directions")
-    Option("directions").require_whole(int(directions))
+    Option("directions").require_whole(int(directions), 1)
     require_number(seconds, "seconds")
     Option("seconds").require_limit(seconds)
     limit = never

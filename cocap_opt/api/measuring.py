@@ -10,6 +10,7 @@ from cocap_opt.api.arguments import name_of, require, require_number, require_pa
 from cocap_opt.planners import Planner
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import SCENES, load_scene
+from cocap_opt.text import on_a_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,13 +141,13 @@ def _foreign(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict
 
     if isinstance(planners, str) or callable(planners):
         name = repr(planners) if isinstance(planners, str) else name_of(planners)
-        raise ValueError(f"planners: must be a list, such as [{name}]")
+        raise TypeError(f"planners: must be a list, such as [{name}]")
     if not isinstance(planners, Iterable):
-        raise ValueError(f"planners: must be names or functions, not {planners!r}")
+        raise TypeError(f"planners: must be names or functions, not {on_a_line(planners)}")
     functions = [planner for planner in planners if not isinstance(planner, str)]
     for planner in functions:
         if not callable(planner):
-            raise ValueError(f"planners: must be names or functions, not {planner!r}")
+            raise TypeError(f"planners: must be names or functions, not {on_a_line(planner)}")
     _require_free([name_of(planner) for planner in planners], functions)
     names = [planner for planner in planners if isinstance(planner, str)]
     foreign = own_planners(Option("planners"), names)
@@ -174,7 +175,8 @@ def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
     if isinstance(seeds, str):
         return Option("seeds").numbers(seeds)
     if not isinstance(seeds, Iterable):
-        raise ValueError(f"seeds: must be a list or a range, such as range(3), not {seeds!r}")
+        words = f"must be a list or a range, such as range(3), not {on_a_line(seeds)}"
+        raise TypeError(f"seeds: {words}")
     return tuple(Option("seeds").require_whole(seed) for seed in seeds)
 
 
@@ -182,7 +184,8 @@ def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
     """Returns one scene or several as a list."""
     given = [scenes] if isinstance(scenes, str | Path | Problem) or callable(scenes) else scenes
     if not isinstance(given, Iterable):
-        raise ValueError(f"scenes: must be names, files, problems or functions, not {scenes!r}")
+        words = f"must be names, files, problems or functions, not {on_a_line(scenes)}"
+        raise TypeError(f"scenes: {words}")
     return list(given)
 
 

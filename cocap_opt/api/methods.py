@@ -10,6 +10,7 @@ from cocap_opt.api.arguments import (
     listed,
     name_of,
     require,
+    require_callable,
     require_number,
     require_problem,
     rest_of,
@@ -30,6 +31,7 @@ from cocap_opt.run.options import Allowance, Option
 from cocap_opt.run.own_planners import OwnPlanner, bounding
 from cocap_opt.run.replanning import BOUND_SECONDS, Replanned, Replanning
 from cocap_opt.stop import Stop, never
+from cocap_opt.text import on_a_line
 
 R = TypeVar("R", bound=Result)
 
@@ -187,6 +189,7 @@ def bound(
     >>> co.bound(problem, time_limit=10).bound
     """
     require_problem(problem)
+    require_callable(report, "report")
     known = _bounding(method, BOUNDS, START_AND_REPORT)
     begin = start_for(problem, start)
     limits = _limits(problem, known, time_limit, stop)
@@ -239,6 +242,7 @@ def solve(
     require_problem(problem)
     require_number(gap, "gap")
     least = max(Option("gap").require_share(gap), OPTIMALITY)
+    require_callable(report, "report")
     known = _bounding(method, EXACT, START_AND_REPORT | {"gap"})
     begin = start_for(problem, start)
     limits = _limits(problem, known, time_limit, stop)
@@ -284,7 +288,8 @@ def _recorded(given: Method[R]) -> Method[R]:
 
 def _require_callable(option: str, given: object, known: Iterable[str]) -> None:
     if not callable(given):
-        raise ValueError(f"{option}: must be one of {', '.join(known)}, not {given!r}")
+        words = f"must be one of {', '.join(known)}, or a function, not {on_a_line(given)}"
+        raise TypeError(f"{option}: {words}")
 
 
 def _answer(problem: Problem, given: object, method: Method[R], stop: Stop, **options: Any) -> R:

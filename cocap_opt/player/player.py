@@ -133,7 +133,11 @@ class Player:
         ------
         FileError
             If it cannot be written, or is not named .html; one line with its name.
+        TypeError
+            If the path is none.
         """
+        if not isinstance(path, str | Path):
+            raise TypeError(f"path: must be the name of a file, not {path!r}")
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise FileError(f"{path}: must be named .html; `problem.plot(plan)` draws a picture")
         save_bytes(Path(path), self.page().encode())

@@ -219,6 +219,8 @@ class TopView(NamedTuple):
             figure = Figure(figsize=(_WIDTH, whole), dpi=_DPI)
             figure.set_layout_engine("none")  # regardless of the style in use
             ax = figure.add_axes((0.12, below / whole, 0.84, size / whole))
+        if not hasattr(ax, "imshow"):
+            raise TypeError(f"ax: must be axes of matplotlib, not {ax!r}")
         self.draw_map(ax)
         self.draw_walks(ax)
         for area in self.areas:

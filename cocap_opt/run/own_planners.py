@@ -26,7 +26,7 @@ from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.run.own_code import OwnCode, counted
 from cocap_opt.run.own_code import OwnPlannerError as OwnPlannerError
 from cocap_opt.stop import LimitReached
-from cocap_opt.text import meant, shortened, with_article
+from cocap_opt.text import meant, on_a_line, shortened, with_article
 
 _SEED = "seed"  # the parameter of planners that take the scene's seed
 _Call = Callable[..., object]
@@ -257,7 +257,7 @@ def _plain_number(value: object) -> object:
     """Returns a NumPy number as a Python number."""
     if isinstance(value, np.generic):
         return value.item()
-    raise msgspec.ValidationError(f"must hold states of whole numbers, not {value!r}")
+    raise msgspec.ValidationError(f"must hold states of whole numbers, not {on_a_line(value)}")
 
 
 # -- by name ----------------------------------------------------------------------------------

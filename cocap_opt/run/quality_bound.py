@@ -159,7 +159,11 @@ class QualityBound:
         ------
         ValueError
             If the quality was measured with another visible share of a person.
+        TypeError
+            If it is no `Quality`.
         """
+        if not isinstance(found, Quality):
+            raise TypeError(f"found: must be a Quality, not {found!r}")
         if found.assumptions.at_least != self.at_least:
             raise ValueError(
                 f"at_least: the bound uses {self.at_least:g}, but the plan's quality "

@@ -22,7 +22,7 @@ from test_cli import Run
 import cocap_opt as co
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.sweep import sweep
-from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.model import compiled
 from cocap_opt.run import engine
@@ -73,9 +73,9 @@ def test_coverage_is_there_before_a_method_begins(
     """So `seconds` are the method's own; those that need no whole coverage never compute it."""
     method, seen = record_of(name), []
 
-    def spy(problem: co.Problem, *_: object, **__: object) -> co.Result:
+    def spy(problem: co.Problem, *_: object, **__: object) -> CertifiedResult:
         seen.append(compiled(problem).covered_steps > problem.horizon)
-        return co.Result(None, -math.inf, co.Reason.FAILED)
+        return CertifiedResult(None, -math.inf, co.Reason.FAILED)
 
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
     compiled.cache_clear()
