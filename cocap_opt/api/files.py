@@ -161,8 +161,8 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
             words = ", ".join(known.__name__ for known in _DOCUMENTS)
             raise TypeError(f"kind: must be one of {words}, not {kind!r}")
         kinds = [_DOCUMENTS[kind]]
-    if words := _ELSEWHERE.get(name.suffix.lower()):
-        raise FileError(f"{name}: {words}")
+    if name.suffix.lower() in _ELSEWHERE:
+        raise FileError(f"{name}: {_ELSEWHERE[name.suffix.lower()]}")
     found = decode_document(read_bytes(name), str(name), *kinds)
     if isinstance(found, SceneFile):
         return found.problem

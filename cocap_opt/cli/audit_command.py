@@ -115,6 +115,10 @@ def _audit(
     else:
         shown = {key: f"{answer[key]:.1e}" for key in _WIDTHS if key in answer}
         shown["rewards_enclosed"] = "\n".join(f"{a!r} to {b!r}" for a, b in audit.rewards)
+        if answer["agrees"] and _is_open(audit):
+            shown["agrees"] = "no difference found, but not all is decided"
+        if undecided := answer.get("numbers_undecided"):
+            shown["numbers_undecided"] = f"{undecided:,} of {answer['numbers_enclosed']:,}"
         print_result(answer | shown, json, verbose)
         if differences:
             left = len(differences) - _SHOWN

@@ -11,10 +11,12 @@ from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.text import Text
 
@@ -193,9 +195,13 @@ def _draw_meanings(figure: Figure, view: TopView) -> None:
     shown = view.meanings
     if view.is_cut and 4 in shown:
         shown[4] = pictures.CLOSED, "no-fly zone (arrows: it goes on)"
-    if shown.keys() - {2}:
-        handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
-        letters = sum(len(label) for _, label in shown.values())
+    if shown.keys() - {2} or view.has_hidden_zones:
+        handles: list[Artist] = [
+            Patch(color=colour, label=label) for colour, label in shown.values()
+        ]
+        if view.has_hidden_zones:
+            handles.append(Line2D([], [], color=pictures.ZONE, lw=1.0, label=pictures.HIDDEN))
+        letters = sum(len(str(handle.get_label())) for handle in handles)
         figure.legend(handles=handles, fontsize=SMALL, loc="outside lower center",
                       ncols=3 if letters <= _LETTERS else 2, frameon=False)  # fmt: skip
 

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 
 GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#d0b79b", "#d0021b40"
-ZONE = "#a00000"  # colour of arrows where a picture cuts a no-fly zone
+ZONE = "#a00000"  # colour of outlines of no-fly zones, and of arrows where a picture cuts one
+HIDDEN = "no-fly zone, over obstacles"  # legend of outlines alone
 PERSON = "#d1495b"
 # Colours of land, as on maps; drones, people and obstacles stand out from all of them.
 LAND_COLOURS: Mapping[Land, str] = {
@@ -61,6 +62,7 @@ TICK = 0.9  # cells; length of the line that shows a heading
 
 _MOST_TAKES = len(TAKE_COLOURS)  # takes in a legend
 _MOST_AREAS = 6  # start areas in a legend
+_MOST_NAMES = 6  # people whose names are in the legend
 _DASH, _SMALL, _DISC = 3.0, 9.0, 11.0  # points: dashes, letters, marks of drones and people
 # inches: width of a picture, height of a legend's line; letters of a long line
 _WIDTH, _LINE, _LONG = 5.2, 0.2, 26
@@ -139,6 +141,7 @@ class TopView(NamedTuple):
     frame: MapFrame  # the part that is drawn
     land: Sequence[LandCover] = ()  # shown where there is no obstacle
     zones: Sequence[FloatArray] = ()  # triangles [n, 3, 3] (m) of no-fly zones at the height
+    names: Sequence[str | None] = ()  # of people
 
     @classmethod
     def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
@@ -192,6 +195,7 @@ class TopView(NamedTuple):
             areas=[],
             frame=MapFrame.around(scene.height_map, ()),
             zones=zones,
+            names=[actor.name for actor in scene.actors],
         )
 
     @overload
@@ -318,11 +322,24 @@ class TopView(NamedTuple):
         ax.grid(visible=False)
         ax.set_xlim(*extent[:2])  # later drawing must not move the frame
         ax.set_ylim(*extent[2:])
+        for outline in self._zone_outlines():  # zones over obstacles have no cells of their own
+            ax.plot(*outline.T, color=ZONE, lw=1.0, zorder=1)
         for axis, name, corner in ((ax.xaxis, "x", x), (ax.yaxis, "y", y)):
             axis.set_major_locator(MaxNLocator(6))
             shared = shared_digits(corner)
             axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
+
+    def _zone_outlines(self) -> Iterator[FloatArray]:
+        """Yields the outlines [n, 2] (m) of the no-fly zones at this height, from above."""
+        import shapely
+
+        triangles = [shapely.polygons(corners[:, :, :2]) for corners in self.zones]
+        whole = shapely.union_all([shapely.union_all(sides) for sides in triangles])
+        for part in shapely.get_parts(whole):
+            if part.geom_type == "Polygon":
+                for ring in (part.exterior, *part.interiors):
+                    yield shapely.get_coordinates(ring)
 
     def _draw_land(self, ax: Axes, strength: float) -> None:
         """Draw the areas of the land, the first at the bottom, and all names that fit
@@ -376,13 +393,27 @@ class TopView(NamedTuple):
             )
         if self.walks:
             for words, colour in people_by_take(self.takes).items():
-                found[words] = (disc(colour),)
+                found[f"{words}{self._told_names()}"] = (disc(colour),)
         for colour, label in self.meanings.values():
             found[label] = (Patch(color=colour),)
+        if self.has_hidden_zones:
+            found[HIDDEN] = (Line2D([], [], color=ZONE, lw=1.0),)
         if self.is_cut:
             mark = Line2D([], [], marker=">", ls="none", ms=7, color=ZONE, mec="white")
             found[CUT] = (mark,)
         return found
+
+    def _told_names(self) -> str:
+        """Returns the names of people beside their numbers, if a few have any."""
+        named = [f"{number} {name}" for number, name in enumerate(self.names) if name]
+        if self.takes or not 0 < len(named) <= _MOST_NAMES:
+            return ""
+        return f": {', '.join(named)}"
+
+    @property
+    def has_hidden_zones(self) -> bool:
+        """True if no-fly zones cover nothing but obstacles, so that only outlines show them."""
+        return bool(self.zones) and 4 not in self.meanings
 
     @property
     def meanings(self) -> dict[int, tuple[str, str]]:
@@ -458,6 +489,12 @@ def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: f
     ticks = np.stack([cosines(flight[:, 2]), sines(flight[:, 2])], axis=1) * TICK * cell
     for (x, y, _), (dx, dy) in zip(flight.tolist(), ticks.tolist(), strict=True):
         ax.plot([x, x + dx], [y, y + dy], color=colour, lw=0.8, alpha=0.8, zorder=4)
+    (east, north), (x, y) = ticks[0] / (TICK * cell), flight[0, :2]
+    ax.quiver(  # the heading at the start, longer than the ring on any map
+        x, y, east, north, angles="xy", units="inches", scale_units="inches", width=1.4 / 72,
+        scale=72 / (_DISC / 2 + 5), headwidth=0, headlength=0, headaxislength=0, color=colour,
+        zorder=5,
+    )  # fmt: skip
     ax.plot(*flight[0, :2], marker="o", mfc="white", mec=colour, ms=_DISC + 1, zorder=6)
     if len(flight) == 1:
         _write_number(ax, flight[0, :2], number, "black")
