@@ -40,7 +40,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import Site, load_site
-from cocap_opt.text import plain
+from cocap_opt.text import counted, plain
 
 if TYPE_CHECKING:
     from cocap_opt.player.player import Player
@@ -178,8 +178,14 @@ def _show_site(
         content = start_picture(site, output.suffix, heights)
     save_bytes(output, content)
     refused = len(site.refusals) + len(site.notes)
-    answer = {"scene": site.scene.name, "seed": seed, "drones": len(site.scene.robots)}
-    print_result(answer | {"refused": refused, "file": output}, json)
+    drones = len(site.scene.robots)
+    answer = {"scene": site.scene.name, "seed": seed}
+    if json:
+        print_result({**answer, "drones": drones, "refused": refused, "file": output}, json)
+    else:
+        rejected = f"; {refused} rejected, see above" if refused else ""
+        words = f"{counted(drones, 'drone')}{rejected}"
+        print_result({**answer, "file": output, "message": words}, json)
     return 0
 
 

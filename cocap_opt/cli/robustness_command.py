@@ -192,8 +192,9 @@ def _asking(found: WhatIf) -> Iterator[str]:
             "rules: where a distance is not kept, drones or people and the distance to plan with"
         )
         yield (
-            "the distance to plan with is the scene's plus the shortfall; it leads to a different "
-            "plan: evaluate that one again, with --margin increased by the shortfall to people"
+            "the distance to plan with is the scene's plus the shortfall: set it in the scene, "
+            "plan again, and repeat this command; if the distance from people has grown, add "
+            "--margin with its growth, by which drones may then come closer to people"
         )
 
 

@@ -220,7 +220,8 @@ def tight_timing(flight: Flight) -> Iterator[str]:
     """Yields warnings about distances that are lost by delays too small for a crew to notice."""
     problem = flight.flown.problem
     for kept, delay, nobody in (
-        (f"drones keep the {problem.rules}", tolerated_delay(flight),
+        (f"drones keep the {problem.rules}{',' * bool(problem.rules.vertical)}",
+         tolerated_delay(flight),
          "no drone is late by {} or more"),
         (f"drones keep {problem.airspace.told_people}", tolerated_delay_of_people(flight),
          "no drone or person is early or late by {} or more"),

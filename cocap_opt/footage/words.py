@@ -86,9 +86,11 @@ def _told_blur(blur: FloatArray | None) -> str:
     known = blur[~np.isnan(blur)]
     if not len(known):
         return "none: no images"
+    blurred = share(known > _SHARP)
+    remedy = "; a shorter exposure reduces it" if blurred > 0.5 else ""
     return (
         f"{np.median(known):.2g} px median, {known.max():.2g} at most; above "
-        f"{_SHARP:g} px in {whole_percent(share(known > _SHARP))} of views"
+        f"{_SHARP:g} px in {whole_percent(blurred)} of views{remedy}"
     )
 
 

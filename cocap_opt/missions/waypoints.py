@@ -49,6 +49,10 @@ from cocap_opt.problem import SEPARATION, CollisionRules
 from cocap_opt.problem.rules import TOLERANCE
 
 _PART = "no-common-clock.drone"
+ROUNDED = (
+    "autopilots round corners and speeds; clearance was checked only on the straight legs, not "
+    "during the ascent"
+)
 _LITTLE = 0.1  # s; smaller delays are not reported
 # corners of a geofence: DM_KEY_FENCE_POINTS_MAX of PX4, which newer versions have doubled
 _CORNERS = 64
@@ -300,10 +304,7 @@ def _ends(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
         )
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"
-    yield (
-        "autopilots round corners and speeds; clearance was checked only on the straight legs, "
-        "not during the ascent"
-    )
+    yield ROUNDED
 
 
 def _axes(found: list[Route]) -> Iterator[str]:

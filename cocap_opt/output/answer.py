@@ -188,11 +188,12 @@ def print_result(row: Record, json: bool, verbose: bool = True) -> None:
         silent = value is None or value == "" or _SILENT.get(key) == value
         if silent or key in _ONLY_JSON or (key == "violations" and not value and "valid" in row):
             continue
+        is_listed = row.get("violations") or ("violations" in row and "valid" not in row)
+        if key == "conflicts" and is_listed:
+            continue
         is_internal = key in _INTERNAL or (key == "conflicts" and not value)
         if is_internal and not verbose:
             hidden += 1
-            continue
-        if key == "conflicts" and row.get("violations"):  # they are listed there
             continue
         shown.append((_label(row, key), _shown(row, key)))
     print_pairs(shown)

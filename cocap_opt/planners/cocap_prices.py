@@ -39,7 +39,7 @@ _ENOUGH = 0.01
 _PATIENCE, _SLOW = 8, 0.8
 _MOST_SEARCHES = 8
 
-_STANDS_STILL = "its last search found no better plan"
+_STANDS_STILL = "it stopped by itself: its last search found no better plan"
 
 
 @timed

@@ -381,7 +381,7 @@ class TopView(NamedTuple):
         found: dict[str, _Marks] = {}
         if self.flights:
             flown = any(len(flight) > 1 for flight in self.flights.values())
-            words = "drones, last step (ring: start)" if flown else "drones' starts"
+            words = "drones, last step (ring: start)" if flown else "drones' starts and headings"
             found[words] = tuple(
                 disc(colour) if flown else disc("white", colour)
                 for colour in distinct_colours(self.flights)

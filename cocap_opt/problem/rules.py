@@ -82,7 +82,7 @@ class CollisionRules(Data, frozen=True):
     def __str__(self) -> str:
         if self.separation:
             aside = f"separation {self.separation:g} m"
-            return f"{aside}, {self.vertical:g} m in height" if self.vertical else aside
+            return f"{aside}, or {self.vertical:g} m in height" if self.vertical else aside
         return "+".join(name for name in ("vertex", "swap") if getattr(self, name)) or "none"
 
     def too_near(self, ways: FloatArray) -> BoolArray:

@@ -220,10 +220,13 @@ class TracksTable(Table):
             if fitting
             else "for a person who stands, use a [[walk]] with one point and a heading"
         )
+        together = (
+            "nobody is present" if wanted == 1 else f"no {wanted} people are present together"
+        )
         since = "" if begin is None else f" from begin = {begin:.12g} s on"
         raise ProblemError(
-            f"must have people for {steps} steps of {step:g} s, {steps * step:g} s, but the tracks "
-            f"of {wanted} last {most:.6g} s at most{since}; {way_out}"
+            f"must have people for {steps} steps of {step:g} s, {steps * step:g} s, but "
+            f"{together} for more than {most:.6g} s{since}; {way_out}"
             f"{'' if begin is None else ', or another begin'}; {who}"
         )
 

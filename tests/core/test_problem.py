@@ -480,7 +480,7 @@ def test_rules_say_what_they_are() -> None:
     assert str(VERTEX_ONLY) == "vertex"
     assert str(CollisionRules()) == "vertex+swap"
     assert str(CollisionRules(separation=2.5)) == "separation 2.5 m"
-    assert str(CollisionRules(separation=2.5, vertical=4)) == "separation 2.5 m, 4 m in height"
+    assert str(CollisionRules(separation=2.5, vertical=4)) == "separation 2.5 m, or 4 m in height"
     assert NO_RULES.none
     assert not VERTEX_ONLY.none
 

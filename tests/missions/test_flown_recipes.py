@@ -126,7 +126,7 @@ def test_headings_are_divided_where_a_turn_takes_longer_than_a_step(tmp_path: Pa
 def test_drones_in_one_team_keep_their_cells(tmp_path: Path) -> None:
     """Where cells are divided for one, others go from cell to cell as the recipe has it."""
     drones = 'airframe = "px4"\n[[drones]]\nstarts = [{ x = 7.5, y = 9.5 }]\nairframe = "skydio-2"'
-    problem = co.load(scene_of(tmp_path, "step = 2", drones))
+    problem = co.load(scene_of(tmp_path, drones=drones))
     other = problem.robots[2].motion
     assert (other.radius, other.spacing, len(other.moves)) == (2, 2, 9)
 

@@ -83,7 +83,7 @@ def test_a_legend_has_the_colours_of_the_drones_and_covers_no_map() -> None:
     handles = dict(
         zip((t.get_text() for t in legend.get_texts()), legend.legend_handles, strict=True)
     )
-    assert {"drones' starts", "drone 0 may start here"} <= set(handles)
+    assert {"drones' starts and headings", "drone 0 may start here"} <= set(handles)
     found = [patch.get_edgecolor() for patch in legend.get_patches()]
     assert to_hex(drone_colour(0)) in map(to_hex, found)
     lines = [line.get_markeredgecolor() for line in legend.get_lines()]

@@ -489,7 +489,7 @@ def test_when_step_0_is_is_said_if_tracks_begin_before(
                 "bob is present from 0 to 3 s and from 7 to 19 s; set begin" in caplog.text) == (
             steps == 9
         )  # fmt: skip
-    words = r"last 3 s at most from begin = 0 s on; set steps = 3, or another begin"
+    words = r"for more than 3 s from begin = 0 s on; set steps = 3, or another begin"
     with pytest.raises(ProblemError, match=words):
         TracksTable(file="walk.csv", count=2, begin=0.0).actors(tmp_path, terrain, 1.0, 9, NOWHERE)
 

@@ -22,7 +22,7 @@ from cocap_opt.missions.sheet.ground import take_off
 from cocap_opt.missions.sheet.heights import Heights
 from cocap_opt.missions.sheet.pages import Block, Section, Table
 from cocap_opt.missions.sheet.places import places, walks
-from cocap_opt.missions.waypoints import lateness
+from cocap_opt.missions.waypoints import ROUNDED, lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Problem
@@ -93,6 +93,8 @@ def unchecked(flight: Flight) -> Iterator[str]:
     for note in flight.notes():
         if note.kind in {Kind.UNCHECKED, Kind.NO_RULE}:
             yield note.text
+    if not flight.is_smooth:
+        yield ROUNDED
 
 
 def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
@@ -134,6 +136,8 @@ def _order(flight: Flight, clock: Clock) -> Iterator[tuple[str, str, str]]:
                 yield (clock.at(goes, number), f"drone {way.drone}",
                        f"flies home, on the ground at {clock.at(lands, number)}")  # fmt: skip
         else:
+            if problem.actors:
+                yield "after", "all people", "leave, before drones come down at their last places"
             yield "after", "all drones", "land at their last places, one after the other"
         if not is_last:
             yield "then", "crew", f"new batteries; T{number + 2} is when the take resumes"
