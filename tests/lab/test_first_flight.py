@@ -1,5 +1,6 @@
 """The tutorial on the first flight: its commands work, and its pictures are of what they make."""
 
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 
@@ -27,12 +28,12 @@ def test_the_first_flight_runs_as_it_is_written(
 ) -> None:
     """Its blocks work one after the other, print what it shows, and leave a mission per drone."""
     pytest.importorskip("pyproj")
-    pytest.importorskip("pymavlink")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")  # the page's lines are not folded
     reader = Reader(capsys)
     for language, text in blocks(PAGE.read_text(encoding="utf-8")):
-        reader.follow(language, text)
+        if "pymavlink" not in text or find_spec("pymavlink"):  # which is no requirement of tests
+            reader.follow(language, text)
     for name in ("scene.png", "steps.png", "flight.html", "sheet.pdf", "flight.kml"):
         assert Path(name).stat().st_size > 0
     assert len(list(Path().glob("mission.*.waypoints"))) == 5
