@@ -81,7 +81,8 @@ class Result:
         cls, limit: Limit, statistics: Mapping[str, float] | None = None
     ) -> Self:
         """Make a result without a plan, because a limit was reached."""
-        words = [f"no plan was found before the {limit} limit", remedy(limit)]
+        reached = "it was interrupted" if limit is Limit.INTERRUPT else f"the {limit} limit"
+        words = [f"no plan was found before {reached}", remedy(limit)]
         message = ": ".join(filter(None, words))
         return replace(cls.without_plan(Reason.STOPPED, message, statistics), limit=limit)
 

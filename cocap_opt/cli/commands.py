@@ -98,6 +98,8 @@ app = App(
     version=lambda: version("cocap-opt"),
     version_flags=["--version"],
     suppress_keyboard_interrupt=False,
+    # a file may have the name [x].json, which is no list
+    default_parameter=Parameter(json_list=False, json_dict=False),
 )
 for _flag in ("--help", "--version"):
     app[_flag].group = _GROUPS["This program"]

@@ -18,6 +18,7 @@ from cocap_opt.output.told_bounds import told_bound
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.front_search import explored
+from cocap_opt.run.judged import finite
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 
@@ -133,7 +134,7 @@ def _rows(front: Front) -> list[Record]:
         {
             "views": point.views,
             "of all (%)": 100 * front.share(point.views),
-            f"seen by {front.views.cameras} (%)": 100 * front.seen(point),
+            f"seen by {front.views.cameras} (%)": finite(100 * front.seen(point)),
             "J": point.reward,
             "no plan has more than": _told(front.reward_bound(point.views), point.reward),
         }

@@ -105,7 +105,8 @@ def _robustness(
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
-    notes = [*_notes(flight, delay, to_people), *_asking(found)]
+    has_lags = any(row.change.startswith("any drone") for row in found.changes)
+    notes = [*_notes(flight, delay, to_people, has_lags), *_asking(found)]
     if json:
         answer: Record = {
             **({"cut_short": cut_short} if cut_short else {}),
@@ -167,13 +168,16 @@ def _shown(row: ChangeRow) -> Record:
     return {**columns, "rules": "; ".join(ways_out) or row.rules}
 
 
-def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
-    """Yields sentences that explain the numbers."""
+def _notes(
+    flight: Flight, delay: float | None, to_people: float | None, has_lags: bool
+) -> Iterator[str]:
+    """Yields sentences that explain the numbers; `has_lags`: of drones that are late, too."""
     problem = flight.flown.problem
     yield "J includes the time between steps"
     yield "distances are the smallest at any moment of the flight, those to people seen from above"
     yield "left and right are those of the person, as they walk"
-    yield "any drone late: each column shows the drone for which it is worst"
+    if has_lags:
+        yield "any drone late: each column shows the drone for which it is worst"
     yield from map(str, flight.nearer_to_people())
     if delay is not None and math.isinf(delay):
         yield f"the {problem.rules} between drones holds for any delay of any drone"

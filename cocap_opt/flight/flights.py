@@ -26,6 +26,7 @@ _EVEN = ", even with the quickest changes of speed; "
 _UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
           "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
 _ANGLES = "yaw_rate", "gimbal_rate"  # computed in rad/s
+FAST = 23.0  # m/s; camera drones reach 16 to 23 m/s
 STRONG = 5.0  # m/s2; drones that tilt by up to 25 or 35 degrees reach 4.6 or 6.9
 
 
@@ -261,15 +262,24 @@ class Flight(NamedTuple):
         required = f"; the flight requires {asked}" if asked else ""
         yield Note(f"{which} are unknown and were not checked{required}", Kind.UNCHECKED)
 
-    def strong_accelerations(self) -> Iterator[Note]:
-        """Yields a note on the strongest acceleration of a drone whose limit is unknown, if few
-        drones can do it.
+    def beyond_most_drones(self) -> Iterator[Note]:
+        """Yields notes on the highest speed and the strongest acceleration of drones whose limits
+        are unknown, if few drones can do it.
         """
+        speeds = (d for d in self.demands if d.kind == "speed" and d.limit is None)
+        fastest = max(speeds, key=lambda demand: demand.most, default=None)
+        if fastest is not None and fastest.most > FAST:
+            yield Note(
+                f"drone {fastest.drone} has to fly {fastest.most:,.1f} m/s at {fastest.t:.1f} s, "
+                f"and its limit is unknown: few drones fly {FAST:g} m/s",
+                Kind.URGENT,
+                "are the steps and cells right? set `airframe` or `limits` under [[drones]]",
+            )
         unknown = (d for d in self.demands if d.kind == "acceleration" and d.limit is None)
         strongest = max(unknown, key=lambda demand: demand.most, default=None)
         if strongest is not None and strongest.most > STRONG:
             yield Note(
-                f"drone {strongest.drone} has to accelerate by {strongest.most:.1f} m/s2 at "
+                f"drone {strongest.drone} has to accelerate by {strongest.most:,.1f} m/s2 at "
                 f"{strongest.t:.1f} s, and its limit is unknown: at {STRONG:g} m/s2 a drone "
                 "already tilts by 27 degrees",
                 Kind.URGENT,
@@ -350,7 +360,8 @@ def _scale(demand: Demand) -> float:
 
 def _told_demand(demand: Demand) -> str:
     """Returns a demand in words, e.g. "acceleration 12.1 m/s2 (drone 2)"."""
-    value = f"{demand.most * _scale(demand):.3g} {_UNITS[demand.kind]}"
+    most = demand.most * _scale(demand)
+    value = f"{f'{most:.3g}' if most < 999.5 else f'{most:,.0f}'} {_UNITS[demand.kind]}"
     return f"{demand.kind.replace('_', ' ')} {value} (drone {demand.drone})"
 
 

@@ -30,7 +30,7 @@ def _urgent(flight: Flight, grounds: Touchdowns, parts: Sequence[Part]) -> Itera
     if flight.cut_short:
         yield Note(flight.cut_short)
     yield from flight.too_near()
-    yield from flight.strong_accelerations()
+    yield from flight.beyond_most_drones()
     words = (
         *grounds.warnings(), *misplaced_people(flight.flown.problem), *tight_timing(flight),
     )  # fmt: skip

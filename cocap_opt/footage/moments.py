@@ -1,5 +1,6 @@
 """The worst moments of a plan, in words: who is seen by no camera or by one, and when."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -40,11 +41,9 @@ class Moment(NamedTuple):
     @property
     def what(self) -> str:
         """The cameras at that moment, in words."""
-        return {
-            NO_CAMERA: "no camera",
-            ONE_CAMERA: "one camera",
-            NARROW: f"cameras at most {self.angle:.0f} degrees apart",
-        }[self.kind]
+        if self.kind == NARROW:
+            return f"cameras at most {math.floor(self.angle)} degrees apart"
+        return {NO_CAMERA: "no camera", ONE_CAMERA: "one camera"}[self.kind]
 
     def _when(self, times: FloatArray | None) -> str:
         """Returns the period of the moment in words."""

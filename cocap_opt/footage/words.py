@@ -89,9 +89,14 @@ def _told_blur(blur: FloatArray | None) -> str:
     blurred = share(known > _SHARP)
     remedy = "; a shorter exposure reduces it" if blurred > 0.5 else ""
     return (
-        f"{np.median(known):.2g} px median, {known.max():.2g} at most; above "
+        f"{_digits(np.median(known))} px median, {_digits(known.max())} at most; above "
         f"{_SHARP:g} px in {whole_percent(blurred)} of views{remedy}"
     )
+
+
+def _digits(pixels: float) -> str:
+    """Returns pixels with two digits, or all digits before the point."""
+    return f"{pixels:.2g}" if pixels < 99.5 else f"{pixels:,.0f}"
 
 
 def _told_intruders(found: Summary) -> str:

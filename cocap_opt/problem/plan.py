@@ -96,7 +96,7 @@ class Ending(NamedTuple):
         if self.told or self.limit is None:
             return self.told
         is_interrupt = self.limit is Limit.INTERRUPT
-        what = "interrupted by Ctrl-C" if is_interrupt else f"stopped by the {self.limit} limit"
+        what = "interrupted" if is_interrupt else f"stopped by the {self.limit} limit"
         words = f"{what} during {'coverage' if self.in_coverage else 'the search'}"
         robots, staying = len(plan.paths), plan.staying
         if plan.stays:

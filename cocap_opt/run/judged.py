@@ -158,6 +158,8 @@ class Judged(NamedTuple, Generic[_R_co]):
         """
         if self.verdict is None or not problem.actors:
             return ""
+        if not (problem.objective.pixels or problem.objective.views):
+            return "the objective gives no reward for seeing people"
         if not any((*self.verdict.face_reward, *self.verdict.count_reward)):
             return "no drone sees anybody at any step"
         steps = self.verdict.reward_per_step

@@ -27,7 +27,7 @@ from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled
 from cocap_opt.run.own_planners import OwnPlannerError
-from cocap_opt.stop import Stop
+from cocap_opt.stop import Limit, Stop
 
 POLL = 0.2  # s between checks for Ctrl-C and for late cells
 ANSWER = 10.0  # s, the longest wait for a scheduler's answer
@@ -66,13 +66,19 @@ class Cluster(Crew):
         _silence_dask()
         cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
         with dask.config.set(_LOCAL), ExitStack() as stack:
-            with _interrupts_wait(), _started():
-                cluster = LocalCluster(
-                    n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                    host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-                )  # fmt: skip
-                client = stack.enter_context(Client(stack.enter_context(cluster)))
-                client.register_plugin(_Quiet(cores))
+            try:
+                with _interrupts_wait(), _started():
+                    cluster = LocalCluster(
+                        n_workers=workers, threads_per_worker=1, processes=True,
+                        dashboard_address=None, host="127.0.0.1",
+                        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                    )  # fmt: skip
+                    client = stack.enter_context(Client(stack.enter_context(cluster)))
+                    client.register_plugin(_Quiet(cores))
+            except ClusterError as error:
+                if stop.reached() is Limit.INTERRUPT:  # a batch system ends all processes at once
+                    raise KeyboardInterrupt from error
+                raise
             yield cls(client, stop, cell_limit, local=cluster)
 
     @classmethod

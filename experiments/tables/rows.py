@@ -45,6 +45,9 @@ _Number = float | None
 _Count = int | None
 
 
+_NOTHING = 1e-9  # J that rounding explains
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlanRow:
     """The row of a plan, with the bound that its method proves, if any."""
@@ -452,8 +455,8 @@ class GapRow(BoundColumns, PlannedRow):
         bound, optimum, bound_free, optimum_free = known
         if bound is None or optimum is None or bound_free is None or optimum_free is None:
             return None
-        if bound_free <= 0:
-            return None
+        if bound_free <= _NOTHING:  # nobody is seen by any plan, with rules or without
+            return 0.0, 0.0
         return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
 
 

@@ -344,8 +344,8 @@ def _class_part(
         most_edges -= len(here)
         if most_edges < 0:
             raise UnsupportedError(
-                f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph; this "
-                "scene has more. Use column-generation, which takes any number"
+                f"a flow model takes at most {MOST_EDGES:,} edges of the time-expanded graph; this "
+                "scene has more. Use fewer steps, or column-generation, which takes any number"
             )
         tails.append(first + here)
         heads.append(first + there)

@@ -85,7 +85,7 @@ class CameraTable(Table):
         if not _ACROSS[0] <= across <= _ACROSS[1]:
             raise ProblemError(
                 f"{given[0]}: must be of a lens that sees {_ACROSS[0]:g} to {_ACROSS[1]:g} degrees "
-                f"across the width of the image, not {across:.3g}; focal and the image are in px, "
+                f"across the width of the image, not {across:.4g}; focal and the image are in px, "
                 "sensor and lenses in mm"
             )
         return Camera(width=self.width, height=self.height, focal=focal, tilts=tilts)

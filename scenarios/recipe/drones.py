@@ -37,7 +37,7 @@ from cocap_opt.scenarios.recipe.landing import ground_to_land_on
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
 from cocap_opt.scenarios.text import naming, rectangle
-from cocap_opt.text import meant, pair, span
+from cocap_opt.text import in_digits, meant, pair, span
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 _OFF = 0.5  # degrees, by which a stated heading may be rounded
@@ -233,7 +233,9 @@ class DronesTable(Table):
         else:
             heights = workspace.height_map.heights
             on_it = ", and obstacles are on it" if workspace.meshes else ""
-            why = f"the surface is at {span(heights.min(), heights.max())} m{on_it}"
+            lowest, highest = float(heights.min()), float(heights.max())
+            at = in_digits(lowest) if lowest == highest else span(lowest, highest)
+            why = f"the surface is at {at} m{on_it}"
         layers = ", ".join(f"{layer:g}" for layer in self.motion.layers)
         raise ProblemError(
             f"motion.layers: must be heights at which a cell is free; at {layers} m none is: {why}"
@@ -343,8 +345,8 @@ class DronesTable(Table):
         workspace, actors = around.workspace, around.actors
         free = self.motion.free_places(workspace)[0]
         words = (
-            f"{free.sum()} of {free.size} cells are free at their lowest layer, "
-            f"{self.motion.layers[0]:g} m"
+            f"free cells at their lowest layer, {self.motion.layers[0]:g} m: {free.sum()} of "
+            f"{free.size}"
         )
         if actors:
             meet = int(self._can_meet(around).sum())
@@ -470,6 +472,11 @@ def _stated_heading(degrees: float, motion: Motion, field: str) -> int:
     if abs(off) > _OFF:
         beside = (heading + (1 if off > 0 else -1)) % motion.headings
         near = " and ".join(f"{k * step:.6g}" for k in sorted((heading, beside)))
+        if motion.headings == 1:
+            raise ProblemError(
+                f"{field}: must be 0, the only direction, not {degrees:g}; motion.headings sets "
+                "their number"
+            )
         raise ProblemError(
             f"{field}: must be one of the {motion.headings} directions from 0 in steps of "
             f"{step:.6g} degrees, such as {near}, not {degrees:g}; motion.headings sets their "

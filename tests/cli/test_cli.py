@@ -909,6 +909,31 @@ def split_leaf(proof: dict) -> None:
     proof["bound"] *= 1 + 1e-12  # one more number in the sums: a little more rounding
 
 
+def test_names_of_files_are_no_lists(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Brackets at the beginning of a name are a part of it."""
+    monkeypatch.chdir(tmp_path)
+    for words in (
+        ("plan", "tiny-share", "-o", "[x].json"), ("verify", "tiny-share", "[x].json"),
+        ("show", "tiny-share", "[x].json", "-o", "x.html"),
+    ):  # fmt: skip
+        assert Run(capsys, *words).code == 0, words
+
+
+def test_what_is_worth_nothing_is_shown_as_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bound that rounding lifts above 0 is no cent, and rules that cost nothing cost 0 %."""
+    for command in ("solve", "bound"):
+        assert re.search(r"bound +0\.00\n", Run(capsys, command, "tiny-hidden").out)
+    Run(capsys, "gap", "tiny-hidden", "--planner", "greedy", "--time-limit", 3, "-o", tmp_path)
+    (row,) = co.gap("tiny-hidden", ["greedy"]).itertuples()
+    assert row.bound < 1e-9
+    prices = Run(capsys, "table", tmp_path).out.split("## Price of collision avoidance")[1]
+    assert "| tiny-hidden |                0.000 |               0.000 |" in prices
+
+
 def test_a_false_claim_breaks_no_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The gap is that of what `verify` computed, whatever the file claims."""
     plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"

@@ -436,7 +436,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("[20, 12]", "[1e6, 1e6]"), "map.size: must have at most 1000000 cells, not 1000000"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0..tilts: must be within .-90 degrees"),
         (("starts = [{ x = 2.5, y = 6.5, heading = 0 }]", "count = 9\nnear = 0.8"),
-         r"drones.0..count: must be at most 1 here; 240 of 240 .* 0.8 m at step 0; rules: sep"),
+         r"drones.0..count: must be at most 1 here; .*: 240 of 240.* 0.8 m at step 0; rules: sep"),
         (("size = [20, 12]", "size = [20, 12]\nfile = 'a.tif'"), "map: must have either"),
         (("size = [20, 12]", "file = 'a.tif'"), r"map: .*a\.tif: no such file"),
         (("size = [20, 12]", "file = 'a.tif'\norigin = [1, 2]"), "map.origin: must be left out"),
