@@ -238,7 +238,11 @@ class Search:
         too_many = states * (model.problem.horizon + 1) > self.parameters.search.most_states
         if self.incumbent is None or model.problem.objective.over_time or too_many:
             return None
-        return Narrowing.of(model, duals.certificate(model), self.value, self.stop).closed()
+        narrowing = Narrowing.of(model, duals.certificate(model), self.value, self.stop)
+        self.stop.check()  # each of these takes a second on large maps
+        narrowing = narrowing.closed()
+        self.stop.check()
+        return narrowing
 
     @property
     def is_large(self) -> bool:

@@ -160,7 +160,9 @@ class PathTrials:
         narrowing, value = proved.narrowing, self.search.value
         target = value + share * max(narrowing.bound - value, 0.0)
         try:
-            found = best_plan_from(narrowing.above(target), from_step, most_nodes, self.search.stop)
+            higher = narrowing.above(target)
+            self.search.stop.check()
+            found = best_plan_from(higher, from_step, most_nodes, self.search.stop)
         except NotEndedError:
             # counted in full, even if too many joint states ended the search earlier
             self.nodes += most_nodes
