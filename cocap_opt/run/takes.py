@@ -129,7 +129,11 @@ class Hedging(NamedTuple):
         """Yields sentences on the losses of plans for one take, and on the cost of hedging."""
         hedged, takes = self.hedged, self.problem.takes
         if hedged.plan is None:
-            yield "no plan is known that is safe in all takes"
+            yield (
+                "proved: no plan is safe in all takes"
+                if self.hedged.bound < 0  # J never is
+                else "no plan is known that is safe in all takes"
+            )
             return
         for k, row in enumerate(self.plans):
             others = [i for i in range(len(takes)) if i != k and takes[i].probability]
