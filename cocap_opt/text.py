@@ -32,8 +32,8 @@ def rounded_up(number: float, digits: int) -> str:
     An excess that rounding of the last bits explains is not rounded up.
     """
     step = Decimal(1).scaleb(-digits)
-    least = number - 1e-12 * max(abs(number), 1.0)
-    return f"{Decimal(least).quantize(step, ROUND_CEILING) + 0:,}"
+    size = max(abs(number), 1)
+    return f"{Decimal(number - 1e-12 * size).quantize(step, ROUND_CEILING) + 0:,}"
 
 
 def plain(number: float) -> str:
