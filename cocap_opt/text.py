@@ -41,6 +41,12 @@ def plain(number: float) -> str:
     return f"{number:,.0f}" if abs(number) >= 1e6 else f"{number:g}"
 
 
+def significant(number: float, digits: int) -> str:
+    """Returns a number >= 0 with so many digits, or with all digits before the point."""
+    short = f"{number:.{digits}g}"
+    return f"{number:,.0f}" if "e+" in short else short
+
+
 def pair(x: float, y: float) -> str:
     """Returns a point in brackets, in plain digits."""
     return f"({in_digits(x)}, {in_digits(y)})"

@@ -46,10 +46,10 @@ def require_path(value: object, name: str) -> Path:
     return Path(str(value))
 
 
-def require_callable(value: object, name: str) -> None:
+def require_callable(value: object, name: str, allowed: str = "a function") -> None:
     """Raises TypeError, with a readable message, unless the value can be called."""
     if not callable(value):
-        raise TypeError(f"{name}: must be a function, not {on_a_line(value)}")
+        raise TypeError(f"{name}: must be {allowed}, not {on_a_line(value)}")
 
 
 def require_flag(value: object, name: str) -> None:

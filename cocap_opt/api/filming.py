@@ -69,22 +69,14 @@ def quality(
     """
     filmed = plan_for(problem, plan, "measured")
     given = {
-        "at_least": at_least, "pixel_error": pixel_error, "position_error": position_error,
+        "at_least": Assumptions.of(problem).at_least if at_least is None else at_least,
+        "pixel_error": pixel_error, "position_error": position_error,
         "attitude_error": attitude_error, "exposure": exposure, "drone_size": drone_size,
         "drone_pixels": drone_pixels,
     }  # fmt: skip
     for name, value in given.items():
-        if value is not None or name != "at_least":
-            require_number(value, name)
-    assumptions = Assumptions(
-        at_least=Assumptions.of(problem).at_least if at_least is None else at_least,
-        pixel_error=pixel_error,
-        position_error=position_error,
-        attitude_error=attitude_error,
-        exposure=exposure,
-        drone_size=drone_size,
-        drone_pixels=drone_pixels,
-    )
+        require_number(value, name)
+    assumptions = Assumptions(**given)
     require_flown("plan", judge_plan(problem, filmed))
     return Quality.of(problem, filmed, assumptions=assumptions)
 

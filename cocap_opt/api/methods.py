@@ -1,7 +1,7 @@
 """Public functions that run planners, bounds and exact methods, given by name or as callables."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar, overload
 
@@ -31,7 +31,6 @@ from cocap_opt.run.options import Allowance, Option
 from cocap_opt.run.own_planners import OwnPlanner, bounding
 from cocap_opt.run.replanning import BOUND_SECONDS, Replanned, Replanning
 from cocap_opt.stop import Stop, never
-from cocap_opt.text import on_a_line
 
 R = TypeVar("R", bound=Result)
 
@@ -259,7 +258,7 @@ def _planner(given: str | Planner) -> Method[Result]:
     """Returns the record of a planner by name, or of a callable."""
     if isinstance(given, str):
         return planner_named(Option("planner"), given)
-    _require_callable("planner", given, SOLVERS)
+    require_callable(given, "planner", f"one of {', '.join(SOLVERS)}, or a function")
     if isinstance(given, Method):
         return _recorded(given)
     return OwnPlanner.of_function(given, name_of(given), kept=False).method
@@ -274,7 +273,7 @@ def _bounding(
     if isinstance(given, str):
         Option("method").require_one_of(given, known)
         return known[given]
-    _require_callable("method", given, known)
+    require_callable(given, "method", f"one of {', '.join(known)}, or a function")
     if isinstance(given, Method):
         return _recorded(given)
     return bounding(given, name_of(given), takes)
@@ -284,12 +283,6 @@ def _recorded(given: Method[R]) -> Method[R]:
     """Returns a given record, marked as foreign if it is in no registry."""
     is_ours = any(given is known for known in (*BOUNDS.values(), *SOLVERS.values()))
     return given if is_ours else replace(given, foreign=True)
-
-
-def _require_callable(option: str, given: object, known: Iterable[str]) -> None:
-    if not callable(given):
-        words = f"must be one of {', '.join(known)}, or a function, not {on_a_line(given)}"
-        raise TypeError(f"{option}: {words}")
 
 
 def _answer(problem: Problem, given: object, method: Method[R], stop: Stop, **options: Any) -> R:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import Json, Scene, Seed, Verbose, load_planned
-from cocap_opt.console.exit_codes import DIFFERS, UNDECIDED
+from cocap_opt.console.exit_codes import FAILED, UNDECIDED
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.independent import instance_of
@@ -125,7 +125,7 @@ def _audit(
             more = [f"and {left} more; --json has all"] if left > 0 else []
             print_texts([], [*differences[:_SHOWN], *more])
     if differences:
-        return DIFFERS
+        return FAILED
     return UNDECIDED if _is_open(audit) else 0
 
 

@@ -36,6 +36,7 @@ from cocap_opt.cli import (
     team_command,
     verify_command,
 )
+from cocap_opt.console.exit_codes import WRONG_INPUT
 from cocap_opt.console.streams import say
 from cocap_opt.console.usage import usage_of
 from cocap_opt.data import ProblemError
@@ -162,10 +163,10 @@ def run(arguments: Sequence[str] | None) -> int:
     except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
         has_words = isinstance(error.__cause__, UsageError)  # the message of an option is complete
         say(_reworded(error) or str(error.__cause__ if has_words else error))
-        return 2
+        return WRONG_INPUT
     except MemoryError:
         say("out of memory: the scene is too large for this method")
-        return 2
+        return WRONG_INPUT
     return int(code or 0)
 
 

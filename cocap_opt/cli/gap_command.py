@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Budget, Json, Scene, Verbose, load, say_why_no_plan
 from cocap_opt.cli.workforce import HERE, Workforce
-from cocap_opt.console.exit_codes import INTERRUPTED
+from cocap_opt.console.exit_codes import FAILED, INTERRUPTED
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
@@ -254,7 +254,7 @@ def _gap(
         print_gap_table(rows, verbose)
         print_start_sets(choices.groups, rows)
     if any(row.has_error for row in rows):
-        return 1
+        return FAILED
     return 0 if all(instance.is_finished for instance in instances) else INTERRUPTED
 
 

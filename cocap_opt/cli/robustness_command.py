@@ -100,13 +100,13 @@ def _robustness(
         flight = flown.flight(problem, given.plan, is_local=True)
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
+    changes = Changes.of(flight, late, aside, lag)
     try:
-        found = what_if(flight, Changes.of(flight, late, aside, lag), lost)
+        found = what_if(flight, changes, lost)
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
-    has_lags = any(row.change.startswith("any drone") for row in found.changes)
-    notes = [*_notes(flight, delay, to_people, has_lags), *_asking(found)]
+    notes = [*_notes(flight, delay, to_people, bool(changes.lag)), *_asking(found)]
     if json:
         answer: Record = {
             **({"cut_short": cut_short} if cut_short else {}),

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Scene, Seed, Whole, Work, load
 from cocap_opt.cli.workforce import HERE, Workforce
-from cocap_opt.console.exit_codes import INTERRUPTED
+from cocap_opt.console.exit_codes import FAILED, INTERRUPTED
 from cocap_opt.experiments.sweeps.teams import Asked, compare_teams, team_settings
 from cocap_opt.experiments.tables.teams import records, sentences, teams_table
 from cocap_opt.output.answer import print_result
@@ -116,7 +116,7 @@ def _team(
         for sentence in words:
             sys.stdout.write(f"{textwrap.fill(sentence, line_width())}\n")
     if any(row.failed for row in rows):
-        return 1
+        return FAILED
     return 0 if is_complete else INTERRUPTED
 
 

@@ -22,6 +22,7 @@ from cocap_opt.cli.options import (
     plan_with_scene,
     say_narrow_way,
 )
+from cocap_opt.console.exit_codes import FAILED
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.tables.rows import OWN_STARTS
@@ -152,7 +153,7 @@ def _verify(
         tables = explained_tables(explained, line_width()) if all_terms else []
         print_texts(tables, explained_sentences(explained) if all_terms else more)
     if verified.violations:
-        return 1
+        return FAILED
     opinions.require_all()
     return 0
 

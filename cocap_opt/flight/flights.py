@@ -18,6 +18,7 @@ from cocap_opt.flight.strain import steep_ground, sufficient_step
 from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import BODY, Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
+from cocap_opt.text import significant
 
 PER_STEP = 10  # default number of rows per step of a smooth flight
 MOST_ROWS = 5_000_000
@@ -244,14 +245,19 @@ class Flight(NamedTuple):
         if problem.earth is not None and problem.earth.heights is None:
             yield Note("height datum unknown", remedy="set `heights` under [earth] of a recipe")
 
+    def _most_without_limit(self) -> dict[str, Demand]:
+        """Returns, by kind, the largest demand > 0 on a drone whose limit is unknown."""
+        most: dict[str, Demand] = {}
+        for demand in sorted(self.demands, key=lambda demand: -demand.most):
+            if demand.limit is None and demand.most > 0:
+                most.setdefault(demand.kind, demand)
+        return most
+
     def _unknown_limits(self) -> Iterator[Note]:
         """Yields a note on the limits that drones do not have, with the most that the flight
         demands of such drones.
         """
-        unknown = [demand for demand in self.demands if demand.limit is None and demand.most > 0]
-        most: dict[str, Demand] = {}
-        for demand in sorted(unknown, key=lambda demand: -demand.most):
-            most.setdefault(demand.kind, demand)
+        most = self._most_without_limit()
         if all(robot.limits is None for robot in self.flown.problem.robots):
             which, told = "the limits of these drones", [most.get("acceleration")]
         elif most:
@@ -266,8 +272,8 @@ class Flight(NamedTuple):
         """Yields notes on the highest speed and the strongest acceleration of drones whose limits
         are unknown, if few drones can do it.
         """
-        speeds = (d for d in self.demands if d.kind == "speed" and d.limit is None)
-        fastest = max(speeds, key=lambda demand: demand.most, default=None)
+        most = self._most_without_limit()
+        fastest, strongest = most.get("speed"), most.get("acceleration")
         if fastest is not None and fastest.most > FAST:
             yield Note(
                 f"drone {fastest.drone} has to fly {fastest.most:,.1f} m/s at {fastest.t:.1f} s, "
@@ -275,8 +281,6 @@ class Flight(NamedTuple):
                 Kind.URGENT,
                 "are the steps and cells right? set `airframe` or `limits` under [[drones]]",
             )
-        unknown = (d for d in self.demands if d.kind == "acceleration" and d.limit is None)
-        strongest = max(unknown, key=lambda demand: demand.most, default=None)
         if strongest is not None and strongest.most > STRONG:
             yield Note(
                 f"drone {strongest.drone} has to accelerate by {strongest.most:,.1f} m/s2 at "
@@ -360,8 +364,7 @@ def _scale(demand: Demand) -> float:
 
 def _told_demand(demand: Demand) -> str:
     """Returns a demand in words, e.g. "acceleration 12.1 m/s2 (drone 2)"."""
-    most = demand.most * _scale(demand)
-    value = f"{f'{most:.3g}' if most < 999.5 else f'{most:,.0f}'} {_UNITS[demand.kind]}"
+    value = f"{significant(demand.most * _scale(demand), 3)} {_UNITS[demand.kind]}"
     return f"{demand.kind.replace('_', ' ')} {value} (drone {demand.drone})"
 
 

@@ -11,7 +11,7 @@ from cocap_opt.footage.assumptions import Assumptions
 from cocap_opt.footage.moments import APART
 from cocap_opt.footage.summary import Summary, share, whole_percent
 from cocap_opt.letters import folded
-from cocap_opt.text import counted
+from cocap_opt.text import counted, significant
 
 USUAL_WIDTH = 80  # characters per line
 _LABEL = 24  # characters before a number
@@ -89,14 +89,9 @@ def _told_blur(blur: FloatArray | None) -> str:
     blurred = share(known > _SHARP)
     remedy = "; a shorter exposure reduces it" if blurred > 0.5 else ""
     return (
-        f"{_digits(np.median(known))} px median, {_digits(known.max())} at most; above "
-        f"{_SHARP:g} px in {whole_percent(blurred)} of views{remedy}"
+        f"{significant(np.median(known), 2)} px median, {significant(known.max(), 2)} at most; "
+        f"above {_SHARP:g} px in {whole_percent(blurred)} of views{remedy}"
     )
-
-
-def _digits(pixels: float) -> str:
-    """Returns pixels with two digits, or all digits before the point."""
-    return f"{pixels:.2g}" if pixels < 99.5 else f"{pixels:,.0f}"
 
 
 def _told_intruders(found: Summary) -> str:

@@ -17,11 +17,26 @@ from cocap_opt.text import counted, in_ranges
 def why_no_plan(problem: Problem) -> Iterator[str]:
     """Yields reasons, in words, why there is or may be no plan; yields nothing if none are found.
 
-    A goal that a drone cannot reach even alone, and a goal with fewer free places than drones that
-    must end there, each prove that no plan exists. No coverage is computed.
+    A drone without any path, a goal that a drone cannot reach even alone, and a goal with fewer
+    free places than drones that must end there, each prove that no plan exists. No
+    coverage is computed.
     """
-    if stuck := _without_path(problem):
-        yield from _told(problem, stuck)
+    airspace, stuck = problem.airspace, _without_path(problem)
+    far = stuck
+    if stuck and airspace.people_aside:
+        nearer = airspace.replace(people_aside=0.0, people_above=None, people_stray=0.0)
+        far = _without_path(problem.replace(airspace=nearer))
+    if far:
+        yield (
+            f"{_told(problem, far)}: allow more steps, a nearer start or another goal (in a recipe "
+            "`steps`, `starts` or `land`)"
+        )
+    if crowded := [i for i in stuck if i not in far]:
+        yield (
+            f"{_told(problem, crowded)}: {'they have' if len(crowded) > 1 else 'it has'} to keep "
+            f"{airspace.told_people}; allow a smaller distance (in a recipe `people` under "
+            "[airspace]), or start elsewhere"
+        )
     yield from _too_many(problem)
     if words := narrow_way(problem):
         yield words
@@ -37,32 +52,16 @@ def _without_path(problem: Problem) -> list[int]:
     return found
 
 
-def _told(problem: Problem, stuck: list[int]) -> Iterator[str]:
-    """Yields messages on drones without a path: those that people leave none, and others."""
-    airspace = problem.airspace
-    nearer = airspace.replace(people_aside=0.0, people_above=None, people_stray=0.0)
-    far = _without_path(problem.replace(airspace=nearer)) if airspace.people_aside else stuck
-    horizon = counted(problem.horizon, "step")
-    for numbers in (far, [i for i in stuck if i not in far]):
-        if not numbers:
-            continue
-        several, at_goals = len(numbers) > 1, any(problem.robots[i].goal for i in numbers)
-        told = [n for i in numbers if (n := problem.robots[i].number) is not None] or numbers
-        of_mission = "" if told == numbers else " of the mission"
-        drones = f"drone{'s' if several else ''} {in_ranges(told)}{of_mission}"
-        goals = f"reach {'their goals' if several else 'its goal'} in" if at_goals else "fly for"
-        if numbers is far:
-            way_out = (
-                "allow more steps, a nearer start or another goal (in a recipe `steps`, `starts` "
-                "or `land`)"
-            )
-        else:
-            keep = "they have" if several else "it has"
-            way_out = (
-                f"{keep} to keep {airspace.told_people}; allow a smaller distance (in a recipe "
-                "`people` under [airspace]), or start elsewhere"
-            )
-        yield f"{drones} cannot {goals} {horizon}, even alone: {way_out}"
+def _told(problem: Problem, stuck: list[int]) -> str:
+    """Returns words for drones that have no path."""
+    several, at_goals = len(stuck) > 1, any(problem.robots[i].goal for i in stuck)
+    told = [n for i in stuck if (n := problem.robots[i].number) is not None] or stuck
+    of_mission = "" if told == stuck else " of the mission"
+    goals = f"reach {'their goals' if several else 'its goal'} in" if at_goals else "fly for"
+    return (
+        f"drone{'s' if several else ''} {in_ranges(told)}{of_mission} cannot {goals} "
+        f"{counted(problem.horizon, 'step')}, even alone"
+    )
 
 
 def _too_many(problem: Problem) -> Iterator[str]:
