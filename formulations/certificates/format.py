@@ -413,6 +413,20 @@ class Stage(_Part, frozen=True, omit_defaults=True):
     moves: tuple[MoveConstant, ...] = ()
 
 
+class Tail(_Part, frozen=True):
+    """A loss at the end of plans: how far all plans above the target fall short of the bound, at
+    the latest steps alone.
+
+    Attributes
+    ----------
+    t : step, 0..T, at which the tail begins; it ends with the last step
+    loss : J that every plan above the target loses from that step on
+    """
+
+    t: int
+    loss: float
+
+
 class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     """Multipliers, and the stages that narrow down the states of better plans.
 
@@ -429,6 +443,7 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
         explored
     paths_from : step, 1..T, at which that begins: paths are explored from there to the end, and
         then back to the start; null: from the start
+    tails : losses of ever longer tails, proved one after the other; together with paths_above none
     """
 
     multipliers: Multipliers
@@ -436,6 +451,7 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     stages: tuple[Stage, ...]
     paths_above: float | None = None
     paths_from: int | None = None
+    tails: tuple[Tail, ...] = ()
 
 
 Certificate = Multipliers | ReferencePixels

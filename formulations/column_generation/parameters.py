@@ -306,7 +306,7 @@ class EnvelopeParameters(Section):
     least_round : share
         smallest share of the remaining gap that a round must close to be followed by another
     wide : times the first slack
-        slack from which lists are wide; their rounds take as long as trials for higher targets,
+        slack from which lists are wide; their rounds take as long as explorations of tails,
         which close more
     least_wide : share
         smallest share of the remaining gap that a round of wide lists must close
@@ -424,27 +424,8 @@ class TrialParameters(Section):
         nodes of a trial take as long as one node of a search among a thousand states
     plain_times_nodes : times
         the same without compiled code, when nodes of both take about as long
-    less : share
-        reduction of each higher target relative to the one before; for 5 % less, a trial takes 1.6
-        to 5 times as many nodes (field, seed 1, without and with views)
-    least_less : share
-        smallest reduction of a target; reductions are halved after trials that have not ended
-    most_less : share
-        largest reduction of a target, however fast the earlier trials were
-    aimed_times : times
-        size of the next trial that is aimed at, relative to the trial before
-    next_times : times
-        largest size of the next trial, relative to the trial before
     most_nodes : nodes
         largest trial; `verify` allows 100 million nodes for a whole file
-    first_times : times `fewest_nodes`
-        largest size of the first trial for a higher target
-    times_stages : times
-        expected size of a trial for a higher target, relative to the stages, that is not tried any
-        more, except in the time kept for such trials
-    time_kept : share
-        time kept for trials for higher targets, as a share of what a limit leaves before the first
-        stage
     """
 
     fewest_nodes: int = 100_000
@@ -452,15 +433,7 @@ class TrialParameters(Section):
     more_nodes: float = 2.0
     times_nodes: float = 10.0
     plain_times_nodes: float = 0.25
-    less: Share = 0.05
-    least_less: Share = 0.0125
-    most_less: Share = 0.25
-    aimed_times: float = 4.0
-    next_times: int = 8
     most_nodes: int = 80_000_000
-    first_times: int = 10
-    times_stages: float = 15.0
-    time_kept: Share = 0.15
 
 
 @dataclass(frozen=True)
@@ -497,6 +470,45 @@ class MiddleParameters(Section):
     least_nodes: int = 1_000
     most_steps: int = 20
     most_kept: int = 3
+
+
+@dataclass(frozen=True)
+class TailParameters(Section):
+    """Explorations of the latest steps of plans: when they are made, and with how many nodes.
+
+    Attributes
+    ----------
+    fewest_nodes : nodes
+        smallest size of an exploration of all steps
+    times_nodes : times
+        largest size of all explorations between stages, relative to the stages
+    times_at_the_end : times
+        largest size of an exploration at the end, relative to the stages, unless time is kept for
+        it
+    most_nodes : nodes
+        largest exploration of all steps; `verify` allows 100 million nodes for a whole file
+    less_room : times
+        share of the gap at the last exploration at which tails are explored again
+    first_loss : share
+        first loss up to which tails are explored, as a share of the gap
+    growth : times
+        factor on what is explored beyond the loss of the next step
+    time_kept : share
+        time kept for tails, as a share of what a limit leaves before the first stage
+    enough : share
+        share of the nodes of a step after which it is the turn of the step before: the next
+        exploration would take about three times as many
+    """
+
+    fewest_nodes: int = 1_000_000
+    times_nodes: float = 6.0
+    times_at_the_end: float = 15.0
+    most_nodes: int = 80_000_000
+    less_room: Share = 0.7
+    first_loss: Share = 0.01
+    growth: float = 1.5
+    time_kept: Share = 0.3
+    enough: Share = 0.3
 
 
 @dataclass(frozen=True)
@@ -776,6 +788,7 @@ class Parameters:
     lists: ListParameters = ListParameters()
     trials: TrialParameters = TrialParameters()
     middle: MiddleParameters = MiddleParameters()
+    tails: TailParameters = TailParameters()
     bundle: BundleParameters = BundleParameters()
     moves: MoveParameters = MoveParameters()
     recombination: RecombinationParameters = RecombinationParameters()

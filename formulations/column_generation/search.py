@@ -16,6 +16,7 @@ from cocap_opt.formulations.column_generation.primal.local_search import LocalSe
 from cocap_opt.formulations.column_generation.primal.recombination import Recombination
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
+    OPTIMALITY,
     CertifiedResult,
     Report,
     Snapshot,
@@ -120,6 +121,12 @@ class Search:
             return -self.parameters.search.infeasible * self.scale
         return self.value + max(gap * self.value, self.parameters.search.exact / 2 * self.scale)
 
+    def aim(self, gap: float) -> float:
+        """Returns the J above which step envelopes prove that there is no plan: that of the
+        incumbent, or the cutoff if a gap is allowed, since plans in between need not be excluded.
+        """
+        return self.value if gap <= OPTIMALITY else self.cutoff(gap)
+
     def offer(self, candidate: Incumbent | None) -> None:
         """Makes a candidate the incumbent if it is better."""
         if candidate is not None and candidate.value > self.value:
@@ -222,8 +229,8 @@ class Search:
             self.offer(Incumbent.of(model, columns_of(team)))
             raise
 
-    def narrowing(self, duals: Duals) -> Narrowing | None:
-        """Returns, from multipliers, the states that better plans may visit.
+    def narrowing(self, duals: Duals, target: float) -> Narrowing | None:
+        """Returns, from multipliers, the states that plans with J above a target may visit.
 
         Returns None if there is no incumbent, if pixels add up over time, or if there are too many
         states.
@@ -238,7 +245,7 @@ class Search:
         too_many = states * (model.problem.horizon + 1) > self.parameters.search.most_states
         if self.incumbent is None or model.problem.objective.over_time or too_many:
             return None
-        narrowing = Narrowing.of(model, duals.certificate(model), self.value, self.stop)
+        narrowing = Narrowing.of(model, duals.certificate(model), target, self.stop)
         self.stop.check()  # each of these takes a second on large maps
         narrowing = narrowing.closed()
         self.stop.check()

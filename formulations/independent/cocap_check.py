@@ -53,7 +53,7 @@ FIELDS = {
     "objective", "bound", "coverage", "certificate", "nodes",
 }  # fmt: skip
 MULTIPLIERS = {"type", "alpha", "beta", "rows", "cuts", "state_cuts", "decisions", "views"}
-STAGED = {"type", "multipliers", "target", "stages", "paths_above", "paths_from"}
+STAGED = {"type", "multipliers", "target", "stages", "paths_above", "paths_from", "tails"}
 LEAF, BRANCH = {"type", "certificate"}, {"type", "resource", "robots", "at_most", "at_least"}
 PLAN_FIELDS = {
     "format", "version", "scene", "digest", "digest_without_objective", "planner", "limit",
@@ -1422,7 +1422,8 @@ class Staged:
     A stage sets new prices and constants: a search shows that no joint state of remaining states
     that is free of conflicts and obeys (*) has more than K_t. At the end, all remaining joint
     states may be explored, step by step, above a higher target: from the start, or from a step in
-    the middle on to the end and then back to the start.
+    the middle on to the end and then back to the start. Or tails of plans are explored: if all lose
+    at least L from some step on, J is at most B - L.
 
     A stage may also show that no move of the team from a step t to the next has more than M_t at
     both together. Then B is less by d_t = max(0, K_t + K_{t+1} - M_t). No two such moves share a
@@ -1468,6 +1469,10 @@ class Staged:
         require(above is not None or middle is None, "paths_from: not allowed without paths_above")
         if above is not None:
             self._explore(up(number_of(above, "paths_above: ")), middle)
+        tails = array(numbers.get("tails", []), "tails")
+        require(above is None or not tails, "tails: not allowed together with paths_above")
+        if tails:
+            self._lose(tails)
 
     # -- closing ----------------------------------------------------------------------------
 
@@ -1736,20 +1741,74 @@ class Staged:
         require(not any(i.rewards), "paths_above: not allowed if moves are rewarded")
         before, self.target = self.total, above
         self._close()
-        drones = [drone for members in self.bound.members for drone in members]
-        starts = [
-            {s: 0 for s in i.starts[drone] if s in self.to_go[number][0]}
-            for number, drone in zip(self.of, drones, strict=True)
-        ]
+        starts = self._starts()
         if middle is None:
             best = self._explore_onward(above, starts)
         else:
             ok = 1 <= whole(middle, "paths_from: ") <= i.horizon
             require(ok, f"paths_from: must be 1..{i.horizon}, not {middle}")
-            ok = all(len(i.starts[drone]) == 1 for drone in drones)
-            require(ok, "paths_from: not allowed if starts are free")
+            require(self._is_fixed(), "paths_from: not allowed if starts are free")
             best = self._explore_from(middle, above, starts) if all(starts) else above
         self.value = min(self.value, max(above, min(before, best)))
+
+    def _starts(self) -> list[dict[Ints, int]]:
+        """Returns the remaining starts of each drone, class by class."""
+        drones = [drone for members in self.bound.members for drone in members]
+        return [
+            {s: 0 for s in self.instance.starts[drone] if s in self.to_go[number][0]}
+            for number, drone in zip(self.of, drones, strict=True)
+        ]
+
+    def _is_fixed(self) -> bool:
+        """True if no drone chooses its start."""
+        return all(len(starts) == 1 for starts in self.instance.starts.values())
+
+    def _lose(self, claims: list[Any]) -> None:
+        """Proves how much J all plans above the target lose from some steps on; each loss is the
+        claim, or less if the claim is too high.
+
+        The joint states of a step at which less is lost are followed to the end. Shorter tails of
+        plans lose at least what has been proved of them.
+        """
+        i, horizon = self.instance, self.instance.horizon
+        require(not any(i.rewards), "tails: not allowed if moves are rewarded")
+        bound = self.total + sum(self._saved())
+        lost = [0] * (horizon + 2)
+        for number, claim in enumerate(claims):
+            with within(f"tails[{number}]"):
+                only(claim, {"t", "loss"})
+                t, loss = whole(claim["t"], "t: "), -up(-number_of(claim["loss"], "loss: "))
+                first = 0 if self._is_fixed() else 1
+                require(first <= t <= horizon, f"t: must be {first}..{horizon}, not {t}")
+                loss = self._least_loss(t, loss, bound, lost)
+                lost[: t + 1] = [max(loss, known) for known in lost[: t + 1]]
+        self.value = min(self.value, max(self.target, bound - max(lost)))
+
+    def _least_loss(self, t: int, loss: int, bound: int, lost: list[int]) -> int:
+        """Returns the J that plans above the target lose from a step on, at most a given loss.
+
+        Parameters
+        ----------
+        bound : the bound without constants of moves, from which losses count
+        lost : what has been proved of the tails from each step on
+        """
+        above, horizon = bound - loss, self.instance.horizon
+        if t:
+            states, search, conditions, _ = self._profits(t)
+            alone = loss - lost[t + 1]  # what the step itself may lose
+            self.left = search.run(conditions(self.constants[t] - alone), self.left, TRIES)
+            before = bound - sum(self.constants[t:]) - self._rows_from(t)
+            reached: dict[Any, int] = {}
+            for found in search.found:
+                team = tuple(s for _, _, s in sorted(states[x] for x in found))
+                best = sum(self.to_go[k][t][s] for k, s in zip(self.of, team, strict=True))
+                reached[team] = before + search.worth(found) - best
+        else:
+            ways = {(): (0, self._starts())}
+            reached, _ = self._step(0, above, ways, self._later(0, lost), lambda *_: True)
+        for step in range(t + 1, horizon + 1):
+            reached, _ = self._onward(step, above, reached, lost)
+        return min(loss, bound - max(reached.values())) if reached else loss
 
     def _explore_onward(self, above: int, starts: list[dict[Ints, int]]) -> int:
         """Returns the largest value of a plan above the target, or the target.
@@ -1817,11 +1876,13 @@ class Staged:
             for found in search.found
         }
 
-    def _onward(self, t: int, above: int, before: dict[Any, int]) -> Reached:
+    def _onward(
+        self, t: int, above: int, before: dict[Any, int], lost: list[int] | None = None
+    ) -> Reached:
         """Returns the joint states of a step that are reached from those of the step before."""
         ways = self._ways(before, [moves[t - 1] for moves in self.moves])
         return self._step(
-            t, above, ways, self._later(t),
+            t, above, ways, self._later(t, lost),
             lambda tails, heads: not self._is_forbidden(tails, heads),
         )  # fmt: skip
 
@@ -1838,16 +1899,16 @@ class Staged:
             lambda heads, tails: not self._is_forbidden(tails, heads),
         )[0]  # fmt: skip
 
-    def _later(self, t: int) -> Rest:
-        """Returns the sum of later constants and rows, less what later moves save, and the most
-        that a state brings later.
+    def _later(self, t: int, lost: list[int] | None = None) -> Rest:
+        """Returns the sum of later constants and rows, less what later moves save or what the tail
+        after the step loses, and the most that a state brings later.
         """
 
         def brings(number: int, s: Ints) -> int:
             return self.to_go[number][t][s] - self.prices[number][t][s]
 
-        constants = sum(self.constants[t + 1 :]) - sum(self._saved()[t + 1 :])
-        return constants + self._rows_from(t), brings
+        less = lost[t + 1] if lost else sum(self._saved()[t + 1 :])
+        return sum(self.constants[t + 1 :]) - less + self._rows_from(t), brings
 
     def _sooner(self, t: int) -> Rest:
         """Returns the sum of earlier constants and rows and of all drones' best paths, less what

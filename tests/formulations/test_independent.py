@@ -168,7 +168,7 @@ def test_paths_from_any_step_prove_what_whole_paths_prove(
     assume(np.isfinite(best) and may_begin_later(model))
     target = best - float(rng.choice([0.0, 0.1])) * (1 + abs(best))
     staged = random_staged(model, target, rng, moves=True)
-    whole = replace(staged, paths_above=staged.target, paths_from=None)
+    whole = replace(staged, paths_above=staged.target, paths_from=None, tails=())
     expected = staged_bound(problem, whole, best, folder)
     for middle in range(1, problem.horizon + 1):
         part = replace(whole, paths_from=middle)
@@ -206,6 +206,7 @@ def test_no_bound_is_false_with_constants_of_moves() -> None:
     counts = staged_hunt.hunt(60, 1)
     assert counts["lower because of moves"] > 20
     assert counts["from the middle"] > 30
+    assert counts["tails"] > 30
 
 
 def proved_of_exchange(*stages: dict[str, Any]) -> float:

@@ -61,7 +61,7 @@ def test_the_step_with_fewest_nodes_is_chosen(
     explored = Explored(best, 1000)
     monkeypatch.setattr(middle_step, "best_plan_from", explored)
     middle = MiddleStep(MiddleParameters(most_steps=most_steps))
-    middle.choose(narrowing, 0.0, 1_000_000, never)
+    middle.choose(narrowing, 1_000_000, never)
     assert middle.from_step == best
     assert middle.nodes == explored.spent
     assert explored.rooms == sorted(explored.rooms)
@@ -79,7 +79,7 @@ def test_the_step_stays_where_no_exploration_ends(
     explored = Explored(3, 10**9)
     monkeypatch.setattr(middle_step, "best_plan_from", explored)
     middle = MiddleStep(MiddleParameters(), from_step=7)
-    middle.choose(narrowing, 0.0, 1_000_000, never)
+    middle.choose(narrowing, 1_000_000, never)
     assert middle.from_step == 7 == explored.tried[0]
     assert middle.nodes == MiddleParameters().many * 1_000_000 * len(explored.tried)
 
@@ -91,7 +91,7 @@ def test_a_bound_that_is_no_more_than_the_best_plan_is_no_error(
     explored = Explored(3, 10)
     monkeypatch.setattr(middle_step, "best_plan_from", explored)
     middle = MiddleStep(MiddleParameters())
-    middle.choose(narrowing, narrowing.bound + 1.0, 10**6, never)
+    middle.choose(narrowing.above(narrowing.bound + 1.0), 10**6, never)
     assert middle.from_step == 3
 
 
@@ -103,5 +103,5 @@ def test_paths_begin_at_the_start_where_moves_are_rewarded(
     rewarded = random_narrowing(model, 0.0, np.random.default_rng(0))
     monkeypatch.setattr(middle_step, "best_plan_from", None)
     middle = MiddleStep(MiddleParameters())
-    middle.choose(rewarded, 0.0, 1_000_000, never)
+    middle.choose(rewarded, 1_000_000, never)
     assert (middle.from_step, middle.nodes) == (0, 0)

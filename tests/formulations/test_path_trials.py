@@ -8,11 +8,9 @@ import pytest
 
 from cocap_opt.compiling import Kernel, functions, marks
 from cocap_opt.formulations.certificates import Staged, verify
-from cocap_opt.formulations.certificates.format import Stage
 from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
-    best_plan_from,
     compiled_search,
 )
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
@@ -21,7 +19,6 @@ from cocap_opt.formulations.column_generation.parameters import (
     EnvelopeParameters,
     MoveParameters,
     Parameters,
-    TrialParameters,
 )
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
@@ -29,16 +26,19 @@ from cocap_opt.formulations.column_generation.step_envelopes import envelopes, p
 from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
 from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import (
-    EndedTrial,
     PathTrials,
 )
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
+from cocap_opt.formulations.column_generation.step_envelopes.tail_search import (
+    ProvedTails,
+    TailSearch,
+)
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, certify
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit
+from cocap_opt.stop import Limit, Stop, TimeLimit
 
 
 def solved_root() -> Root:
@@ -137,116 +137,6 @@ def test_trials_are_short_where_there_is_no_time_to_compile(
     assert ending.allowed == [DEFAULTS.trials.fewest_plain_nodes, DEFAULTS.trials.fewest_nodes]
 
 
-def test_higher_targets_come_down_until_a_trial_fails(
-    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The bound is the last target for which one has ended."""
-    value, bound = trials.search.value, narrowing.bound
-    ending = Ending(value + 0.4 * (bound - value))
-    replace_trials(monkeypatch, ending)
-    told: list[float] = []
-    proved = Stages(narrowing, (Stage(),))
-    trials.for_higher_targets(proved, 10, lambda: told.append(trials.bound))
-    shares = [(target - value) / (bound - value) for target in ending.targets]
-    less, least = DEFAULTS.trials.less, DEFAULTS.trials.least_less
-    ended = [share for share in shares if share >= 0.4 - 1e-9]
-    assert ended == pytest.approx([1 - less * k for k in range(1, len(ended) + 1)])
-    # What has not ended is tried again with smaller steps.
-    failed = [ended[-1] - share for share in shares[len(ended) :]]
-    assert failed == pytest.approx([less / 2**k for k in range(len(failed))])
-    assert failed[-1] == pytest.approx(least)
-    assert trials.best is not None and trials.best.stages == proved.stages
-    last = ending.targets[len(ended) - 1]
-    assert trials.bound == pytest.approx(last, rel=1e-9) and trials.best.above == last
-    assert told == sorted(told, reverse=True) and told[-1] == trials.bound
-    assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
-
-
-def test_targets_begin_below_what_earlier_trials_have_proved(
-    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """They lie between the best plan and the lowest bound so far."""
-    value, bound = trials.search.value, narrowing.bound
-    ending = Ending(-np.inf)
-    replace_trials(monkeypatch, ending)
-    trials.best = EndedTrial(value + 0.4 * (bound - value), value, 0, ())
-    trials.for_higher_targets(Stages(narrowing), 10, lambda: None)
-    shares = [(target - value) / (bound - value) for target in ending.targets]
-    assert shares[0] == pytest.approx(0.4 - DEFAULTS.trials.less)
-
-
-def test_another_step_in_the_middle_is_tried_once_a_trial_fails(
-    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each step fails once at the same target; then trials end."""
-    tried: list[int] = []
-
-    def failing(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
-        tried.append(from_step)
-        raise NotEndedError
-
-    def choose(self: MiddleStep, *_: object) -> None:
-        self.from_step = (self.from_step + 1) % 3
-
-    monkeypatch.setattr(path_trials, "best_plan_from", failing)
-    monkeypatch.setattr(MiddleStep, "choose", choose)
-    trials.for_higher_targets(Stages(narrowing), 10**7, lambda: None)
-    assert [*dict.fromkeys(tried)] == [1, 2, 0]
-    assert tried[-2:] == [2, 0] and trials.best is None
-
-
-def test_higher_targets_come_down_in_larger_steps_where_trials_grow_slowly(
-    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each takes about as many times the nodes as is aimed at; a step too far is halved."""
-    value, bound = trials.search.value, narrowing.bound
-    ending = Ending(value + 0.3 * (bound - value), doubling=0.08 * (bound - value))
-    replace_trials(monkeypatch, ending)
-    trials.for_higher_targets(Stages(narrowing), 10, lambda: None)
-    shares = [(target - value) / (bound - value) for target in ending.targets]
-    times = DEFAULTS.trials.aimed_times
-    step = 0.08 * np.log2(times)
-    # The first trials only show how fast nodes grow; those below 0.3 do not end.
-    assert shares[:2] == pytest.approx([0.95, 0.9])
-    ended = [share for share in shares if share >= 0.3]
-    assert np.diff(ended[1:4]) == pytest.approx(-step, rel=0.02)
-    assert trials.bound == pytest.approx(value + ended[-1] * (bound - value), rel=1e-9)
-    assert ended[-1] < 0.3 + 2 * DEFAULTS.trials.least_less
-
-
-def test_trials_end_before_they_are_long_unless_time_is_kept_for_them(
-    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A few times the nodes of the stages, or of the smallest trial."""
-    value, bound = trials.search.value, narrowing.bound
-    most = DEFAULTS.trials.times_stages * DEFAULTS.trials.fewest_nodes
-    shares = []
-    for to_the_end in (False, True):
-        ending = Ending(-np.inf, doubling=0.04 * (bound - value))
-        replace_trials(monkeypatch, ending)
-        trials.for_higher_targets(Stages(narrowing), 10, lambda: None, to_the_end)
-        shares.append((ending.targets[-1] - value) / (bound - value))
-    assert 1000 * 2 ** ((0.95 - shares[0]) / 0.04) == pytest.approx(most, rel=0.5)
-    assert shares[1] == pytest.approx(0.0)
-
-
-def test_a_limit_ends_trials_and_keeps_what_they_proved(
-    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The bound of the targets before stays."""
-    ending = Ending(-np.inf)
-
-    def limited(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
-        if len(ending.targets) == 2:
-            raise LimitReached(Limit.TIME)
-        return ending(narrowing, from_step, most_nodes, stop)
-
-    replace_trials(monkeypatch, limited)
-    with pytest.raises(LimitReached):
-        trials.for_higher_targets(Stages(narrowing), 0, lambda: None)
-    assert trials.best is not None and trials.best.above == ending.targets[1]
-
-
 class Countdown(Stop):
     """A limit whose time passes only when it is told."""
 
@@ -272,20 +162,20 @@ def test_part_of_a_time_limit_is_kept_for_paths(
     root, told = solved_root(), list[tuple[str, float]]()
     root.search.stop = stop = Countdown(seconds)
 
-    def add_stages(self: envelopes._Envelopes, cutoff: object) -> None:
+    def add_stages(self: envelopes._Envelopes) -> None:
         told.append(("stages", self.search.stop.seconds_left))
         stop.left = min(stop.left, 10.0)
         self.search.stop.check()
 
-    def explore_paths(self: envelopes._Envelopes, cutoff: object, to_the_end: bool = False) -> None:
+    def explore_tails(self: envelopes._Envelopes, to_the_end: bool = False) -> None:
         told.append(("paths", self.search.stop.seconds_left))
 
     monkeypatch.setattr(envelopes._Envelopes, "_add_stages", add_stages)
-    monkeypatch.setattr(envelopes._Envelopes, "_explore_paths", explore_paths)
+    monkeypatch.setattr(envelopes._Envelopes, "_explore_tails", explore_tails)
     monkeypatch.setattr(envelopes._Envelopes, "try_paths", lambda _: False)
     duals = root.relaxation.best.duals
-    envelopes.step_envelopes(root.search, duals, root.cutoff, tries_paths=tries_paths)
-    kept = DEFAULTS.trials.time_kept * seconds
+    envelopes.step_envelopes(root.search, duals, root.gap, tries_paths=tries_paths)
+    kept = DEFAULTS.tails.time_kept * seconds
     if tries_paths and seconds < np.inf:
         before = [("stages", seconds - kept), ("paths", 10.0)]
         assert told == [*before, ("stages", 10.0), ("paths", 10.0)]
@@ -294,61 +184,29 @@ def test_part_of_a_time_limit_is_kept_for_paths(
     assert root.search.stop is stop
 
 
-def test_no_stages_follow_paths_that_have_closed_the_gap(
+def test_no_stages_follow_tails_that_have_closed_the_gap(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The bound of the trials counts, not only that of the stages, which would use up the time."""
+    """The bound of the tails counts, not only that of the stages, which would use up the time."""
     root, told = solved_root(), list[str]()
     root.search.stop = stop = Countdown(100.0)
 
-    def add_stages(self: envelopes._Envelopes, cutoff: object) -> None:
+    def add_stages(self: envelopes._Envelopes) -> None:
         told.append("stages")
         stop.left = 10.0
         self.search.stop.check()
 
-    def higher_targets(self: PathTrials, *_: object) -> None:
-        told.append("paths")
-        self.best = EndedTrial(self.search.value, self.search.value, 0, ())
+    def at_the_end(self: TailSearch, *_: object) -> None:
+        told.append("tails")
+        self.best = ProvedTails(self.search.value, (), ())
 
     monkeypatch.setattr(envelopes._Envelopes, "_add_stages", add_stages)
-    monkeypatch.setattr(PathTrials, "for_higher_targets", higher_targets)
+    monkeypatch.setattr(TailSearch, "at_the_end", at_the_end)
     monkeypatch.setattr(envelopes._Envelopes, "try_paths", lambda _: False)
-    envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
-    assert told == ["stages", "paths"]
+    envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.gap)
+    assert told == ["stages", "tails"]
     assert root.search.spare is not None
     assert root.search.spare.proved <= root.cutoff()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("share", "middle"), [(0.75, 0), (0.25, 0), (0.25, 4)])
-def test_what_trials_for_higher_targets_prove_is_verified(
-    share: float, middle: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The file says above which J plans were tried, and its bound is that."""
-    root = solved_root()
-    root.search.parameters = Parameters(
-        trials=TrialParameters(less=1 - share),
-        envelopes=EnvelopeParameters(most_rounds=0),
-        moves=MoveParameters(most_iterations=0),
-    )
-    bound = root.relaxation.best.bound
-    above = root.search.value + share * (bound - root.search.value)
-
-    def only_first(narrowing: Narrowing, from_step: int, most_nodes: int, stop: Stop) -> BestPlan:
-        if narrowing.target < above * (1 - 1e-12):
-            raise NotEndedError
-        return best_plan_from(narrowing, middle, most_nodes, stop)
-
-    replace_trials(monkeypatch, only_first)
-    monkeypatch.setattr(MiddleStep, "choose", lambda self, *_: setattr(self, "from_step", middle))
-    monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
-    envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
-    file = root.search.spare
-    assert file is not None and root.search.value < file.proved < bound
-    assert file.certificate.paths_above == pytest.approx(above, rel=1e-9)
-    assert file.certificate.paths_from == (middle or None)
-    assert file.proved == pytest.approx(above, rel=1e-9)
-    assert verify(root.search.model.problem, file).bound == file.proved
 
 
 @pytest.mark.long
@@ -360,11 +218,11 @@ def test_stages_are_repeated_for_a_better_plan(monkeypatch: pytest.MonkeyPatch) 
     better = search.incumbent
     assert better is not None
     search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
-    narrowing = search.narrowing(duals)
+    narrowing = search.narrowing(duals, search.value)
     search.parameters = Parameters(
         envelopes=EnvelopeParameters(most_rounds=1), moves=MoveParameters(most_iterations=0)
     )
-    envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
+    envelopes.step_envelopes(search, duals, root.gap, tries_paths=False)
     assert narrowing is not None and search.spare is not None
     proved = Stages(narrowing)
     for stage in search.spare.certificate.stages:
@@ -372,7 +230,7 @@ def test_stages_are_repeated_for_a_better_plan(monkeypatch: pytest.MonkeyPatch) 
     before = proved.narrowing
     assert len(proved.stages) == 2 and before.pricing.bound == search.spare.proved
     search.offer(better)
-    higher = search.narrowing(duals)
+    higher = search.narrowing(duals, search.value)
     assert higher is not None
     asked: list[None] = []
     after = proved.again(higher, lambda: asked.append(None)).narrowing
@@ -397,13 +255,13 @@ def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
     search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
     targets, paths = [], []
 
-    def finding(self: envelopes._Envelopes, _: object) -> None:
+    def finding(self: envelopes._Envelopes) -> None:
         targets.append(self.narrowing.target)
         paths.append({path for _, path in self.known.paths})
         search.offer(better)
 
     monkeypatch.setattr(envelopes._Envelopes, "_add_priced_stages", finding)
-    envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
+    envelopes.step_envelopes(search, duals, root.gap, tries_paths=False)
     assert targets[0] < better.value
     assert targets[1] == better.value
     assert paths[1] >= set(better.paths)

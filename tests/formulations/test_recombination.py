@@ -176,7 +176,7 @@ def test_a_better_plan_is_kept_where_a_limit_ends_the_next_recombination(
         return BestPlan(narrowing, best.value, best.paths)
 
     monkeypatch.setattr(recombination, "best_plan", limited)
-    narrowing = search.narrowing(search.alone.duals)
+    narrowing = search.narrowing(search.alone.duals, search.value)
     assert narrowing is not None
     with pytest.raises(LimitReached):
         search.recombine(narrowing)

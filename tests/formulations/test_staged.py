@@ -863,11 +863,11 @@ def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
     (robots,) = search.model.class_sizes
     joint = sum(math.comb(int(n) + robots - 1, robots) for n in states_left(narrowing)[1:])
     assert joint_states_left(narrowing) == joint > 0
-    step_envelopes(search, duals, root.cutoff, (), joint - 1, tries_paths=False)
+    step_envelopes(search, duals, root.gap, (), joint - 1, tries_paths=False)
     assert search.spare is None
-    step_envelopes(search, duals, root.cutoff, (), joint, tries_paths=False)
+    step_envelopes(search, duals, root.gap, (), joint, tries_paths=False)
     assert search.spare is not None and search.spare.proved < root.relaxation.best.bound
-    step_envelopes(search, duals, root.cutoff, (), joint - 1)
+    step_envelopes(search, duals, root.gap, (), joint - 1)
     assert search.is_proved(root.cutoff())
 
 
@@ -907,6 +907,15 @@ def test_staged_files_are_read_back_and_verified(counted: bool) -> None:
         ({"paths_from": 0}, r"paths_from: must be 1\.\."),
         ({"paths_from": 99}, r"paths_from: must be 1\.\."),
         ({"paths_from": 1, "paths_above": None}, "paths_from: not allowed without paths_above"),
+        ({"tails": [{"t": 1, "loss": 0.1}]}, "tails: not allowed together with paths_above"),
+        (
+            {"paths_above": None, "paths_from": None, "tails": [{"t": 99, "loss": 0.1}]},
+            r"tails\[0\].t: must be 0\.\.",
+        ),
+        (
+            {"paths_above": None, "paths_from": None, "tails": [{"t": 1, "loss": math.inf}]},
+            r"tails\[0\].loss: must be finite",
+        ),
     ],
 )
 def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> None:
@@ -1012,7 +1021,7 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
 
 def stages_of(search: Search, duals: Duals) -> None:
     """Looks for step envelopes, without trials of paths."""
-    step_envelopes(search, duals, lambda: search.cutoff(OPTIMALITY), tries_paths=False)
+    step_envelopes(search, duals, OPTIMALITY, tries_paths=False)
 
 
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")

@@ -36,7 +36,11 @@ from cocap_opt.formulations.certificates.staged.profitable_moves import (
     high_joint_states,
     most_profitable_move,
 )
-from cocap_opt.formulations.column_generation.parameters import MoveParameters, Parameters
+from cocap_opt.formulations.column_generation.parameters import (
+    EnvelopeParameters,
+    MoveParameters,
+    Parameters,
+)
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
@@ -253,12 +257,13 @@ def test_constants_far_too_low_find_the_same_moves(claim: float, plain: bool) ->
 
 
 def before_envelopes(problem: Problem, moves: MoveParameters) -> tuple[Search, Callable[[], None]]:
-    """A search with a plan, and what makes its step envelopes, without trials of paths."""
-    search = Search(compiled(problem), parameters=Parameters(moves=moves))
+    """A search with a plan, and what makes its step envelopes, without trials of paths; after two
+    rounds, stages of single steps leave a gap.
+    """
+    few = EnvelopeParameters(most_rounds=2)
+    search = Search(compiled(problem), parameters=Parameters(moves=moves, envelopes=few))
     search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
-    return search, lambda: step_envelopes(
-        search, search.alone.duals, lambda: search.cutoff(OPTIMALITY), tries_paths=False
-    )
+    return search, lambda: step_envelopes(search, search.alone.duals, OPTIMALITY, tries_paths=False)
 
 
 def staged_search(problem: Problem, moves: MoveParameters) -> Search:
@@ -301,7 +306,7 @@ def test_stages_of_moves_are_no_longer_than_a_checker_allows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Their searches end within a number of nodes; steps with too many states have no moves."""
-    problem, most = load_scene("bottleneck", 0).replace(horizon=3), 2_000
+    problem, most = load_scene("bottleneck", 0).replace(horizon=3), 500
     compiled_search.KERNEL.takes_over(never)  # otherwise only the later searches are compiled
 
     def nodes(moves: MoveParameters) -> int:

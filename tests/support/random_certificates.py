@@ -25,9 +25,16 @@ from cocap_opt.formulations.certificates.format import (
     Stage,
     StepConstant,
     StepPrices,
+    Tail,
 )
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
-from cocap_opt.formulations.certificates.staged import Narrowing, may_be_used, may_begin_later
+from cocap_opt.formulations.certificates.staged import (
+    Narrowing,
+    first_tail,
+    may_be_used,
+    may_begin_later,
+    may_have_tails,
+)
 from cocap_opt.formulations.certificates.state_cuts import pixels_of
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Problem
@@ -293,4 +300,14 @@ def random_staged(
     begun = None
     if above is not None and may_begin_later(model) and rng.integers(2):
         begun = int(rng.integers(1, model.problem.horizon + 1))
-    return Staged(random_multipliers(model, rng), target, stages, above, begun)
+    tails = random_tails(model, rng) if above is None and may_have_tails(model) else ()
+    return Staged(random_multipliers(model, rng), target, stages, above, begun, tails)
+
+
+def random_tails(model: Model, rng: np.random.Generator) -> tuple[Tail, ...]:
+    """Losses of the tails from some steps on, most of which are too high."""
+    steps = range(model.problem.horizon, first_tail(model) - 1, -1)
+    return tuple(
+        Tail(t, float(rng.choice([1e4, 1e4, 30.0, 1.0, 0.0, -1.0])))
+        for t in steps if rng.integers(4)
+    )  # fmt: skip

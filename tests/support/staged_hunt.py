@@ -232,6 +232,12 @@ def draw_staged(instance: Instance, best: float, draw: random.Random) -> dict[st
         numbers["paths_above"] = target + draw.choice([0, 0, 0.01, 0.1]) * abs(target)
         if all(len(starts) == 1 for starts in instance.starts.values()) and draw.random() < 0.7:
             numbers["paths_from"] = draw.randint(1, instance.horizon)
+    elif not any(instance.rewards):
+        first = int(any(len(starts) > 1 for starts in instance.starts.values()))
+        numbers["tails"] = [
+            {"t": t, "loss": draw.choice([1e4, 1e4, 10, 1, 0, -1])}
+            for t in range(instance.horizon, first - 1, -1) if draw.random() < 0.8
+        ]  # fmt: skip
     return numbers
 
 
@@ -302,6 +308,7 @@ def hunt(count: int, seed: int) -> Counter[str]:
             counts["lower because of moves"] += bounds[0] < bounds[1] - allowance
             counts["paths explored"] += "paths_above" in numbers
             counts["from the middle"] += "paths_from" in numbers
+            counts["tails"] += bool(numbers.get("tails"))
         if not (n + 1) % 1000:
             sys.stderr.write(f"{n + 1:,} instances: {dict(counts)}\n")
     return counts

@@ -190,7 +190,7 @@ def in_stages() -> Staged:
     root = Root.of(Search(model), OPTIMALITY)
     root.solve_aggregated()
     search = Search(model, incumbent=root.search.incumbent)
-    step_envelopes(search, root.relaxation.best.duals, root.cutoff, tries_paths=False)
+    step_envelopes(search, root.relaxation.best.duals, root.gap, tries_paths=False)
     assert search.spare is not None
     assert isinstance(search.spare.certificate, Staged)
     return search.spare.certificate

@@ -293,6 +293,7 @@ class Lowering:
     def staged(self, numbers: Spec) -> Words:
         """Returns the words of a staged certificate."""
         check.only(numbers, check.STAGED)
+        check.require(not numbers.get("tails"), "tails: only the other checkers can verify them")
         above = numbers.get("paths_above")
         is_higher = above is None or check.number_of(above) >= check.number_of(numbers["target"])
         check.require(is_higher, "paths_above: must not be below the target")

@@ -80,7 +80,7 @@ def best_plan(
     # target.
     if not (reached[-1].values > team.others.threshold).any():
         return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
-    return BestPlan(narrowing, float(reached[-1].values[0]), _paths(reached), nodes, numbers)
+    return BestPlan(narrowing, float(reached[-1].values[0]), paths_along(reached), nodes, numbers)
 
 
 def may_be_used(model: Model) -> bool:
@@ -120,7 +120,7 @@ class _Beginning:
         if not all(map(len, starts)):
             return [Reached.empty(len(numbers))]
         if not problem.has_free_starts:
-            return [self._fixed(starts)]
+            return [self._team.fixed(starts)]
         if problem.first_step == 0:
             return [self._team.best(self._team.chosen(0, starts, searches, stop))]
         if sum(map(len, starts)) > MOST_CHOICES:
@@ -147,14 +147,6 @@ class _Beginning:
     def _starts(self) -> list[IntArray]:
         """The possible start states of each robot, whether closed or not [R]."""
         return [self._model.starts(robot) for robot in range(len(self._team.numbers))]
-
-    def _fixed(self, starts: Sequence[IntArray]) -> Reached:
-        """Returns the joint state of fixed starts."""
-        values = np.zeros(1)
-        if self._model.problem.first_step == 0:
-            joint = self._team.apart(self._team.numbers.tolist(), 0, starts)
-            values[0] = joint.worth(range(len(self._team.numbers)))
-        return Reached(values, np.column_stack(starts), np.zeros(1, dtype=np.int64))
 
 
 class _StartWays:
@@ -258,7 +250,7 @@ def _tails_of(graph: TimeGraph, starts: IntArray) -> dict[int, list[int]]:
     return {head: [*by_place.values()] for head, by_place in found.items()}
 
 
-def _paths(reached: list[Reached]) -> tuple[Path, ...]:
+def paths_along(reached: list[Reached]) -> tuple[Path, ...]:
     """Returns the paths of all robots along the best way to the best joint state at the end."""
     along, number = [], 0
     for step in reached[::-1]:

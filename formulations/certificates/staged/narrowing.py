@@ -278,6 +278,27 @@ class Narrowing:
         of_stages = self.pricing
         return of_stages._replace(bound=min(of_stages.bound, self._proved_by(best)))
 
+    @property
+    def bound_of_steps(self) -> float:
+        """The bound without constants of moves, from which losses of tails are subtracted."""
+        return self.bound + float(self.saved.sum())
+
+    def pricing_after(self, loss: float) -> Pricing:
+        """Returns the bound on all plans, given that those above the target lose so much.
+
+        Parameters
+        ----------
+        loss : difference from `bound_of_steps`
+
+        Raises
+        ------
+        CertificateError, ValueError
+            As in `pricing`.
+        """
+        of_stages = self.pricing
+        lower = self._proved_by(self.bound_of_steps - loss)
+        return of_stages._replace(bound=min(of_stages.bound, lower))
+
     def _proved_by(self, most: float) -> float:
         """Returns the bound on all plans, given that none above the target exceeds `most`."""
         return max(self.target, math.nextafter(most + self.rounding, math.inf))
@@ -489,6 +510,20 @@ class Narrowing:
         more = joint.charge - joint.price
         limits = [self.ceiling_of(profit, raised + more) for profit, raised in joint.ceilings]
         return replace(joint, price=joint.charge, ceilings=(), limits=(*limits, *joint.limits))
+
+    def profitable_joint_states(self, t: int, above: float) -> tuple[JointStates, JointStates]:
+        """Returns the remaining joint states of a step, to collect those with larger profits; and
+        the same joint states with their charges, which decide whether they count.
+
+        Parameters
+        ----------
+        above : states that are in no joint state with a profit above this are left out
+        """
+        joint = self.joint_states(t, above)
+        less = joint.price - joint.charge
+        limits = [self.ceiling_of(profit, raised + less) for profit, raised in joint.limits]
+        profits = replace(joint, charge=joint.price, ceilings=(), limits=(*joint.ceilings, *limits))
+        return profits, joint
 
     def ceiling(self, t: int) -> float:
         """Returns the ceiling that the current constant of a step sets for later prices."""

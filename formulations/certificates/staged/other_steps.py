@@ -45,6 +45,11 @@ class OtherSteps:
         rows = self._narrowing.row_multipliers
         return exact_sum(multiplier for step, multiplier in rows if step >= t)
 
+    def most_before(self, t: int) -> float:
+        """Returns the most that all steps before a step, and best paths, can be worth."""
+        narrowing = self._narrowing
+        return narrowing.bound_of_steps - float(narrowing.constants[t:].sum()) - self._rows(t)
+
     def future(self, t: int, number: int, states: IntArray) -> FloatArray:
         """Returns the most [n] that robots of a class can collect after a step, in units of J.
 
@@ -64,3 +69,26 @@ class OtherSteps:
         slack, to_go = self._narrowing.slack[number], self._narrowing.to_go[number]
         past: FloatArray = -slack[t, states] - to_go[t, states]
         return past
+
+
+class TailSteps(OtherSteps):
+    """The same bounds for the tails of plans: the steps before the tail lose nothing, and shorter
+    tails lose what has been proved of them.
+
+    Parameters
+    ----------
+    losses : [T+2] the J that every plan above the target loses from each step on
+    loss : J less than which the explored part of a plan has to lose to be followed
+    """
+
+    def __init__(self, narrowing: Narrowing, losses: FloatArray, loss: float) -> None:
+        super().__init__(narrowing)
+        self._losses = losses
+        self.threshold = narrowing.bound_of_steps - loss - 2 * narrowing.rounding
+
+    def rest_after(self, t: int) -> float:
+        """Returns the J that later constants and rows add, less the loss of the tail after the
+        step.
+        """
+        later = float(self._narrowing.constants[t + 1 :].sum()) + self._rows(t)
+        return later - float(self._losses[t + 1])

@@ -6,7 +6,7 @@ above the target, or above a higher value. They begin at the start, or at a step
 (`middle_paths`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -16,6 +16,7 @@ from cocap_opt.formulations.certificates.format import (
     Stage,
     Staged,
     StepConstant,
+    Tail,
     UnfinishedError,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
@@ -30,6 +31,7 @@ from cocap_opt.formulations.certificates.staged.move_searches import MoveSearche
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.profitable_moves import most_profitable_move
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
+from cocap_opt.formulations.certificates.staged.tails import Tails, first_tail, may_have_tails
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
@@ -64,12 +66,16 @@ def price_staged(
     """
     above, middle = certificate.paths_above, certificate.paths_from
     _check_paths(model, above, middle)
+    _check_tails(model, certificate)
     narrowing = Narrowing.of(model, certificate.multipliers, certificate.target, stop).closed()
     total = sum(len(stage.constants) + len(stage.moves) for stage in certificate.stages)
+    total += len(certificate.tails)
     searches = _Searches(MOST_NODES, total, stop, progress, plain)
     for n, stage in enumerate(certificate.stages):
         stop.check()
         narrowing = searches.after(stage, narrowing, f"certificate.stages[{n}]")
+    if certificate.tails:
+        return searches.priced_tails(certificate.tails, narrowing)
     nodes = MOST_NODES - searches.nodes_left
     if above is None:
         return narrowing.pricing._replace(nodes=nodes)
@@ -104,6 +110,25 @@ def _check_paths(model: Model, above: float | None, middle: int | None) -> None:
         raise CertificateError(f"certificate.paths_from: must be 1..{last}, not {middle}")
 
 
+def _check_tails(model: Model, certificate: Staged) -> None:
+    """Raises CertificateError if a file's tails are not allowed."""
+    if not certificate.tails:
+        return
+    if not may_have_tails(model):
+        raise CertificateError(
+            "certificate.tails: not allowed if moves are rewarded or views do not count at step 1"
+        )
+    if certificate.paths_above is not None:
+        raise CertificateError("certificate.tails: not allowed together with paths_above")
+    first, last = first_tail(model), model.problem.horizon
+    for k, tail in enumerate(certificate.tails):
+        if not first <= tail.t <= last:
+            raise CertificateError(
+                f"certificate.tails[{k}].t: must be {first}..{last}, not {tail.t}"
+            )
+        _check_amount(model, tail.loss, f"certificate.tails[{k}].loss")
+
+
 @dataclass
 class _Searches:
     """The searches of a file, which share a limit on the number of nodes.
@@ -134,6 +159,20 @@ class _Searches:
             return self._most_profit_of_moves(narrowing, stage.moves[k], f"{field}.moves[{k}]")
 
         return narrowing.after(stage, most_profit, most_profit_of_moves, field, MOST_STATES)
+
+    def priced_tails(self, claims: Sequence[Tail], narrowing: Narrowing) -> Pricing:
+        """Returns the bound that losses of tails prove; each is the claim, or less if that is too
+        high.
+        """
+        tails = Tails.of(narrowing)
+        for k, claim in enumerate(claims):
+            with self._searched(f"certificate.tails[{k}]"):
+                found = tails.least_loss(
+                    claim.t, claim.loss, self.nodes_left, self.stop, self.plain
+                )
+                self.nodes_left -= found.nodes
+            tails = tails.longer(claim.t, found.loss)
+        return tails.pricing._replace(nodes=MOST_NODES - self.nodes_left)
 
     def _most_profit(self, joint: JointStates, claim: StepConstant, field: str) -> float:
         """Returns the largest profit of joint states, or the claimed constant if it is larger."""
@@ -192,16 +231,16 @@ def _check(model: Model, stage: Stage, field: str) -> None:
                 raise CertificateError(f"{name}.{wrong}")
     for k, claim in enumerate(stage.constants):
         _check_step(model, claim.t, f"{field}.constants[{k}]")
-        _check_constant(model, claim.constant, f"{field}.constants[{k}]")
+        _check_amount(model, claim.constant, f"{field}.constants[{k}].constant")
     for k, move in enumerate(stage.moves):
         _check_step(model, move.t, f"{field}.moves[{k}]", model.problem.horizon - 1)
-        _check_constant(model, move.constant, f"{field}.moves[{k}]")
+        _check_amount(model, move.constant, f"{field}.moves[{k}].constant")
 
 
-def _check_constant(model: Model, constant: float, field: str) -> None:
-    """Rejects a constant that is not finite."""
-    if not abs(constant) <= LARGEST_PRICE * len(model.problem.robots):
-        raise CertificateError(f"{field}.constant: must be finite")
+def _check_amount(model: Model, amount: float, field: str) -> None:
+    """Rejects an amount of J that is not finite."""
+    if not abs(amount) <= LARGEST_PRICE * len(model.problem.robots):
+        raise CertificateError(f"{field}: must be finite")
 
 
 def _check_step(model: Model, t: int, field: str, last: int | None = None) -> None:

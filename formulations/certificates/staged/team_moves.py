@@ -60,12 +60,12 @@ class Team:
     others : what the steps before and after a step can be worth
     """
 
-    def __init__(self, narrowing: Narrowing) -> None:
+    def __init__(self, narrowing: Narrowing, others: OtherSteps | None = None) -> None:
         model = narrowing.model
         self._narrowing, self._model = narrowing, model
         class_of = {robot: n for n, robots in enumerate(model.classes) for robot in robots.robots}
         self.numbers = np.array([class_of[robot] for robot in range(len(class_of))])
-        self.others = OtherSteps(narrowing)
+        self.others = OtherSteps(narrowing) if others is None else others
 
     # -- from step to step --------------------------------------------------------------------
 
@@ -163,6 +163,19 @@ class Team:
 
     # -- the joint states of a step -----------------------------------------------------------
 
+    def fixed(self, starts: Sequence[IntArray]) -> Reached:
+        """Returns the joint state at step 0 of robots with fixed starts.
+
+        Parameters
+        ----------
+        starts : [R] the only start of each robot
+        """
+        values = np.zeros(1)
+        if self._model.problem.first_step == 0:
+            joint = self.apart(self.numbers.tolist(), 0, starts)
+            values[0] = joint.worth(range(len(self.numbers)))
+        return Reached(values, np.column_stack(starts), np.zeros(1, dtype=np.int64))
+
     def chosen(
         self, t: int, states: Sequence[IntArray], searches: MoveSearches, stop: Stop
     ) -> list[Reached]:
@@ -201,6 +214,34 @@ class Team:
         for robot, number in enumerate(self.numbers.tolist()):
             values += self.others.past(t, number, reached.placed[:, robot])
         return reached._replace(values=values), worth
+
+    def with_profits(self, t: int, above: float, searches: MoveSearches, stop: Stop) -> Reached:
+        """Returns the joint states of a step that count and have larger profits.
+
+        The value of each is its worth and the most that all earlier steps can be worth, whatever
+        its states. Robots of one class are exchangeable, so each joint state is listed once. Errors
+        are those of `after`.
+        """
+        profits, joint = self._narrowing.profitable_joint_states(t, above)
+        if len(joint.states) > MOST_CHOICES:
+            raise NotEndedError
+        robots = np.concatenate([robot_class.robots for robot_class in self._model.classes])
+        choices = Choices.of_classes(profits, robots)
+
+        def parts() -> Iterator[Reached]:
+            for rows, heads in searches.found(profits, choices, np.array([above]), stop):
+                worths = _worths(joint, heads)
+                low = worths - joint.charge[heads].sum(axis=1)
+                counts = low >= joint.floor - joint.margin
+                placed = np.empty_like(heads)
+                placed[:, choices.robots] = joint.states[heads]
+                yield Reached(worths[counts], placed[counts], rows[counts])
+
+        reached = Reached.joined(self.listed(parts()))
+        values = reached.values + self.others.most_before(t)
+        for robot, number in enumerate(self.numbers.tolist()):
+            values -= self._narrowing.to_go[number][t, reached.placed[:, robot]]
+        return reached._replace(values=values)
 
     def _collected(
         self, joint: JointStates, choices: Choices, floors: FloatArray, searches: MoveSearches,

@@ -21,12 +21,14 @@ repeated for it. Once such stages close little, the following ones also bound th
 between two steps (`move_bundle`).
 
 Before the first stage and after each stage, the remaining joint paths of all robots may be few
-enough to explore (`path_trials`), which proves the best plan optimal. If further stages close
-nothing, the paths of plans above higher targets are explored.
+enough to explore (`path_trials`), which proves the best plan optimal. Once all states have prices,
+and at the end, the losses of tails lower the bound further (`tail_search`).
+
+If a gap is allowed, the target is the cutoff: plans in between need not be excluded.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +38,7 @@ from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
 from cocap_opt.formulations.certificates.format import StepConstant
-from cocap_opt.formulations.certificates.staged import Narrowing
+from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.certificates.staged.stages import MOST_STATES
 from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
@@ -57,6 +59,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import
 from cocap_opt.formulations.column_generation.step_envelopes.priced_states import PricedStates
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.step_envelopes.step_searches import StepSearches
+from cocap_opt.formulations.column_generation.step_envelopes.tail_search import TailSearch
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.problem import COVERAGE_VERSION
@@ -70,7 +73,7 @@ CLEARLY = 1e-9
 def step_envelopes(
     search: Search,
     duals: Duals,
-    cutoff: Callable[[], float],
+    gap: float,
     columns: Iterable[Column] = (),
     most_joint: float = math.inf,
     tries_paths: bool = True,
@@ -81,8 +84,8 @@ def step_envelopes(
     ----------
     search : a search with an incumbent, whose J is the target; without an incumbent nothing is done
     duals : multipliers of the relaxation without decisions
+    gap : relative gap at which the root is closed, as in `Search.cutoff`
     columns : good paths
-    cutoff : bound at which the root is closed
     most_joint : number of joint states of all steps, including conflicts, above which no stages are
         made, only a trial of all paths
     tries_paths : False: make stages only
@@ -92,7 +95,7 @@ def step_envelopes(
     LimitReached
         If a limit is reached; the bound proved so far is offered.
     """
-    model, narrowing = search.model, search.narrowing(duals)
+    model, narrowing = search.model, search.narrowing(duals, search.aim(gap))
     if search.incumbent is None or narrowing is None:
         return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
@@ -102,14 +105,15 @@ def step_envelopes(
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
     envelopes = _Envelopes(
-        search, Stages(narrowing), duals, known, steps,
-        PathTrials(search, is_on=tries_paths), ListLengths(len(steps), search.parameters.lists),
+        search, gap, Stages(narrowing), duals, known, steps,
+        PathTrials(search, is_on=tries_paths), TailSearch(search, is_on=tries_paths),
+        ListLengths(len(steps), search.parameters.lists),
     )  # fmt: skip
     try:
         if envelopes.try_paths():
             return
         if most_joint == math.inf or joint_states_left(narrowing) <= most_joint:
-            envelopes.run(cutoff)
+            envelopes.run()
     finally:
         if envelopes.bound < before - CLEARLY * abs(before):
             envelopes.offer()
@@ -124,6 +128,7 @@ class _Envelopes:
     proved : the stages so far, and the resulting narrowing
     steps : steps at which views count
     trials : trials of the joint paths of all robots
+    tails : explorations of the latest steps of plans
     lengths : lengths of the lists of states
     searches : searches for joint states of steps
     responses : budget of the next search for plans, in iterations' worth of best responses
@@ -131,14 +136,17 @@ class _Envelopes:
     """
 
     search: Search
+    gap: float
     proved: Stages
     duals: Duals
     known: Known
     steps: range
     trials: PathTrials
+    tails: TailSearch
     lengths: ListLengths
     lists_stall: bool = False
     responses: int = 0
+    _before_stages: Narrowing | None = None
 
     def __post_init__(self) -> None:
         """Sets the initial number of responses from the parameters."""
@@ -154,58 +162,64 @@ class _Envelopes:
         """The narrowing to better plans, after the stages so far."""
         return self.proved.narrowing
 
+    def cutoff(self) -> float:
+        """Returns the bound at which the root is closed."""
+        return self.search.cutoff(self.gap)
+
     @property
     def bound(self) -> float:
-        """The bound that the stages, or the trials of paths, prove."""
-        return min(self.narrowing.pricing.bound, self.trials.bound)
+        """The bound that the stages, the trials of paths, or the losses of tails prove."""
+        return min(self.narrowing.pricing.bound, self.trials.bound, self.tails.bound)
 
-    def run(self, cutoff: Callable[[], float]) -> None:
-        """Adds stages as long as they close states or lower the bound, then explores the paths of
-        plans above higher targets; raises LimitReached.
+    def run(self) -> None:
+        """Adds stages as long as they close states or lower the bound, then explores tails; raises
+        LimitReached.
 
-        Part of a time limit is kept for the paths: at the end, they lower the bound by more than
-        one more stage.
+        Part of a time limit is kept for tails: at the end, they lower the bound by more than one
+        more stage.
         """
-        left = self.search.stop.seconds_left if self.trials.is_possible else math.inf
+        left = self.search.stop.seconds_left if self.tails.is_possible else math.inf
         # Infinite without a time limit or without trials: then nothing is kept.
-        kept = self.search.parameters.trials.time_kept * left
+        kept = self.search.parameters.tails.time_kept * left
         try:
             with self.search.ending_before(kept):
-                self._add_stages(cutoff)
-                self._add_stages_of_moves(cutoff)
+                self._add_stages()
+                self._add_stages_of_moves()
         except LimitReached as reached:
             self.search.stop.check()
             if kept == math.inf or reached.limit is not Limit.TIME:
                 raise
-            self._explore_paths(cutoff, to_the_end=True)
-            if self.bound > cutoff():  # otherwise paths have closed the gap that stages leave
-                self._add_stages(cutoff)
-        self._explore_paths(cutoff)
+            self._explore_tails(to_the_end=True)
+            if self.bound > self.cutoff():  # otherwise tails have closed the gap that stages leave
+                self._add_stages()
+        self._explore_tails()
 
-    def _explore_paths(self, cutoff: Callable[[], float], to_the_end: bool = False) -> None:
-        """Explores the paths of plans above ever lower targets; raises LimitReached."""
-        self._raise_target()
-        if self.bound > cutoff():
-            self.trials.for_higher_targets(self.proved, self.searches.nodes, self.offer, to_the_end)
+    def _explore_tails(self, to_the_end: bool = False) -> None:
+        """Explores the tails of plans with ever more nodes; raises LimitReached."""
+        is_better = True
+        while is_better and self.bound > self.cutoff():
+            self._raise_target()
+            self.tails.at_the_end(self.proved, self.searches.nodes, self.offer, to_the_end)
+            is_better = self._has_better_plan()
 
-    def _add_stages(self, cutoff: Callable[[], float]) -> None:
+    def _add_stages(self) -> None:
         """Adds stages as long as they close states or lower the bound; raises LimitReached."""
         for _ in range(self._parameters.most_rounds):
             self._raise_target()
             before = self.narrowing.pricing.bound
-            open_ = before - cutoff()
+            open_ = before - self.cutoff()
             if open_ <= 0:
                 return
             if not (self._is_small() or self._can_be_listed()):
                 return
             if self._is_small():
                 self._lower_constants()
-                if self.narrowing.pricing.bound <= cutoff() or self.try_paths():
+                if self.narrowing.pricing.bound <= self.cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
             is_wide = listed and self.lengths.widening >= self._parameters.wide
-            self._add_priced_stages(cutoff)
-            if listed and self.try_paths():
+            self._add_priced_stages()
+            if self.try_paths() if listed else self._try_tails():
                 return
             if self._has_better_plan():
                 continue
@@ -213,19 +227,19 @@ class _Envelopes:
             if not self._is_worth_another(closed, listed, is_wide):
                 return
 
-    def _add_stages_of_moves(self, cutoff: Callable[[], float]) -> None:
+    def _add_stages_of_moves(self) -> None:
         """Adds stages with constants of moves as long as they lower the bound; raises
         LimitReached.
         """
         if not (self.search.parameters.moves.most_iterations and is_there() and self.steps[1:]):
             return
         known = KnownMoves()
-        while self._is_small() and self._may_have_moves() and self.bound > cutoff():
+        while self._is_small() and self._may_have_moves() and self.bound > self.cutoff():
             self._raise_target()
             bundle = MoveBundle(self.narrowing, self.known, known, self.searches)
             is_better = False
             try:
-                is_better = bundle.run(cutoff, self.report)
+                is_better = bundle.run(self.cutoff, self.report)
             finally:
                 if bundle.stage is not None:
                     self.proved = self.proved.then(bundle.stage)
@@ -261,7 +275,7 @@ class _Envelopes:
 
     def _has_better_plan(self) -> bool:
         """Returns True if a plan is clearly above the target of the stages."""
-        return self.search.value > (1 + CLEARLY) * self.narrowing.target
+        return self.search.aim(self.gap) > (1 + CLEARLY) * self.narrowing.target
 
     def _raise_target(self) -> None:
         """Repeats all stages for the best plan's J, if it is higher: they then close more states.
@@ -272,8 +286,10 @@ class _Envelopes:
             If a limit is reached; the target and the remaining states are then unchanged.
         """
         plan = self.search.incumbent
-        narrowing = self.search.narrowing(self.duals) if self._has_better_plan() else None
-        if plan is None or narrowing is None:
+        if plan is None or not self._has_better_plan():
+            return
+        narrowing = self.search.narrowing(self.duals, self.search.aim(self.gap))
+        if narrowing is None:
             return
         # Of the known paths, those of the plan are certainly among the remaining states.
         self.known.add_plan(plan, self.steps)
@@ -290,6 +306,10 @@ class _Envelopes:
         if has_ended:
             self.offer()
         return has_ended
+
+    def _try_tails(self) -> bool:
+        """Explores tails; returns True if they prove that no plan is above the target."""
+        return self.tails.after_stages(self.proved, self.searches.nodes, self.offer)
 
     def offer(self) -> None:
         """Offers the search the certificate of the bound proved so far."""
@@ -312,10 +332,12 @@ class _Envelopes:
     def _certificate(self) -> Staged:
         """Returns the stages so far, or those before the best trial of paths and that trial."""
         multipliers, target = self.duals.certificate(self.search.model), self.narrowing.target
-        trial = self.trials.best
-        if trial is None or trial.bound >= self.narrowing.pricing.bound:
-            return Staged(multipliers, target, self.proved.stages)
-        return Staged(multipliers, target, trial.stages, trial.above, trial.from_step or None)
+        trial, tails = self.trials.best, self.tails.best
+        if tails is not None and tails.bound <= self.bound:
+            return Staged(multipliers, target, tails.stages, tails=tails.tails)
+        if trial is not None and trial.bound <= self.bound:
+            return Staged(multipliers, target, trial.stages, trial.above, trial.from_step or None)
+        return Staged(multipliers, target, self.proved.stages)
 
     def _is_small(self) -> bool:
         """Returns True if all states get their own prices, since searches of steps may then end."""
@@ -361,25 +383,35 @@ class _Envelopes:
         """Reports the bound proved so far."""
         self.search.report(self.search.snapshot(self.bound))
 
-    def _add_priced_stages(self, cutoff: Callable[[], float]) -> None:
+    def _add_priced_stages(self) -> None:
         """Finds better prices and their constants, and adds them as a stage."""
-        priced = self._priced(cutoff)
+        priced = self._priced()
+        if self.narrowing.target > self.search.value:
+            self._know_some(priced.joints.values())
         bundle = PriceBundle(priced, self.known, self.search.parameters.bundle)
         for _ in range(self._parameters.most_corrections):
-            prices = bundle.run(cutoff, self.report)
+            prices = bundle.run(self.cutoff, self.report)
             if bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None or (priced.has_lists and self._is_stalled(bundle.best, cutoff)):
+            if prices is None or (priced.has_lists and self._is_stalled(bundle.best)):
                 return
             heights = Heights(bundle, prices, self.proved, self.searches, self.lengths, self._keep)
             # If no search has ended, nothing is known that could correct the bundle.
             if heights.adopt() or not heights.waiting:
                 return
 
-    def _is_stalled(self, bound: float, cutoff: Callable[[], float]) -> bool:
+    def _know_some(self, joints: Iterable[JointStates]) -> None:
+        """Finds a joint state of each step for the bundle to begin with; above the target of a gap,
+        not even those of the best plan count.
+        """
+        for joint in joints:
+            if not self.known.at(joint):
+                self.searches.highest(joint, -math.inf, self.searches.many_nodes())
+
+    def _is_stalled(self, bound: float) -> bool:
         """Returns True if a lower bound would close so little that lists count as stalled."""
         before = self.narrowing.pricing.bound
-        return before - bound < self._parameters.stalled * (before - cutoff())
+        return before - bound < self._parameters.stalled * (before - self.cutoff())
 
     def _keep(self, proved: Stages) -> None:
         """Stores the stages so far, and reports their bound; raises LimitReached."""
@@ -397,20 +429,30 @@ class _Envelopes:
         before = self.search.value
         self.search.allow_responses(self.responses)
         self.search.round_to_plans(mixture_of_flow(self.search.model, flow))
-        self.search.recombine(self.narrowing)
+        self._recombine()
         self.responses = (
             self._parameters.responses
             if self.search.value > before
             else max(self.responses // 2, 1)
         )
 
-    def _priced(self, cutoff: Callable[[], float]) -> PricedStates:
+    def _recombine(self) -> None:
+        """Offers the best plan along the states of several plans; raises LimitReached.
+
+        If a gap is allowed, the stages close the states of plans that are only a little better, so
+        these are sought before any stage.
+        """
+        if self.narrowing.target > self.search.value and self._before_stages is None:
+            self._before_stages = self.search.narrowing(self.duals, self.search.value)
+        self.search.recombine(self._before_stages or self.narrowing)
+
+    def _priced(self) -> PricedStates:
         """Returns the states that get prices, with ceilings at steps where only some have."""
         narrowing, stop = self.narrowing, self.search.stop
         if self._is_small():
             joints = {t: narrowing.joint_states(t) for t in self.steps}
             return PricedStates(narrowing, joints, {}, stop)
-        most = self.lengths.slack(narrowing.pricing.bound - cutoff(), self._n_listed)
+        most = self.lengths.slack(narrowing.pricing.bound - self.cutoff(), self._n_listed)
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
         return PricedStates(narrowing, joints, {t: narrowing.ceiling(t) for t in self.steps}, stop)
 

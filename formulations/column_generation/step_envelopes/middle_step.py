@@ -32,14 +32,13 @@ class MiddleStep:
     from_step: int = 0
     nodes: int = 0
 
-    def choose(self, narrowing: Narrowing, value: float, most_nodes: int, stop: Stop) -> None:
+    def choose(self, narrowing: Narrowing, most_nodes: int, stop: Stop) -> None:
         """Chooses the step from which the plans above a high target take the fewest nodes.
 
         The step remains if no exploration ends, or if paths cannot begin at a later step.
 
         Parameters
         ----------
-        value : J of the best plan
         most_nodes : largest number of nodes of the trial that follows
 
         Raises
@@ -50,12 +49,12 @@ class MiddleStep:
         if not may_begin_later(narrowing.model):
             return
         horizon, parameters = narrowing.model.problem.horizon, self.parameters
-        room, less = max(narrowing.bound - value, 0.0), parameters.first_less
+        room, less = max(narrowing.bound - narrowing.target, 0.0), parameters.first_less
         few, many = int(parameters.few * most_nodes), int(parameters.many * most_nodes)
         apart = -(-horizon // parameters.most_steps)  # distance between the steps compared first
         steps = [*dict.fromkeys((self.from_step, *range(0, horizon + 1, apart)))]
         while steps and less <= 1:
-            higher = narrowing.above(value + (1 - less) * room)
+            higher = narrowing.above(narrowing.target + (1 - less) * room)
             ranked = self._ranked(higher, steps, many, stop)
             if less == parameters.first_less and apart > 1:
                 # The best step may be next to the best of those.

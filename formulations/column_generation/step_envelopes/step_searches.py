@@ -1,5 +1,6 @@
 """Searches for the highest joint state of a step, with limits on their nodes."""
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -13,6 +14,9 @@ from cocap_opt.formulations.certificates.staged.search import MostProfitable
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+
+# times the bound in which every robot is alone: no sum of constants and prices is as large
+_LOW = 8
 
 
 @dataclass
@@ -38,7 +42,8 @@ class StepSearches:
     def highest(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
         """Returns the joint state of largest profit; None if the search takes too many nodes.
 
-        The joint state is then known, so that the next prices take it into account.
+        The joint state is then known, so that the next prices take it into account. If none counts,
+        which proves that no plan is above the target, the profit is so low that the bound shows it.
 
         Parameters
         ----------
@@ -49,6 +54,8 @@ class StepSearches:
             found = most_profitable(joint, least, most_nodes, self.search.stop)
             nodes = found.nodes
             self.known.add(joint, found.positions)
+            if found.profit == -math.inf:
+                found = found._replace(profit=-_LOW * self.search.scale)
         self.known.note(nodes, joint, self.search.stop)
         self.nodes += nodes
         return found

@@ -226,7 +226,7 @@ class Relaxation:
     def _recombine(self) -> None:
         if self.decisions or not self.search.can_recombine:
             return
-        narrowing = self.search.narrowing(self.best.duals)
+        narrowing = self.search.narrowing(self.best.duals, self.search.value)
         if narrowing is not None:
             self.search.recombine(narrowing)
 

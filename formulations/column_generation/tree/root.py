@@ -190,7 +190,7 @@ class Root:
             # step envelopes begin by trying paths
             self.tried = self.relaxation.best.bound - self.search.value
             duals = self.relaxation.best.duals
-            step_envelopes(self.search, duals, self.cutoff, columns, most_joint)
+            step_envelopes(self.search, duals, self.gap, columns, most_joint)
 
     def _try_paths_of_first_plan(self) -> bool:
         """Tries the paths of plans better than the first plan; returns True if none exists.
@@ -213,7 +213,7 @@ class Root:
         open_ = self.relaxation.best.bound - self.search.value
         if not self._is_closed() and open_ <= self._parameters.less_open * self.tried:
             self.tried = open_
-            step_envelopes(self.search, self.relaxation.best.duals, self.cutoff, most_joint=0)
+            step_envelopes(self.search, self.relaxation.best.duals, self.gap, most_joint=0)
         return self.search.is_proved(self.cutoff())
 
     def _is_closed(self) -> bool:

@@ -18,6 +18,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.diving import dive
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.mixtures.columns import Column
 from cocap_opt.problem import COVERAGE_VERSION
 
@@ -56,7 +57,7 @@ class Tree:
     def __init__(self, search: Search, gap: float) -> None:
         self.search = search
         self.has_stuck_leaf = False
-        self._gap = gap / 2  # half of the gap is reserved for rounding
+        self._gap = gap - OPTIMALITY / 2  # the rest is reserved for rounding
         self._solved = 0
         self._iterations = 0
         self._root: Relaxation | None = None
