@@ -479,9 +479,11 @@ class TailParameters(Section):
     Attributes
     ----------
     fewest_nodes : nodes
-        smallest size of an exploration of all steps
+        smallest size of an exploration of all steps, in compiled code
+    fewest_plain_nodes : nodes
+        the same without compiled code, which takes twenty times as long
     times_nodes : times
-        largest size of all explorations between stages, relative to the stages
+        largest size of all explorations between stages, relative to the stages, in compiled code
     times_at_the_end : times
         largest size of an exploration at the end, relative to the stages, unless time is kept for
         it
@@ -501,6 +503,7 @@ class TailParameters(Section):
     """
 
     fewest_nodes: int = 1_000_000
+    fewest_plain_nodes: int = 30_000
     times_nodes: float = 6.0
     times_at_the_end: float = 15.0
     most_nodes: int = 80_000_000

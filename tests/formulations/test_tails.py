@@ -162,7 +162,7 @@ def test_explorations_go_on_with_more_nodes_and_end_with_the_limit(
 
     monkeypatch.setattr(Tails, "least_loss", never_ending)
     stages, tails = proved(root), TailSearch(root.search)
-    fewest = DEFAULTS.tails.fewest_nodes
+    fewest = tails._fewest_nodes
     tails.at_the_end(stages, fewest, lambda: None)
     steps = root.search.model.problem.horizon + 1
     passes = [nodes for t, nodes in asked if t == 0]

@@ -70,9 +70,8 @@ class TailSearch:
 
     @property
     def is_possible(self) -> bool:
-        """True if tails may be explored: in compiled code, and joint states determine J."""
-        is_fast = searches_are_fast(self.search.stop)
-        return self.is_on and is_fast and may_have_tails(self.search.model)
+        """True if tails may be explored: joint states determine J."""
+        return self.is_on and may_have_tails(self.search.model)
 
     def after_stages(self, proved: Stages, nodes: int, report: Callable[[], None]) -> bool:
         """Explores tails if the room has shrunk since the last time; returns True if they prove
@@ -89,10 +88,11 @@ class TailSearch:
         LimitReached
             If a limit is reached.
         """
-        allowed = int(self._parameters.times_nodes * nodes) - self.nodes
+        times = self._parameters.times_nodes if self._is_fast else 1.0
+        allowed = int(times * nodes) - self.nodes
         room = proved.narrowing.room_above(proved.narrowing.target)
         is_easier = room <= self._parameters.less_room * self._failed_room
-        if not self.is_possible or not is_easier or allowed < self._parameters.fewest_nodes:
+        if not self.is_possible or not is_easier or allowed < self._fewest_nodes:
             return False
         self._failed_room = room
         return self._explore(proved, allowed, report)
@@ -109,10 +109,11 @@ class TailSearch:
         """
         if not self.is_possible:
             return
-        allowed = max(nodes, self._parameters.fewest_nodes, self._allowed)
+        of_stages = max(nodes if self._is_fast else 0, self._fewest_nodes)
+        allowed = max(of_stages, self._allowed)
         most = self._parameters.most_nodes
         if not to_the_end:
-            most = min(most, int(self._parameters.times_at_the_end * nodes))
+            most = min(most, int(self._parameters.times_at_the_end * of_stages))
         target = proved.narrowing.target
         while allowed <= most and self.search.value <= target:
             if self._explore(proved, allowed, report):
@@ -184,6 +185,16 @@ class TailSearch:
             more *= parameters.growth
         known.nodes, known.before = most_nodes, before
         return known.loss, max(explored, parameters.first_loss * tails.most)
+
+    @property
+    def _is_fast(self) -> bool:
+        return searches_are_fast(self.search.stop)
+
+    @property
+    def _fewest_nodes(self) -> int:
+        """The size of the smallest exploration of all steps."""
+        few, plain = self._parameters.fewest_nodes, self._parameters.fewest_plain_nodes
+        return few if self._is_fast else plain
 
     @property
     def _parameters(self) -> TailParameters:
