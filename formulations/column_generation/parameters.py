@@ -483,7 +483,7 @@ class TailParameters(Section):
     fewest_plain_nodes : nodes
         the same without compiled code, which takes twenty times as long
     times_nodes : times
-        largest size of all explorations between stages, relative to the stages, in compiled code
+        largest size of all explorations between stages, relative to the stages
     times_at_the_end : times
         largest size of an exploration at the end, relative to the stages, unless time is kept for
         it
@@ -510,7 +510,7 @@ class TailParameters(Section):
     less_room: Share = 0.7
     first_loss: Share = 0.01
     growth: float = 1.5
-    time_kept: Share = 0.3
+    time_kept: Share = 0.15
     enough: Share = 0.3
 
 

@@ -34,9 +34,11 @@ _CLAIMS = {
     "passage": (_PROOF, _STAGES, _BOUND),
     "field": (_MULTIPLIERS, _STAGES, _BOUND),
 }
-# Column generation that hardly tries paths of all drones together.
+# Column generation that explores no tails, of which the program knows nothing.
+WITHOUT_TAILS = replace(DEFAULTS, tails=replace(DEFAULTS.tails, times_nodes=0.0, most_nodes=0))
+# Column generation that hardly tries paths of all drones together, either.
 WITHOUT_PATHS = replace(
-    DEFAULTS,
+    WITHOUT_TAILS,
     trials=replace(
         DEFAULTS.trials,
         fewest_nodes=1,
@@ -98,7 +100,7 @@ def _runs_of(program: Path, scene: str) -> list[VerifiedClaim]:
         _PROOF: searchless,
         _MULTIPLIERS: column_generation,
         _STAGES: lambda problem: column_generation(problem, parameters=WITHOUT_PATHS),
-        _BOUND: column_generation,
+        _BOUND: lambda problem: column_generation(problem, parameters=WITHOUT_TAILS),
     }
     return [
         checked(program, problem, files[claim](problem).certificate, claim)

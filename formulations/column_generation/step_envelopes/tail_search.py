@@ -74,8 +74,8 @@ class TailSearch:
         return self.is_on and may_have_tails(self.search.model)
 
     def after_stages(self, proved: Stages, nodes: int, report: Callable[[], None]) -> bool:
-        """Explores tails if the room has shrunk since the last time; returns True if they prove
-        that no plan is above the target.
+        """Explores tails in compiled code if the room has shrunk since the last time; returns True
+        if they prove that no plan is above the target.
 
         Parameters
         ----------
@@ -88,11 +88,11 @@ class TailSearch:
         LimitReached
             If a limit is reached.
         """
-        times = self._parameters.times_nodes if self._is_fast else 1.0
-        allowed = int(times * nodes) - self.nodes
+        allowed = int(self._parameters.times_nodes * nodes) - self.nodes
         room = proved.narrowing.room_above(proved.narrowing.target)
         is_easier = room <= self._parameters.less_room * self._failed_room
-        if not self.is_possible or not is_easier or allowed < self._fewest_nodes:
+        is_long = self._is_fast and allowed >= self._parameters.fewest_nodes
+        if not self.is_possible or not is_easier or not is_long:
             return False
         self._failed_room = room
         return self._explore(proved, allowed, report)
