@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from roots import solved_root
 
 from cocap_opt.compiling import Kernel, functions, marks
 from cocap_opt.formulations.certificates import Staged, verify
@@ -21,7 +22,6 @@ from cocap_opt.formulations.column_generation.parameters import (
     Parameters,
 )
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
 from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
 from cocap_opt.formulations.column_generation.step_envelopes.middle_step import MiddleStep
@@ -33,22 +33,9 @@ from cocap_opt.formulations.column_generation.step_envelopes.tail_search import 
     ProvedTails,
     TailSearch,
 )
-from cocap_opt.formulations.column_generation.tree.root import Root
-from cocap_opt.formulations.result import OPTIMALITY, certify
-from cocap_opt.model import compiled
+from cocap_opt.formulations.result import certify
 from cocap_opt.problem import Plan
-from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, TimeLimit
-
-
-def solved_root() -> Root:
-    """The root of the bottleneck before its cuts, with a plan."""
-    root = Root.of(Search(compiled(load_scene("bottleneck", 0).replace(horizon=6))), OPTIMALITY)
-    for column in root.search.alone.columns:
-        root.relaxation.master.add(column)
-    root.relaxation.solve(root.cutoff, until_cuts=True)
-    root.relaxation.round_to_plans()
-    return root
 
 
 @pytest.fixture

@@ -8,7 +8,8 @@ from counting import either
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_certificates import random_multipliers
-from strategies import drawn_meetings, drawn_problems, examples
+from roots import solved_root
+from strategies import Calls, drawn_meetings, drawn_problems, examples
 
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged, verify
@@ -17,22 +18,20 @@ from cocap_opt.formulations.certificates.staged import (
     NotEndedError,
     Tails,
     first_tail,
-    may_have_tails,
+    may_be_used,
 )
 from cocap_opt.formulations.certificates.staged.tails import LeastLoss
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
-from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
 from cocap_opt.formulations.column_generation.step_envelopes.tail_search import TailSearch
 from cocap_opt.formulations.column_generation.tree.root import Root
-from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.problem import COVERAGE_VERSION, Objective, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, LimitReached, Stop
+from cocap_opt.stop import LimitReached
 
 MANY = 10**6
 
@@ -40,7 +39,7 @@ MANY = 10**6
 def narrowing_of(problem: Problem, below: float, seed: int) -> Narrowing:
     """What random multipliers leave of plans above a target below the optimum."""
     best, model = optimum(problem).value, compiled(problem)
-    assume(np.isfinite(best) and may_have_tails(model))
+    assume(np.isfinite(best) and may_be_used(model))
     numbers = random_multipliers(model, np.random.default_rng(seed))
     return Narrowing.of(model, numbers, best - below * (1 + abs(best))).closed()
 
@@ -89,16 +88,6 @@ def test_no_more_is_claimed_than_was_explored(problem: Problem, seed: int, loss:
         found = Tails.of(narrowing).least_loss(t, loss, MANY).loss
         rounding = 8 * narrowing.rounding + 1e-9
         assert found == pytest.approx(min(loss, max(least, 0.0)), abs=rounding)
-
-
-def solved_root() -> Root:
-    """The root of the bottleneck before its cuts, with a plan."""
-    root = Root.of(Search(compiled(load_scene("bottleneck", 0).replace(horizon=6))), OPTIMALITY)
-    for column in root.search.alone.columns:
-        root.relaxation.master.add(column)
-    root.relaxation.solve(root.cutoff, until_cuts=True)
-    root.relaxation.round_to_plans()
-    return root
 
 
 def proved(root: Root) -> Stages:
@@ -174,24 +163,12 @@ def test_explorations_go_on_with_more_nodes_and_end_with_the_limit(
     assert len(asked) == before
 
 
-class AfterChecks(Stop):
-    """Reached at a check."""
-
-    def __init__(self, checks: int) -> None:
-        self.left = checks
-
-    def reached(self) -> Limit | None:
-        """Counts a check."""
-        self.left -= 1
-        return Limit.WORK if self.left < 0 else None
-
-
 @pytest.mark.parametrize("checks", [5, 30])
 def test_a_limit_keeps_what_tails_have_proved(checks: int) -> None:
     """Also in the middle of an exploration."""
     root, told = solved_root(), list[float]()
     stages, tails = proved(root), TailSearch(root.search)
-    root.search.stop = AfterChecks(checks)
+    root.search.stop = Calls(checks)
     with pytest.raises(LimitReached):
         tails.at_the_end(stages, MANY, lambda: told.append(tails.bound))
     assert tails.bound == (told[-1] if told else np.inf)

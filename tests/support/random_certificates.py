@@ -33,7 +33,6 @@ from cocap_opt.formulations.certificates.staged import (
     first_tail,
     may_be_used,
     may_begin_later,
-    may_have_tails,
 )
 from cocap_opt.formulations.certificates.state_cuts import pixels_of
 from cocap_opt.model import Model, compiled
@@ -300,7 +299,7 @@ def random_staged(
     begun = None
     if above is not None and may_begin_later(model) and rng.integers(2):
         begun = int(rng.integers(1, model.problem.horizon + 1))
-    tails = random_tails(model, rng) if above is None and may_have_tails(model) else ()
+    tails = random_tails(model, rng) if above is None and may_be_used(model) else ()
     return Staged(random_multipliers(model, rng), target, stages, above, begun, tails)
 
 

@@ -27,7 +27,7 @@ from cocap_opt.formulations.certificates.staged.middle_paths import (
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.formulations.certificates.staged.stages import price_staged
-from cocap_opt.formulations.certificates.staged.tails import Tails, first_tail, may_have_tails
+from cocap_opt.formulations.certificates.staged.tails import Tails, first_tail
 
 __all__ = [
     "JointStates",
@@ -39,7 +39,6 @@ __all__ = [
     "first_tail",
     "may_be_used",
     "may_begin_later",
-    "may_have_tails",
     "most_profitable",
     "price_staged",
 ]

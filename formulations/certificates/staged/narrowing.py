@@ -262,13 +262,14 @@ class Narrowing:
         return Pricing(self._proved_by(self.bound), self.rounding)
 
     def pricing_of(self, best: float) -> Pricing:
-        """Returns the bound on all plans, after those above the target have been explored.
+        """Returns the bound on all plans, given the most that those above the target are worth.
 
-        `BestPlan.pricing` calls this method after exploring the plans of this narrowing.
+        `BestPlan.pricing` calls this method after exploring these plans, and `Tails.pricing` after
+        exploring what they lose.
 
         Parameters
         ----------
-        best : J of the best explored plan; -inf if there is none
+        best : J that none of them exceeds; -inf if there is none
 
         Raises
         ------
@@ -282,22 +283,6 @@ class Narrowing:
     def bound_of_steps(self) -> float:
         """The bound without constants of moves, from which losses of tails are subtracted."""
         return self.bound + float(self.saved.sum())
-
-    def pricing_after(self, loss: float) -> Pricing:
-        """Returns the bound on all plans, given that those above the target lose so much.
-
-        Parameters
-        ----------
-        loss : difference from `bound_of_steps`
-
-        Raises
-        ------
-        CertificateError, ValueError
-            As in `pricing`.
-        """
-        of_stages = self.pricing
-        lower = self._proved_by(self.bound_of_steps - loss)
-        return of_stages._replace(bound=min(of_stages.bound, lower))
 
     def _proved_by(self, most: float) -> float:
         """Returns the bound on all plans, given that none above the target exceeds `most`."""

@@ -31,7 +31,7 @@ from cocap_opt.formulations.certificates.staged.move_searches import MoveSearche
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.profitable_moves import most_profitable_move
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
-from cocap_opt.formulations.certificates.staged.tails import Tails, first_tail, may_have_tails
+from cocap_opt.formulations.certificates.staged.tails import Tails, first_tail
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
@@ -114,7 +114,7 @@ def _check_tails(model: Model, certificate: Staged) -> None:
     """Raises CertificateError if a file's tails are not allowed."""
     if not certificate.tails:
         return
-    if not may_have_tails(model):
+    if not may_be_used(model):
         raise CertificateError(
             "certificate.tails: not allowed if moves are rewarded or views do not count at step 1"
         )

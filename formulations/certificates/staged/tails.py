@@ -23,7 +23,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.pricing import Pricing
-from cocap_opt.formulations.certificates.staged.joint_paths import may_be_used, paths_along
+from cocap_opt.formulations.certificates.staged.joint_paths import paths_along
 from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.other_steps import TailSteps
@@ -69,7 +69,7 @@ class Tails(NamedTuple):
     @property
     def pricing(self) -> Pricing:
         """The bound on all plans; errors are those of `Narrowing.pricing`."""
-        return self.narrowing.pricing_after(float(self.losses.max()))
+        return self.narrowing.pricing_of(self.narrowing.bound_of_steps - float(self.losses.max()))
 
     @property
     def most(self) -> float:
@@ -133,11 +133,6 @@ class Tails(NamedTuple):
         if not all(narrowing.left[number][0, states].all() for number, states in able):
             return Reached.empty(len(team.numbers))
         return team.fixed(starts)
-
-
-def may_have_tails(model: Model) -> bool:
-    """Returns True if tails may be explored: joint states determine J."""
-    return may_be_used(model)
 
 
 def first_tail(model: Model) -> int:

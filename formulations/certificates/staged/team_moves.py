@@ -227,17 +227,8 @@ class Team:
             raise NotEndedError
         robots = np.concatenate([robot_class.robots for robot_class in self._model.classes])
         choices = Choices.of_classes(profits, robots)
-
-        def parts() -> Iterator[Reached]:
-            for rows, heads in searches.found(profits, choices, np.array([above]), stop):
-                worths = _worths(joint, heads)
-                low = worths - joint.charge[heads].sum(axis=1)
-                counts = low >= joint.floor - joint.margin
-                placed = np.empty_like(heads)
-                placed[:, choices.robots] = joint.states[heads]
-                yield Reached(worths[counts], placed[counts], rows[counts])
-
-        reached = Reached.joined(self.listed(parts()))
+        floors = np.array([above])
+        reached = Reached.joined(self._collected(profits, choices, floors, searches, stop, joint))
         values = reached.values + self.others.most_before(t)
         for robot, number in enumerate(self.numbers.tolist()):
             values -= self._narrowing.to_go[number][t, reached.placed[:, robot]]
@@ -245,15 +236,26 @@ class Team:
 
     def _collected(
         self, joint: JointStates, choices: Choices, floors: FloatArray, searches: MoveSearches,
-        stop: Stop,
+        stop: Stop, counting: JointStates | None = None,
     ) -> list[Reached]:  # fmt: skip
-        """Returns the joint states that reach the floor, each with its worth."""
+        """Returns the joint states that reach the floor, each with its worth.
+
+        Parameters
+        ----------
+        counting : the same joint states at the charges that decide whether they count; None: all
+            count
+        """
 
         def parts() -> Iterator[Reached]:
             for rows, heads in searches.found(joint, choices, floors, stop):
+                worths = _worths(joint, heads)
+                if counting is not None:
+                    low = worths - counting.charge[heads].sum(axis=1)
+                    counts = low >= counting.floor - counting.margin
+                    rows, heads, worths = rows[counts], heads[counts], worths[counts]
                 placed = np.empty_like(heads)
                 placed[:, choices.robots] = joint.states[heads]
-                yield Reached(_worths(joint, heads), placed, rows)
+                yield Reached(worths, placed, rows)
 
         return self.listed(parts())
 

@@ -16,7 +16,7 @@ from cocap_opt.formulations.certificates.staged import (
     NotEndedError,
     Tails,
     first_tail,
-    may_have_tails,
+    may_be_used,
 )
 from cocap_opt.formulations.column_generation.parameters import TailParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
@@ -71,7 +71,7 @@ class TailSearch:
     @property
     def is_possible(self) -> bool:
         """True if tails may be explored: joint states determine J."""
-        return self.is_on and may_have_tails(self.search.model)
+        return self.is_on and may_be_used(self.search.model)
 
     def after_stages(self, proved: Stages, nodes: int, report: Callable[[], None]) -> bool:
         """Explores tails in compiled code if the room has shrunk since the last time; returns True
