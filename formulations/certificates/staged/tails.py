@@ -113,7 +113,8 @@ class Tails(NamedTuple):
         if not len(last.values):
             return LeastLoss(loss, nodes)
         # At the end, the value of the best is all that such a plan can be worth.
-        least = self.narrowing.bound_of_steps - float(last.values[0]) - 4 * self.narrowing.rounding
+        most = float(last.values.max())
+        least = self.narrowing.bound_of_steps - most - 4 * self.narrowing.rounding
         if least >= loss:
             return LeastLoss(loss, nodes)
         paths = () if t else paths_along(reached)
