@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from itertools import combinations, combinations_with_replacement, count, product
+from itertools import combinations, count, product
 from types import SimpleNamespace
 
 import msgspec
@@ -14,6 +14,7 @@ from brute_force import all_paths, bonus_of, objective_from_scratch, optimum
 from counting import counting, either
 from hypothesis import given, reject
 from hypothesis import strategies as st
+from joint_enumeration import does_count, joint_by_enumeration
 from pool import meetings, problems
 from random_certificates import (
     as_rows,
@@ -211,13 +212,6 @@ def test_plans_above_the_target_visit_only_states_that_are_left(
             assert does_count(joint, [at.index(one) for one in placed])
 
 
-def does_count(joint: JointStates, chosen: Sequence[int]) -> bool:
-    """True for a joint state that some plan above the target may visit."""
-    at = list(chosen)
-    apart = not np.triu(joint.conflicts.between(*np.ix_(at, at)), 1).any()
-    return apart and joint.worth(at) - float(joint.charge[at].sum()) >= joint.floor - joint.margin
-
-
 def random_joint_states(rng: np.random.Generator) -> JointStates:
     """Joint states of one to three classes of robots; the last of the faces may be counts."""
     sizes = tuple(rng.integers(1, 4, size=rng.integers(1, 4)).tolist())
@@ -237,19 +231,6 @@ def random_joint_states(rng: np.random.Generator) -> JointStates:
         rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
         float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), near,
     )  # fmt: skip
-
-
-def joint_by_enumeration(joint: JointStates) -> list[tuple[int, ...]]:
-    """All joint states that count, as sorted positions."""
-    parts = [
-        combinations_with_replacement(np.flatnonzero(joint.class_of == c).tolist(), size)
-        for c, size in enumerate(joint.sizes)
-    ]
-    return sorted(
-        chosen
-        for some in product(*parts)
-        if does_count(joint, chosen := tuple(sorted(k for part in some for k in part)))
-    )
 
 
 @examples(20)

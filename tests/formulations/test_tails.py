@@ -1,8 +1,5 @@
 """Tests of tails: what plans lose at their latest steps, its search, and files that claim it."""
 
-from collections.abc import Iterator
-from itertools import chain, combinations, combinations_with_replacement, product
-
 import msgspec
 import numpy as np
 import pytest
@@ -10,6 +7,7 @@ from brute_force import optimum
 from counting import either
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from joint_enumeration import joint_by_enumeration
 from random_certificates import random_multipliers
 from roots import solved_root
 from strategies import Calls, drawn_meetings, drawn_problems, examples
@@ -17,7 +15,6 @@ from strategies import Calls, drawn_meetings, drawn_problems, examples
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged, verify
 from cocap_opt.formulations.certificates.staged import (
-    JointStates,
     Narrowing,
     NotEndedError,
     Tails,
@@ -100,26 +97,12 @@ def test_the_least_loss_of_the_last_step_is_that_of_its_best_joint_state(
     # Rows are a loss where no robot takes the state for which they pay.
     most = narrowing.constants[t] + sum(y for step, y in narrowing.row_multipliers if step == t)
     losses = [
-        most - joint.worth(team) + to_go[list(team)].sum()
-        for team in teams(joint)
-        if joint.worth(team) - joint.charge[list(team)].sum() >= joint.floor
+        most - joint.worth(team) + to_go[list(team)].sum() for team in joint_by_enumeration(joint)
     ]
     least, rounding = min(losses, default=np.inf), 8 * narrowing.rounding + 1e-9
     for loss in (1e6, 2 * least, 0.5 * least):
         expected = pytest.approx(min(max(least, 0.0), loss), abs=rounding)
         assert tails.least_loss(t, loss, MANY).loss == expected
-
-
-def teams(joint: JointStates) -> Iterator[tuple[int, ...]]:
-    """All joint states without conflicts, as positions of their states."""
-    of_class = [
-        combinations_with_replacement(np.flatnonzero(joint.class_of == number).tolist(), size)
-        for number, size in enumerate(joint.sizes)
-    ]
-    for parts in product(*of_class):
-        team = tuple(chain(*parts))
-        if not any(joint.conflicts.between(a, np.array([b]))[0] for a, b in combinations(team, 2)):
-            yield team
 
 
 @examples(20)
