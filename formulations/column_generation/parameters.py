@@ -500,6 +500,11 @@ class TailParameters(Section):
     enough : share
         share of the nodes of a step after which it is the turn of the step before: the next
         exploration would take about three times as many
+    ahead : times
+        factor on what joint states may lose at the step alone with which tails begin, so that one
+        search serves several explorations
+    beginnings : share
+        share of the nodes of a step that may be joint states with which tails begin
     """
 
     fewest_nodes: int = 1_000_000
@@ -512,6 +517,8 @@ class TailParameters(Section):
     growth: float = 1.5
     time_kept: Share = 0.15
     enough: Share = 0.3
+    ahead: float = 3.0
+    beginnings: Share = 0.25
 
 
 @dataclass(frozen=True)

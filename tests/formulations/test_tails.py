@@ -12,27 +12,33 @@ from random_certificates import random_multipliers
 from roots import solved_root
 from strategies import Calls, drawn_meetings, drawn_problems, examples
 
+from cocap_opt.compiling import is_there
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged, verify
 from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
     Tails,
+    compiled_search,
     first_tail,
     may_be_used,
+    move_searches,
 )
+from cocap_opt.formulations.certificates.staged.move_searches import MoveSearches
+from cocap_opt.formulations.certificates.staged.reached import Reached
 from cocap_opt.formulations.certificates.staged.tails import LeastLoss
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
+from cocap_opt.formulations.column_generation.step_envelopes.tail_beginnings import Beginnings
 from cocap_opt.formulations.column_generation.step_envelopes.tail_search import TailSearch
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.model import compiled
 from cocap_opt.problem import COVERAGE_VERSION, Objective, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import LimitReached
+from cocap_opt.stop import LimitReached, never
 
 MANY = 10**6
 
@@ -84,7 +90,7 @@ def test_the_least_loss_of_whole_plans_is_that_of_the_best_plan(
 def test_the_least_loss_of_the_last_step_is_that_of_its_best_joint_state(
     problem: Problem, seed: int
 ) -> None:
-    """Whichever joint state is found first."""
+    """Whichever is found first, and whether all beginnings are known or only those needed."""
     narrowing = narrowing_of(without_rewards(problem), 0.5, seed)
     t, tails = problem.horizon, Tails.of(narrowing)
     joint = narrowing.joint_states(t)
@@ -100,9 +106,60 @@ def test_the_least_loss_of_the_last_step_is_that_of_its_best_joint_state(
         most - joint.worth(team) + to_go[list(team)].sum() for team in joint_by_enumeration(joint)
     ]
     least, rounding = min(losses, default=np.inf), 8 * narrowing.rounding + 1e-9
+    known = tails.beginnings(t, 1e6, MoveSearches(MANY))
     for loss in (1e6, 2 * least, 0.5 * least):
         expected = pytest.approx(min(max(least, 0.0), loss), abs=rounding)
         assert tails.least_loss(t, loss, MANY).loss == expected
+        assert tails.least_loss(t, loss, MANY, known=known).loss == expected
+
+
+def assert_all_begin(problem: Problem, seed: int, share: float, nodes: int) -> None:
+    """All joint states that lose less than an amount are found, however few nodes searches take;
+    with enough nodes, the amount is the one asked for.
+    """
+    narrowing = narrowing_of(without_rewards(problem), 0.5, seed)
+    tails, found = Tails.of(narrowing), Beginnings()
+    t, alone = problem.horizon, share * tails.most
+    for most_nodes in (nodes, 2 * nodes, MANY):
+        found.extend(tails, t, alone, most_nodes, DEFAULTS.tails, never)
+        if found.reached is None:
+            continue
+        placed = {tuple(sorted(row)) for row in found.reached.placed.tolist()}
+        expected = tails.beginnings(t, found.alone, MoveSearches(MANY)).placed.tolist()
+        assert placed >= {tuple(sorted(row)) for row in expected}
+    assert found.alone >= alone
+
+
+beginnings = given(
+    st.one_of(either(drawn_problems()), drawn_meetings(3)),
+    st.integers(0, 10**9),
+    st.floats(DEFAULTS.tails.first_loss, 1.0),
+    st.integers(1, 200),
+)
+
+
+@examples(40)
+@beginnings
+def test_beginnings_are_all_joint_states_that_lose_less_than_an_amount(
+    problem: Problem, seed: int, share: float, nodes: int
+) -> None:
+    """The amount that the search ended with."""
+    assert_all_begin(problem, seed, share, nodes)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
+@examples(40)
+@beginnings
+def test_compiled_searches_find_all_beginnings(
+    problem: Problem, seed: int, share: float, nodes: int
+) -> None:
+    """Whose floor rises while they run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled_search.KERNEL, "is_loaded", False)
+        patch.setattr(move_searches, "PLAIN_NODES", -1)
+        patch.setattr(move_searches, "_NODES_AT_ONCE", 4)
+        assert_all_begin(problem, seed, share, nodes)
 
 
 @examples(20)
@@ -172,7 +229,9 @@ def test_explorations_go_on_with_more_nodes_and_end_with_the_limit(
     """What was explored with as many nodes before is not explored again."""
     root, asked = solved_root(), list[tuple[int, int]]()
 
-    def never_ending(self: Tails, t: int, loss: float, most_nodes: int, stop: object) -> LeastLoss:
+    def never_ending(
+        self: Tails, t: int, loss: float, most_nodes: int, stop: object, known: Reached
+    ) -> LeastLoss:
         asked.append((t, most_nodes))
         raise NotEndedError
 

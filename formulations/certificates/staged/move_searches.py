@@ -112,6 +112,11 @@ class Choices(NamedTuple):
         return np.concatenate([self.positions[self.first[k] : self.first[k + 1]] for k in lists])
 
 
+def nodes_of_move(n_robots: int) -> int:
+    """Returns the number of nodes that a move of a team counts as once it is found."""
+    return NODES_OF_MOVE * max(math.comb(n_robots, 2) // PAIRS, 1)
+
+
 @dataclass
 class MoveSearches:
     """Searches for the moves of the whole team.
@@ -128,7 +133,7 @@ class MoveSearches:
 
     nodes_left: int
     plain: bool = False
-    _move_weight: int = 1  # nodes of a move, in multiples of NODES_OF_MOVE
+    _move_nodes: int = NODES_OF_MOVE
     _plain_nodes: int = 0  # number of nodes of plain searches
 
     def found(
@@ -141,7 +146,7 @@ class MoveSearches:
         joint : the states to which robots move, with the robots in the order of the choices; their
             prices are their charges, and there are no ceilings
         floors : [L] for each joint state from which they move: least worth less charges of one to
-            which they move
+            which they move; they may be raised between two blocks
 
         Raises
         ------
@@ -150,7 +155,7 @@ class MoveSearches:
         LimitReached
             If a limit is reached.
         """
-        self._move_weight = max(math.comb(len(choices.robots), 2) // PAIRS, 1)
+        self._move_nodes = nodes_of_move(len(choices.robots))
         tail = 0
         while tail < len(floors) and (self.plain or not KERNEL.is_loaded):
             at = choices.of_tail(tail)
@@ -184,7 +189,7 @@ class MoveSearches:
         """Subtracts the nodes and moves of a search; raises NotEndedError if they exceed the
         limit.
         """
-        self.spend(nodes + NODES_OF_MOVE * self._move_weight * moves)
+        self.spend(nodes + self._move_nodes * moves)
 
     def spend(self, nodes: int) -> None:
         """Subtracts used nodes; raises NotEndedError if they exceed the limit."""
@@ -200,13 +205,15 @@ class MoveSearches:
 
         running = CompiledSearch.of(joint, -np.inf, _NODES_AT_ONCE)
         lists = (choices.first, choices.positions, choices.lists)
-        least = floors - joint.margin
         n_found = 0  # moves found from the joint state whose search was interrupted
         while tail < len(floors):
             stop.check()
             begin = tail
             # One more node, since the search may notice only then that the last one is done.
-            nodes = min(self.nodes_left + 1, max(_NODES_AT_ONCE // self._move_weight, 1))
+            nodes = min(
+                self.nodes_left + 1, max(_NODES_AT_ONCE * NODES_OF_MOVE // self._move_nodes, 1)
+            )
+            least = floors - joint.margin
             tail, tails, heads = running.follow(lists, least, (begin, len(floors)), nodes)
             n_found += int(np.count_nonzero(tails == begin))
             if n_found > MOST_FOUND:

@@ -83,9 +83,21 @@ class Tails(NamedTuple):
         losses[: t + 1] = np.maximum(losses[: t + 1], loss)
         return self._replace(losses=losses)
 
+    def beginnings(
+        self, t: int, alone: float, searches: MoveSearches, stop: Stop = never
+    ) -> Reached:
+        """Returns the joint states of a step, `first_tail`..T, that lose less than an amount there;
+        step 0 has a single one. Errors are those of `least_loss`.
+        """
+        if t == 0:
+            return self._start()
+        above = float(self.narrowing.constants[t]) - alone - 4 * self.narrowing.rounding
+        return Team(self.narrowing).with_profits(t, above, searches, stop)
+
     def least_loss(
-        self, t: int, loss: float, most_nodes: int, stop: Stop = never, plain: bool = False
-    ) -> LeastLoss:
+        self, t: int, loss: float, most_nodes: int, stop: Stop = never, plain: bool = False,
+        known: Reached | None = None,
+    ) -> LeastLoss:  # fmt: skip
         """Returns the least loss of the tails that begin at a step, at most a given loss.
 
         Parameters
@@ -94,6 +106,8 @@ class Tails(NamedTuple):
         loss : tails that lose more are not explored
         most_nodes : largest number of nodes of all searches together
         plain : True: use the plain search only
+        known : the beginnings of all tails with a smaller loss, and perhaps more; None: they are
+            searched, and their nodes count
 
         Raises
         ------
@@ -104,7 +118,10 @@ class Tails(NamedTuple):
         """
         others = TailSteps(self.narrowing, self.losses, loss)
         team, searches = Team(self.narrowing, others), MoveSearches(most_nodes, plain)
-        reached = [self._beginning(t, loss, team, searches, stop)]
+        if known is None:
+            alone = loss - float(self.losses[t + 1])  # what the step itself may lose
+            known = self.beginnings(t, alone, searches, stop)
+        reached = [team.promising(t, known)]
         for step in range(t + 1, self.narrowing.model.problem.horizon + 1):
             if not len(reached[-1].values):
                 break
@@ -120,15 +137,9 @@ class Tails(NamedTuple):
         paths = () if t else paths_along(reached)
         return LeastLoss(max(least, float(self.losses[t + 1])), nodes, paths)
 
-    def _beginning(
-        self, t: int, loss: float, team: Team, searches: MoveSearches, stop: Stop
-    ) -> Reached:
-        """Returns the joint states of a step at which tails with a smaller loss may begin."""
-        narrowing = self.narrowing
-        if t:
-            alone = loss - float(self.losses[t + 1])  # what the step itself may lose
-            above = float(narrowing.constants[t]) - alone - 4 * narrowing.rounding
-            return team.with_profits(t, above, searches, stop)
+    def _start(self) -> Reached:
+        """Returns the joint state of robots with fixed starts at step 0, if that remains."""
+        narrowing, team = self.narrowing, Team(self.narrowing)
         starts = [narrowing.model.starts(robot) for robot in range(len(team.numbers))]
         able = zip(team.numbers.tolist(), starts, strict=True)
         if not all(narrowing.left[number][0, states].all() for number, states in able):

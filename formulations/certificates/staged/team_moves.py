@@ -234,6 +234,17 @@ class Team:
             values -= self._narrowing.to_go[number][t, reached.placed[:, robot]]
         return reached._replace(values=values)
 
+    def promising(self, t: int, reached: Reached) -> Reached:
+        """Returns the joint states of a step whose values, with the most that all robots can
+        collect later, exceed the threshold, including rounding.
+        """
+        most = reached.values + self.others.rest_after(t)
+        for robot, number in enumerate(self.numbers.tolist()):
+            most += self.others.future(t, number, reached.placed[:, robot])
+        is_promising = most > self.others.threshold - 2 * self._narrowing.rounding
+        values, placed, before = reached
+        return Reached(values[is_promising], placed[is_promising], before[is_promising])
+
     def _collected(
         self, joint: JointStates, choices: Choices, floors: FloatArray, searches: MoveSearches,
         stop: Stop, counting: JointStates | None = None,

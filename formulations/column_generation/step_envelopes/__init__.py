@@ -7,5 +7,5 @@ steps, with `local_moves` and `exact_heights`. `step_searches` searches for join
 and `local_optima` (compiled in `ascent_kernel`) by local search from those of `known_states`;
 `counting` counts remaining states, and `list_lengths` decides how many states are listed.
 `path_trials` decides when to explore all paths, and `middle_step` from which step; `tail_search`
-decides up to which losses tails are explored.
+decides up to which losses tails are explored, from the joint states of `tail_beginnings`.
 """

@@ -23,6 +23,7 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.recombination import searches_are_fast
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.stages import Stages
+from cocap_opt.formulations.column_generation.step_envelopes.tail_beginnings import Beginnings
 
 
 class ProvedTails(NamedTuple):
@@ -41,6 +42,7 @@ class _Known:
     is_least: bool = False  # True: some plan loses no more there
     nodes: int = 0  # the explorations had so many nodes
     before: float = 0.0  # what was known of the next step
+    beginnings: Beginnings = field(default_factory=Beginnings)
 
 
 @dataclass
@@ -163,6 +165,7 @@ class TailSearch:
         more : the same of the step after
         """
         parameters, known = self._parameters, self._known.setdefault(t, _Known())
+        beginnings = known.beginnings
         before = float(tails.losses[t + 1])
         known.loss = max(known.loss, before)
         if known.is_least or (most_nodes <= known.nodes and before <= known.before):
@@ -170,14 +173,22 @@ class TailSearch:
         more = max(more / parameters.growth**2, parameters.first_loss * tails.most)
         begin, explored = known.loss, 0.0
         while known.loss < tails.most and not known.is_least:
-            loss = min(begin + more, tails.most)
+            asked = min(begin + more, tails.most)
+            self.nodes += beginnings.extend(
+                tails, t, asked - before, most_nodes, parameters, self.search.stop
+            )
+            loss = min(asked, before + beginnings.alone)
+            if loss <= known.loss:
+                break
             try:
-                found = tails.least_loss(t, loss, most_nodes, self.search.stop)
+                found = tails.least_loss(
+                    t, loss, most_nodes, self.search.stop, known=beginnings.reached
+                )
             except NotEndedError:
                 self.nodes += most_nodes
                 break
             self.nodes += found.nodes
-            known.loss, known.is_least, explored = found.loss, found.loss < loss, more
+            known.loss, known.is_least, explored = found.loss, found.loss < loss, loss - begin
             if found.paths:
                 self.search.offer(Incumbent.along(tails.narrowing.model, found.paths))
             if found.nodes > parameters.enough * most_nodes:
