@@ -34,7 +34,13 @@ from cocap_opt.cli.commands import run
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import CertificateFile, Pricing, Staged
-from cocap_opt.formulations.certificates.staged import may_begin_later, price_staged
+from cocap_opt.formulations.certificates.format import Tail
+from cocap_opt.formulations.certificates.staged import (
+    first_tail,
+    may_be_used,
+    may_begin_later,
+    price_staged,
+)
 from cocap_opt.formulations.column_generation.branch_and_price import searchless
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.formulations.independent.cocap_check import ONE, Instance, Refused
@@ -175,6 +181,32 @@ def test_paths_from_any_step_prove_what_whole_paths_prove(
         bound = staged_bound(problem, part, best, folder)
         assert bound == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert bound <= price_staged(model, part).bound + 1e-9 * (1 + abs(best))
+
+
+@examples(60)
+@given(
+    st.one_of(either(drawn_problems()), drawn_meetings(3)),
+    st.integers(0, 10**9),
+    st.sampled_from([1e4, 1e4, 2.0, 0.1]),
+)
+def test_both_checkers_find_the_same_losses_of_tails(
+    folder: Path, problem: Problem, seed: int, loss: float
+) -> None:
+    """Of tails of any length alone, and of those after them."""
+    objective = Objective(pixels=problem.objective.pixels, views=problem.objective.views)
+    problem = problem.replace(objective=objective)
+    rng, best = np.random.default_rng(seed), optimum(problem).value
+    model = compiled(problem)
+    assume(np.isfinite(best) and may_be_used(model))
+    staged = random_staged(model, best - 0.3 * (1 + abs(best)), rng, moves=True)
+    whole = replace(staged, paths_above=None, paths_from=None, tails=())
+    first = first_tail(model)
+    alone = [(Tail(t, loss),) for t in range(problem.horizon, first - 1, -1)]
+    longer = [(*tails, Tail(tails[0].t - 1, 1e4)) for tails in alone if tails[0].t > first]
+    for tails in alone + longer:
+        part = replace(whole, tails=tails)
+        bound = price_staged(model, part).bound
+        assert bound == pytest.approx(staged_bound(problem, part, best, folder), rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(

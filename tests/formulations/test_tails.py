@@ -115,7 +115,7 @@ def test_the_least_loss_of_the_last_step_is_that_of_its_best_joint_state(
 
 def assert_all_begin(problem: Problem, seed: int, share: float, nodes: int) -> None:
     """All joint states that lose less than an amount are found, however few nodes searches take;
-    with enough nodes, the amount is the one asked for.
+    with enough nodes, the amount is the one asked for. States that lose just that amount may be.
     """
     narrowing = narrowing_of(without_rewards(problem), 0.5, seed)
     tails, found = Tails.of(narrowing), Beginnings()
@@ -125,7 +125,8 @@ def assert_all_begin(problem: Problem, seed: int, share: float, nodes: int) -> N
         if found.reached is None:
             continue
         placed = {tuple(sorted(row)) for row in found.reached.placed.tolist()}
-        expected = tails.beginnings(t, found.alone, MoveSearches(MANY)).placed.tolist()
+        less = found.alone - 4 * narrowing.rounding
+        expected = tails.beginnings(t, less, MoveSearches(MANY)).placed.tolist()
         assert placed >= {tuple(sorted(row)) for row in expected}
     assert found.alone >= alone
 

@@ -123,7 +123,7 @@ class MoveSearches:
 
     The first searches are plain; once they have taken `PLAIN_NODES` nodes together, all further
     ones are compiled, if that is possible and allowed. Both kinds find all moves to joint states
-    that reach their floor, and some more if rounding leaves a doubt (`JointStates.margin`).
+    that exceed their floor, and some more if rounding leaves a doubt (`JointStates.margin`).
 
     Attributes
     ----------
